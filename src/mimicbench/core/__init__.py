@@ -1,0 +1,1 @@
+"""What every stage shares: rotations, motions, files, seeds, errors. Knows no robot and no task."""

@@ -1,0 +1,27 @@
+"""Errors that a user can act on."""
+
+
+class MimicbenchError(Exception):
+    """Something the user can mend. The message is one sentence that says what to do next.
+
+    The command line prints the message without a traceback and exits with status 2.
+    """
+
+
+class BadFile(MimicbenchError):
+    """A file is missing, cut off, too large, or holds something else than it should."""
+
+
+class BadMotion(MimicbenchError):
+    """A motion has NaN, no frames, another skeleton, or another robot than it should."""
+
+
+class BadObject(MimicbenchError):
+    """An object lacks what the task needs, such as a seat."""
+
+
+class UnknownName(MimicbenchError):
+    """A task, policy, robot or family that does not exist. The message lists those that do."""
+
+    def __init__(self, what: str, name: str, known: list[str]):
+        super().__init__(f"unknown {what} {name!r}; known are: {', '.join(sorted(known))}")

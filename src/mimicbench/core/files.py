@@ -1,0 +1,89 @@
+"""Files that are whole or absent, safe to read, and that say what they are.
+
+Everything is written to a temporary name and then renamed, so a reader never sees half a file. Nothing here is a
+pickle, and what is read is bounded in size before it is unpacked.
+"""
+
+import json
+import os
+import zipfile
+import zlib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from mimicbench.core.errors import BadFile
+
+MAX_UNPACKED = 2 << 30  # bytes; the largest artefact we write is far below
+
+
+def write_atomic(path: Path, write: Callable[[IO[bytes]], None]) -> None:
+    """Call `write` with a temporary file, then rename it to `path`."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with open(temporary, "wb") as stream:
+            write(stream)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_json(path: Path, data: Any) -> None:
+    """Write JSON with sorted keys, atomically."""
+    text = json.dumps(data, indent=1, sort_keys=True) + "\n"
+    write_atomic(path, lambda stream: stream.write(text.encode()) and None)
+
+
+def read_json(path: Path, max_bytes: int = 64 << 20) -> Any:
+    """Read JSON. Raises BadFile if it is missing, too large or not JSON."""
+    try:
+        if path.stat().st_size > max_bytes:
+            raise BadFile(f"{path} is larger than {max_bytes >> 20} MiB; it is not a file of ours")
+        return json.loads(path.read_text())
+    except FileNotFoundError:
+        raise BadFile(f"{path} does not exist") from None
+    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise BadFile(f"{path} is not valid JSON ({error}); it may be cut off: make it again") from None
+
+
+def write_npz(path: Path, header: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
+    """Write arrays with a JSON header as a compressed `.npz`, atomically and with the same bytes for the same content."""
+    text = json.dumps(header, sort_keys=True)
+
+    def write(stream: IO[bytes]) -> None:
+        # np.savez stamps the time of day; a fixed date keeps the bytes reproducible
+        with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=4) as archive:
+            for name, array in {"header": np.array(text), **arrays}.items():
+                entry = zipfile.ZipInfo(f"{name}.npy", date_time=(1980, 1, 1, 0, 0, 0))
+                entry.compress_type = zipfile.ZIP_DEFLATED
+                with archive.open(entry, "w", force_zip64=True) as member:
+                    np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
+
+    write_atomic(path, write)
+
+
+def read_npz(path: Path, kind: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Read what `write_npz` wrote: its header, whose `type` must be `kind`, and its arrays. Raises BadFile."""
+    if not path.is_file():
+        raise BadFile(f"{path} does not exist")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            unpacked = sum(entry.file_size for entry in archive.infolist())
+            if unpacked > MAX_UNPACKED:
+                raise BadFile(f"{path} unpacks to {unpacked >> 20} MiB, more than any file of ours; refusing to read it")
+        with np.load(path, allow_pickle=False) as archive:
+            if "header" not in archive.files:
+                raise BadFile(f"{path} has no header; it was not written by mimicbench")
+            header = json.loads(str(archive["header"]))
+            arrays = {name: archive[name] for name in archive.files if name != "header"}
+    except BadFile:
+        raise
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, KeyError, SyntaxError, MemoryError, NotImplementedError, RuntimeError, zlib.error) as error:
+        raise BadFile(f"{path} cannot be read ({error}); it is cut off or not an .npz file of ours") from None
+    if not isinstance(header, dict) or header.get("type") != kind:
+        found = header.get("type") if isinstance(header, dict) else type(header).__name__
+        raise BadFile(f"{path} holds {found!r}, expected {kind!r}")
+    return header, arrays

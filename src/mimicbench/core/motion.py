@@ -1,0 +1,230 @@
+"""The motions that flow between the stages, and how they are stored.
+
+Conventions of every array here: world frame z up, metres, radians, quaternions wxyz; the object stands at the
+origin facing +x; `_w` world frame; T frames at `fps`. The files are `.npz` without pickles that say all of this
+themselves: names, orders, frame and rate travel inside (see docs/formats.md).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from mimicbench.core import rotations as rot
+from mimicbench.core.errors import BadMotion
+from mimicbench.core.files import read_npz, write_npz
+
+SCHEMA = 1
+MAX_FRAMES = 200_000  # more than an hour at 50 fps: nothing we read is longer
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """A tree of joints. Parents come before their children."""
+
+    name: str
+    joint_names: tuple[str, ...]
+    parents: tuple[int, ...]
+    """Index of each joint's parent, -1 for the root."""
+    offsets: np.ndarray
+    """(J, 3) rest position of each joint in its parent's frame [m]; x forward, y left, z up in the rest pose."""
+
+    def scaled(self, factor: float) -> "Skeleton":
+        """The same tree with every bone `factor` times as long."""
+        return replace(self, offsets=self.offsets * factor)
+
+    def index(self, joint: str) -> int:
+        """Index of a joint by name."""
+        try:
+            return self.joint_names.index(joint)
+        except ValueError:
+            raise BadMotion(f"skeleton {self.name} has no joint {joint!r}; it has {', '.join(self.joint_names)}") from None
+
+
+@dataclass(frozen=True)
+class HumanMotion:
+    """A human clip: local joint rotations on a skeleton, next to an object."""
+
+    id: str
+    task: str
+    skeleton: Skeleton
+    fps: float
+    root_pos_w: np.ndarray
+    """(T, 3) position of the root joint [m]."""
+    local_quat: np.ndarray
+    """(T, J, 4) rotation of each joint relative to its parent; the root's is relative to the world."""
+    object_id: str
+    contact_names: tuple[str, ...] = ()
+    contacts: np.ndarray = field(default_factory=lambda: np.zeros((0, 0), bool))
+    """(T, C) whether each body of `contact_names` bears on the floor or the object."""
+    style: Mapping[str, float] = field(default_factory=dict)
+    """What the clip chose beyond start pose and object, by name."""
+    source: str = "synthetic"
+    """Where it came from: `synthetic`, or the imported file's name."""
+
+    def __post_init__(self) -> None:
+        joints = len(self.skeleton.joint_names)
+        _check_frames(self.id, self.fps, {"root_pos_w": (self.root_pos_w, (3,)), "local_quat": (self.local_quat, (joints, 4))})
+        _check_unit(self.id, "local_quat", self.local_quat)
+
+    @property
+    def frames(self) -> int:
+        """T."""
+        return len(self.root_pos_w)
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first frame to the last."""
+        return (self.frames - 1) / self.fps
+
+    def forward_kinematics(self) -> tuple[np.ndarray, np.ndarray]:
+        """World positions (T, J, 3) [m] and orientations (T, J, 4) of all joints."""
+        return forward_kinematics(self.skeleton, self.root_pos_w, self.local_quat)
+
+    def save(self, path: Path) -> None:
+        """Write one `.npz` file, atomically."""
+        header = {
+            "schema": SCHEMA, "type": "human_motion", "id": self.id, "task": self.task, "skeleton": self.skeleton.name,
+            "joint_names": list(self.skeleton.joint_names), "parents": list(self.skeleton.parents), "fps": self.fps,
+            "object_id": self.object_id, "contact_names": list(self.contact_names), "style": dict(self.style),
+            "source": self.source, "quaternion_order": "wxyz", "frame": "z up, object at the origin facing +x", "units": "m, s, rad",
+        }  # fmt: skip
+        write_npz(path, header, {
+            "offsets": self.skeleton.offsets, "root_pos_w": self.root_pos_w.astype(np.float32),
+            "local_quat": self.local_quat.astype(np.float32), "contacts": self.contacts,
+        })  # fmt: skip
+
+    @staticmethod
+    def load(path: Path) -> "HumanMotion":
+        """Read a file that `save` wrote. Raises BadFile or BadMotion."""
+        header, data = read_npz(path, "human_motion")
+        _check_order(path, header)
+        skeleton = Skeleton(header["skeleton"], tuple(header["joint_names"]), tuple(header["parents"]), data["offsets"].astype(float))
+        return HumanMotion(
+            header["id"], header["task"], skeleton, header["fps"], data["root_pos_w"].astype(float), rot.normalize(data["local_quat"].astype(float)),
+            header["object_id"], tuple(header["contact_names"]), data["contacts"], header["style"], header["source"],
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class RobotMotion:
+    """A robot clip: free root and joint angles, next to an object."""
+
+    id: str
+    task: str
+    robot: str
+    joint_names: tuple[str, ...]
+    fps: float
+    root_pos_w: np.ndarray
+    """(T, 3) position of the root link [m]."""
+    root_quat_w: np.ndarray
+    """(T, 4) orientation of the root link."""
+    joint_pos: np.ndarray
+    """(T, N) joint angles [rad] in the order of `joint_names`."""
+    object_id: str
+    reference_id: str
+    """The human clip that it was made from."""
+    contact_names: tuple[str, ...] = ()
+    contacts: np.ndarray = field(default_factory=lambda: np.zeros((0, 0), bool))
+    """(T, C) contact labels carried over from the human clip."""
+    style: Mapping[str, float] = field(default_factory=dict)
+    measures: Mapping[str, float] = field(default_factory=dict)
+    """What the retargeting measured of itself, by name."""
+    success: bool = True
+    """Whether the clip fulfils the task's kinematic metric K."""
+
+    def __post_init__(self) -> None:
+        n = len(self.joint_names)
+        arrays = {"root_pos_w": (self.root_pos_w, (3,)), "root_quat_w": (self.root_quat_w, (4,)), "joint_pos": (self.joint_pos, (n,))}
+        _check_frames(self.id, self.fps, arrays)
+        _check_unit(self.id, "root_quat_w", self.root_quat_w)
+
+    @property
+    def frames(self) -> int:
+        """T."""
+        return len(self.root_pos_w)
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first frame to the last."""
+        return (self.frames - 1) / self.fps
+
+    def resampled(self, fps: float) -> "RobotMotion":
+        """The same motion at another frame rate."""
+        if fps == self.fps:
+            return self
+        contacts = self.contacts
+        if contacts.size:
+            contacts = contacts[np.round(rot.resample_times(self.frames, self.fps, fps)).astype(int)]
+        return replace(
+            self, fps=fps, contacts=contacts, root_pos_w=rot.resample(self.root_pos_w, self.fps, fps),
+            root_quat_w=rot.resample_quat(self.root_quat_w, self.fps, fps), joint_pos=rot.resample(self.joint_pos, self.fps, fps),
+        )  # fmt: skip
+
+    def save(self, path: Path) -> None:
+        """Write one `.npz` file, atomically."""
+        header = {
+            "schema": SCHEMA, "type": "robot_motion", "id": self.id, "task": self.task, "robot": self.robot,
+            "joint_names": list(self.joint_names), "fps": self.fps, "object_id": self.object_id, "reference_id": self.reference_id,
+            "contact_names": list(self.contact_names), "style": dict(self.style), "measures": dict(self.measures), "success": self.success,
+            "quaternion_order": "wxyz", "frame": "z up, object at the origin facing +x", "units": "m, s, rad",
+        }  # fmt: skip
+        write_npz(path, header, {
+            "root_pos_w": self.root_pos_w.astype(np.float32), "root_quat_w": self.root_quat_w.astype(np.float32),
+            "joint_pos": self.joint_pos.astype(np.float32), "contacts": self.contacts,
+        })  # fmt: skip
+
+    @staticmethod
+    def load(path: Path, robot: str | None = None) -> "RobotMotion":
+        """Read a file that `save` wrote; `robot` is the one it must be for. Raises BadFile or BadMotion."""
+        header, data = read_npz(path, "robot_motion")
+        _check_order(path, header)
+        if robot is not None and header["robot"] != robot:
+            raise BadMotion(f"{path} is a motion of robot {header['robot']!r}, not of {robot!r}; retarget its reference to {robot!r} first")
+        return RobotMotion(
+            header["id"], header["task"], header["robot"], tuple(header["joint_names"]), header["fps"], data["root_pos_w"].astype(float),
+            rot.normalize(data["root_quat_w"].astype(float)), data["joint_pos"].astype(float), header["object_id"], header["reference_id"],
+            tuple(header["contact_names"]), data["contacts"], header["style"], header["measures"], header["success"],
+        )  # fmt: skip
+
+
+def forward_kinematics(skeleton: Skeleton, root_pos_w: np.ndarray, local_quat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """World positions (..., J, 3) and orientations (..., J, 4) from root positions (..., 3) and local rotations (..., J, 4).
+
+    G_i = G_parent q_i and p_i = p_parent + G_parent offset_i.
+    """
+    pos = np.empty((*local_quat.shape[:-1], 3))
+    quat = np.empty(local_quat.shape)
+    for i, parent in enumerate(skeleton.parents):
+        if parent < 0:
+            pos[..., i, :], quat[..., i, :] = root_pos_w, local_quat[..., i, :]
+        else:
+            pos[..., i, :] = pos[..., parent, :] + rot.rotate(quat[..., parent, :], skeleton.offsets[i])
+            quat[..., i, :] = rot.multiply(quat[..., parent, :], local_quat[..., i, :])
+    return pos, quat
+
+
+def _check_frames(clip: str, fps: float, arrays: dict[str, tuple[np.ndarray, tuple[int, ...]]]) -> None:
+    if not (np.isfinite(fps) and 1 <= fps <= 1000):
+        raise BadMotion(f"clip {clip}: {fps} frames per second is not a frame rate; give one between 1 and 1000")
+    frames = len(next(iter(arrays.values()))[0])
+    if not 2 <= frames <= MAX_FRAMES:
+        raise BadMotion(f"clip {clip} has {frames} frames; a motion needs between 2 and {MAX_FRAMES}")
+    for name, (array, shape) in arrays.items():
+        if array.shape != (frames, *shape):
+            raise BadMotion(f"clip {clip}: {name} has shape {array.shape}, expected {(frames, *shape)}")
+        if not np.isfinite(array).all():
+            raise BadMotion(f"clip {clip}: {name} holds NaN or infinity; mend or drop the clip")
+
+
+def _check_unit(clip: str, name: str, quat: np.ndarray) -> None:
+    worst = np.abs((quat**2).sum(-1) - 1).max()
+    if worst > 1e-2:
+        raise BadMotion(f"clip {clip}: {name} is not of unit length (off by {worst:.2g}); are these quaternions in the order wxyz?")
+
+
+def _check_order(path: Path, header: dict) -> None:
+    order = header.get("quaternion_order")
+    if order != "wxyz":
+        raise BadMotion(f"{path} does not say that its quaternions are wxyz (it says {order!r}); convert it and set quaternion_order")

@@ -1,0 +1,51 @@
+"""Run one function over many items on several processes, with a progress bar. Results come back in order."""
+
+import multiprocessing
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from typing import TypeVar
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+def cpu_count() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
+
+
+def map_items(function: Callable[[Item], Result], items: Sequence[Item], workers: int, label: str, quiet: bool = False) -> list[Result]:
+    """[function(item) for item in items] on `workers` processes (0: all processors).
+
+    `function` must be importable by name (or a functools.partial of such), for it is sent to fresh processes: forking a
+    process that has already started threads is unsafe.
+    """
+    workers = min(workers or cpu_count(), max(1, len(items)))
+    if workers == 1:
+        return list(progress(map(function, items), len(items), label, quiet))
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=_one_thread) as pool:
+        return list(progress(pool.map(function, items, chunksize=max(1, min(8, len(items) // (4 * workers)))), len(items), label, quiet))
+
+
+def progress(items: Iterable[Item], total: int, label: str, quiet: bool = False) -> Iterator[Item]:
+    """Pass items through with a progress bar and the time left, on stderr."""
+    if quiet:
+        yield from items
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = [TextColumn("{task.description:<28}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn()]
+    with Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task(label, total=total)
+        for item in items:
+            yield item
+            bar.advance(task)
+
+
+def _one_thread() -> None:
+    """Each worker process uses one thread: the processes already fill the processors."""
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ[name] = "1"

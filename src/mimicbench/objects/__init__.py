@@ -1,0 +1,1 @@
+"""Furniture and household objects: parametric families, affordances, splits, and own objects brought in."""

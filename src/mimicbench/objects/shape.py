@@ -1,0 +1,106 @@
+"""An object as the benchmark sees it: a few boxes, what can be done with it, and which split it belongs to."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from mimicbench.core.errors import BadObject
+from mimicbench.core.files import read_json, write_json
+from mimicbench.core.seeds import digest
+
+SLOTS = 16
+"""Boxes that every scene reserves for its object, so that all scenes have the same size and can share a batch."""
+
+
+@dataclass(frozen=True)
+class SceneObject:
+    """A rigid object made of boxes, standing on the floor at the origin and facing +x."""
+
+    id: str
+    family: str
+    kind: str
+    box_pos: np.ndarray
+    """(B, 3) centres [m]."""
+    box_quat: np.ndarray
+    """(B, 4) orientations, wxyz."""
+    box_half: np.ndarray
+    """(B, 3) half sizes [m]."""
+    box_rgb: np.ndarray
+    """(B, 3) colours in 0..1, for pictures only."""
+    seat_height: float | None = None
+    """H of the metric: height of the surface to sit or lie on [m]."""
+    seat_polygon: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+    """(P, 2) outline of that surface seen from above [m], counter-clockwise."""
+    movable: bool = False
+    mass: float | None = None
+    """[kg], of movable objects."""
+
+    def __post_init__(self) -> None:
+        boxes = len(self.box_pos)
+        if not 1 <= boxes <= SLOTS:
+            raise BadObject(f"object {self.id} has {boxes} boxes; a scene has room for 1 to {SLOTS}")
+        for name, width in (("box_pos", 3), ("box_quat", 4), ("box_half", 3), ("box_rgb", 3)):
+            array = getattr(self, name)
+            if array.shape != (boxes, width) or not np.isfinite(array).all():
+                raise BadObject(f"object {self.id}: {name} must be {boxes} x {width} finite numbers")
+        if (self.box_half <= 0).any():
+            raise BadObject(f"object {self.id} has a box without thickness")
+
+    @property
+    def split(self) -> str:
+        """`train` or `test`, 3:1, decided by the id alone."""
+        return "test" if digest(0, "split", self.id) % 4 == 0 else "train"
+
+    def corners(self) -> np.ndarray:
+        """(B, 8, 3) corners of all boxes [m]."""
+        from mimicbench.core import rotations as rot
+
+        signs = np.stack(np.meshgrid([-1, 1], [-1, 1], [-1, 1], indexing="ij"), -1).reshape(8, 3)
+        return self.box_pos[:, None] + rot.rotate(self.box_quat[:, None], signs * self.box_half[:, None])
+
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest corner (3,) of the bounding box [m]: x is length (front to back), y width, z height."""
+        corners = self.corners().reshape(-1, 3)
+        return corners.min(0), corners.max(0)
+
+    def contains_xy(self, points: np.ndarray) -> np.ndarray:
+        """Whether points (..., 2+) lie in the object's interior in the bird-eye view: its bounding rectangle (appendix D.1)."""
+        low, high = self.bounds()
+        return ((points[..., :2] >= low[:2]) & (points[..., :2] <= high[:2])).all(-1)
+
+    def require_seat(self) -> float:
+        """The seat's height. Raises BadObject if there is none."""
+        if self.seat_height is None:
+            raise BadObject(f"object {self.id} has no seat; this task needs something to sit or lie on")
+        return self.seat_height
+
+    def to_dict(self) -> dict:
+        """Plain JSON values."""
+        return {
+            "id": self.id, "family": self.family, "kind": self.kind, "box_pos": self.box_pos.tolist(), "box_quat": self.box_quat.tolist(),
+            "box_half": self.box_half.tolist(), "box_rgb": self.box_rgb.tolist(), "seat_height": self.seat_height,
+            "seat_polygon": self.seat_polygon.tolist(), "movable": self.movable, "mass": self.mass,
+        }  # fmt: skip
+
+    @staticmethod
+    def from_dict(data: dict) -> "SceneObject":
+        """The inverse of to_dict. Raises BadObject."""
+        try:
+            arrays = {name: np.array(data[name], dtype=float) for name in ("box_pos", "box_quat", "box_half", "box_rgb")}
+            return SceneObject(
+                id=data["id"], family=data["family"], kind=data["kind"], **arrays, seat_height=data["seat_height"],
+                seat_polygon=np.array(data["seat_polygon"], dtype=float).reshape(-1, 2), movable=data["movable"], mass=data["mass"],
+            )  # fmt: skip
+        except (KeyError, TypeError, ValueError) as error:
+            raise BadObject(f"not an object description: {error}") from None
+
+
+def save_object(folder: Path, obj: SceneObject) -> None:
+    """Write one object as `<folder>/<id>.json`."""
+    write_json(folder / f"{obj.id}.json", obj.to_dict())
+
+
+def load_object(folder: Path, object_id: str) -> SceneObject:
+    """Read one object. Raises BadFile or BadObject."""
+    return SceneObject.from_dict(read_json(folder / f"{object_id}.json", max_bytes=1 << 20))
