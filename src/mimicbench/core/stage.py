@@ -66,9 +66,7 @@ def open_stage(folder: Path, stage: str, task: str, seed: int, config: Mapping[s
         found = read_json(path)
         differs = [key for key in ("schema", "stage", "task", "seed", "config", "made_from") if found.get(key) != json.loads(json.dumps(header[key]))]
         if differs:
-            raise MimicbenchError(
-                f"{folder} was made with another {' and '.join(differs)}; use another --workdir, or delete that folder to make it again"
-            )
+            raise MimicbenchError(f"{folder} was made with another {' and '.join(differs)}; use another --workdir, or delete that folder to make it again")
         return Stage(folder, found)
     write_json(path, header)
     return Stage(folder, header)
