@@ -1,0 +1,1 @@
+"""The protocol: rollouts, one row per episode, K and P, intervals."""

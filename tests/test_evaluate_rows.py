@@ -1,0 +1,142 @@
+"""Intervals by hand, the energy-averaged rate by hand, and files that are whole or refused."""
+
+import json
+from dataclasses import replace
+from math import inf, nan
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mimicbench.core.errors import BadFile, MimicbenchError
+from mimicbench.evaluate.intervals import Rate, wilson
+from mimicbench.evaluate.rows import EpisodeRow, group, read_rows, summarize, write_rows
+
+ROW = EpisodeRow(
+    task="sit-chair", stage="imitate", policy="act", preset="improved", robot="h1", seed=7, episode=0, object_id="chair-00001", object_kind="dining",
+    split="test", reference_id="sit-chair-00001", steps=300, success=True, success_at_end=True, first_success_time=5.5, fell=False, max_energy=5e4,
+    seat_height=0.45, start_distance=2.5, end_distance=0.0, mimicbench="0.1.0", mujoco="3.17.0",
+)  # fmt: skip
+
+
+def test_wilson_by_hand():
+    # k=8, n=10, z=1.959964: center (0.8 + 0.192073) / 1.384146 = 0.716742,
+    # half 1.959964 / 1.384146 * sqrt(0.016 + 0.00960365) = 0.226577
+    assert wilson(8, 10) == pytest.approx((0.490162, 0.943318), abs=2e-5)
+    # k=0: (0, z^2 / (n + z^2)); k=n is its mirror image
+    assert wilson(0, 10) == pytest.approx((0.0, 3.841459 / 13.841459), abs=1e-6)
+    assert wilson(10, 10) == pytest.approx((1 - 3.841459 / 13.841459, 1.0), abs=1e-6)
+    # half of 400: +- 4.877 points
+    assert wilson(200, 400) == pytest.approx((0.451231, 0.548769), abs=2e-5)
+    # 99 %: z = 2.575829, center 0.5, half z / 2 / sqrt(n + z^2)
+    assert wilson(50, 100, 0.99) == pytest.approx((0.5 - 0.124721, 0.5 + 0.124721), abs=1e-4)
+    assert wilson(0, 0) == (0.0, 1.0)
+
+
+@pytest.mark.parametrize("k", [-1, 11])
+def test_wilson_refuses_impossible_counts(k):
+    with pytest.raises(MimicbenchError, match="cannot be"):
+        wilson(k, 10)
+
+
+@given(st.integers(1, 5000).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))
+def test_wilson_axioms(counts):
+    k, n = counts
+    low, high = wilson(k, n)
+    assert 0 <= low <= k / n <= high <= 1
+    mirrored = wilson(n - k, n)
+    assert (1 - mirrored[1], 1 - mirrored[0]) == pytest.approx((low, high), abs=1e-9)
+    more = wilson(4 * k, 4 * n)
+    assert more[1] - more[0] < high - low
+
+
+def test_rate_format():
+    assert str(Rate(366, 400)) == "91.5 % [88.4-93.9] (366/400)"
+    assert Rate(1.25, 4).counts() == "1.25/4"
+    assert Rate(0, 0).percent() == "-"
+
+
+def test_energy_average_by_hand():
+    # K holds in three of four; e = 5e4 passes all limits, 3e6 the last two, 1e9 none; the failure's low energy counts for nothing
+    energies = [(True, 5e4), (True, 3e6), (True, 1e9), (False, 1.0)]
+    rows = [replace(ROW, episode=i, success=k, first_success_time=1.0 if k else None, max_energy=e) for i, (k, e) in enumerate(energies)]
+    data = summarize(rows).to_dict()
+    assert data["kinematic"] == {
+        "successes": 3,
+        "episodes": 4,
+        "rate": 0.75,
+        "low": pytest.approx(0.300642, abs=1e-4),
+        "high": pytest.approx(0.954413, abs=1e-4),
+    }
+    assert [(limit["lambda"], limit["successes"]) for limit in data["energy"]["limits"]] == [(1e6, 1), (2e6, 1), (4e6, 2), (8e6, 2)]
+    assert data["energy"]["rate"] == 1.5 / 4
+    assert data["energy"]["successes"] == 1.5
+    assert (data["energy"]["low"], data["energy"]["high"]) == wilson(1.5, 4)
+    assert list(data)[:6] == ["task", "policy", "preset", "episodes", "kinematic", "energy"]
+    json.dumps(data)
+
+
+def test_energy_limit_is_strict():
+    assert not replace(ROW, max_energy=1e6).holds(1e6)
+    assert not replace(ROW, max_energy=inf).holds(8e6)
+
+
+def test_rows_refuse_what_cannot_be():
+    with pytest.raises(MimicbenchError, match="energy"):
+        replace(ROW, max_energy=nan)
+    with pytest.raises(MimicbenchError, match="first fulfilled"):
+        replace(ROW, first_success_time=None)
+
+
+def test_summarize_needs_one_policy():
+    with pytest.raises(MimicbenchError, match="no episodes"):
+        summarize([])
+    rows = [ROW, replace(ROW, policy="bc")]
+    with pytest.raises(MimicbenchError, match="several policies"):
+        summarize(rows)
+    assert [key[2] for key in group(rows)] == ["act", "bc"]
+
+
+def test_parquet_round_trip(tmp_path):
+    rows = [ROW, replace(ROW, episode=1, success=False, first_success_time=None, seat_height=None, max_energy=inf)]
+    write_rows(tmp_path / "a" / "rows.parquet", rows)
+    write_rows(tmp_path / "b.parquet", rows)
+    assert read_rows(tmp_path / "b.parquet") == rows
+    assert (tmp_path / "a" / "rows.parquet").read_bytes() == (tmp_path / "b.parquet").read_bytes()
+    assert [path.name for path in tmp_path.iterdir() if path.is_file()] == ["b.parquet"]
+    write_rows(tmp_path / "none.parquet", [])
+    assert read_rows(tmp_path / "none.parquet") == []
+
+
+def test_every_cut_and_every_flip_is_refused_or_harmless(tmp_path):
+    path = tmp_path / "rows.parquet"
+    rows = [replace(ROW, episode=i) for i in range(50)]
+    write_rows(path, rows)
+    whole = path.read_bytes()
+    for size in {0, 3, 100, len(whole) // 2, len(whole) - 1}:
+        path.write_bytes(whole[:size])
+        with pytest.raises(BadFile, match="run the evaluation again"):
+            read_rows(path)
+    middle = len(whole) // 4
+    path.write_bytes(whole[:middle] + bytes([whole[middle] ^ 0xFF]) + whole[middle + 1 :])
+    with pytest.raises(BadFile):
+        read_rows(path)
+
+
+def test_missing_and_foreign_files(tmp_path):
+    with pytest.raises(BadFile, match="does not exist"):
+        read_rows(tmp_path / "rows.parquet")
+    foreign = tmp_path / "foreign.parquet"
+    pq.write_table(pa.table({"success": [True]}), foreign)
+    with pytest.raises(BadFile, match="not one of mimicbench's"):
+        read_rows(foreign)
+    for header, message in [
+        ({"schema": 99, "type": "episode_rows"}, "schema 99"),
+        ({"schema": 1, "type": "other"}, "holds 'other'"),
+        ({"schema": 1, "type": "episode_rows"}, "other columns"),
+    ]:
+        pq.write_table(pa.table({"success": [True]}).replace_schema_metadata({"mimicbench": json.dumps(header)}), foreign)
+        with pytest.raises(BadFile, match=message):
+            read_rows(foreign)
