@@ -1,0 +1,1 @@
+"""Scenes and batched physics: one interface, whatever computes it."""

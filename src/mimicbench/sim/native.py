@@ -1,0 +1,124 @@
+"""Physics on CPU threads: `mujoco.batch`. Results are the same bits at any number of threads."""
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+import torch
+from mujoco.batch import Batch
+
+from mimicbench.core.parallel import cpu_count
+from mimicbench.objects.shape import SceneObject
+from mimicbench.robot.description import Robot
+from mimicbench.sim.physics import LinkState, RobotState
+from mimicbench.sim.scene import SUBSTEPS, build_model
+
+_BAD = [int(w) for w in (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)]
+
+
+class NativePhysics:
+    """N scenes on `workers` threads (0: all processors). See the Physics protocol for the methods."""
+
+    def __init__(
+        self, robot: Robot, objects: Sequence[SceneObject], preset: str = "improved", control: str = "position", workers: int = 0, visuals: bool = False
+    ):
+        self.robot, self.num_envs, self.device = robot, len(objects), "cpu"
+        self._preset, self._control, self._visuals = preset, control, visuals
+        self._compiled: dict[str, mujoco.MjModel] = {}
+        self.objects = list(objects)
+        models = [self._model(obj) for obj in objects]
+        self.batch = Batch(models[0], self.num_envs, min(workers or cpu_count(), self.num_envs))
+        self._models = models
+        self.batch.set_models(models)
+        joints = len(robot.joints)
+        self._qpos, self._qvel, self._ctrl = self.batch.bind("qpos"), self.batch.bind("qvel"), self.batch.bind("ctrl")
+        self._joint_q, self._joint_v = slice(7, 7 + joints), slice(6, 6 + joints)
+        self._warned = np.zeros(self.num_envs, np.int64)
+        self._effort = torch.zeros(self.num_envs)
+        self._link_rows: slice | None = None
+
+    def _model(self, obj: SceneObject) -> mujoco.MjModel:
+        """Compile a scene once for each object."""
+        if obj.id not in self._compiled:
+            self._compiled[obj.id] = build_model(self.robot, obj, self._preset, self._control, self._visuals)
+        return self._compiled[obj.id]
+
+    def model(self, env: int) -> mujoco.MjModel:
+        """The compiled scene `env`, for rendering or replaying it."""
+        return self._models[env]
+
+    def qpos(self) -> np.ndarray:
+        """(N, nq) live view of MuJoCo's positions: root, joints, then the object's if it moves."""
+        return self._qpos
+
+    def qvel(self) -> np.ndarray:
+        """(N, nv) live view of MuJoCo's velocities."""
+        return self._qvel
+
+    def set_objects(self, objects: Sequence[SceneObject], ids: np.ndarray | None = None) -> None:
+        """Exchange the objects of scenes `ids` (None: all). Scenes of movable and fixed objects cannot share a batch."""
+        for env, obj in zip(range(self.num_envs) if ids is None else ids, objects, strict=True):
+            self._models[env] = self._model(obj)
+            self.objects[env] = obj
+        self.batch.set_models(self._models)
+
+    def reset(self, ids: np.ndarray, root_pos_w: np.ndarray, root_quat_w: np.ndarray, joint_pos: np.ndarray,
+              root_lin_vel_w: np.ndarray | None = None, root_ang_vel_b: np.ndarray | None = None, joint_vel: np.ndarray | None = None) -> None:  # fmt: skip
+        """Put the robots of scenes `ids` into a state; velocities default to zero, objects return to the origin."""
+        if not len(ids):
+            return
+        self.batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
+        self._qpos[ids, :3], self._qpos[ids, 3:7], self._qpos[ids, self._joint_q] = root_pos_w, root_quat_w, joint_pos
+        if root_lin_vel_w is not None:
+            self._qvel[ids, :3] = root_lin_vel_w
+        if root_ang_vel_b is not None:
+            self._qvel[ids, 3:6] = root_ang_vel_b
+        if joint_vel is not None:
+            self._qvel[ids, self._joint_v] = joint_vel
+        self._warned[ids] = self._warnings()[ids]
+
+    def step(self, target: torch.Tensor, measure_effort: bool = False) -> None:
+        """Advance one control step; see Physics.step."""
+        self._ctrl[:] = target.numpy()
+        if not measure_effort:
+            self.batch.step(nstep=SUBSTEPS)
+            return
+        record = self.batch.rollout(SUBSTEPS, record=("actuator_force", "qvel"))
+        torque, velocity = record["actuator_force"].mean(1), record["qvel"][..., self._joint_v].mean(1)
+        self._effort = torch.from_numpy(((torque * velocity) ** 2).sum(-1))
+
+    def state(self) -> RobotState:
+        """Joint-space state now."""
+        qpos, qvel = torch.from_numpy(self._qpos.astype(np.float32)), torch.from_numpy(self._qvel.astype(np.float32))
+        return RobotState(qpos[:, :3], qpos[:, 3:7], qvel[:, :3], qvel[:, 3:6], qpos[:, self._joint_q], qvel[:, self._joint_v])
+
+    def links(self) -> LinkState:
+        """Poses and velocities of all links now."""
+        names = self.robot.link_names
+        if self._link_rows is None:
+            first = self.batch.model.body(names[0]).id
+            self._link_rows = slice(first, first + len(names))  # links are consecutive bodies, in order
+        rows = self._link_rows
+        xpos, xquat, cvel, com = (self.batch.bind(field) for field in ("xpos", "xquat", "cvel", "subtree_com"))
+        self.batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
+        # MuJoCo's cvel is (angular, linear) about the tree's center of mass, in world axes
+        ang, lin_com = cvel[:, rows, :3], cvel[:, rows, 3:]
+        lin = lin_com + np.cross(ang, xpos[:, rows] - com[:, rows.start, None])
+        return LinkState(*(torch.from_numpy(a.astype(np.float32)) for a in (xpos[:, rows], xquat[:, rows], lin, ang)))
+
+    def push(self, ids: np.ndarray, lin_vel_w: np.ndarray) -> None:
+        """Add (n, 3) [m/s] to the root's velocity in scenes `ids`."""
+        self._qvel[ids, :3] += lin_vel_w
+
+    @property
+    def effort(self) -> torch.Tensor:
+        """(N,) e of the last step that measured it [W^2]."""
+        return self._effort
+
+    @property
+    def diverged(self) -> torch.Tensor:
+        """(N,) whether MuJoCo found a scene's state not finite, or too large, since its reset."""
+        return torch.from_numpy(self._warnings() > self._warned)
+
+    def _warnings(self) -> np.ndarray:
+        return self.batch.warning[:, _BAD, 1].sum(-1)

@@ -1,0 +1,92 @@
+"""The one interface to batched physics, and what it reports. `native.py` implements it on CPU threads."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import torch
+
+from mimicbench.objects.shape import SceneObject
+from mimicbench.robot.description import Robot
+
+
+@dataclass(frozen=True)
+class RobotState:
+    """Joint-space state of N robots, float32 on the physics' device."""
+
+    root_pos_w: torch.Tensor
+    """(N, 3) [m]."""
+    root_quat_w: torch.Tensor
+    """(N, 4)."""
+    root_lin_vel_w: torch.Tensor
+    """(N, 3) [m/s]."""
+    root_ang_vel_b: torch.Tensor
+    """(N, 3) [rad/s], in the root's own frame."""
+    joint_pos: torch.Tensor
+    """(N, J) [rad]."""
+    joint_vel: torch.Tensor
+    """(N, J) [rad/s]."""
+
+
+@dataclass(frozen=True)
+class LinkState:
+    """Poses and velocities of all L links of N robots."""
+
+    pos_w: torch.Tensor
+    """(N, L, 3) [m]."""
+    quat_w: torch.Tensor
+    """(N, L, 4)."""
+    lin_vel_w: torch.Tensor
+    """(N, L, 3) velocity of the link's origin [m/s]."""
+    ang_vel_w: torch.Tensor
+    """(N, L, 3) [rad/s]."""
+
+
+class Physics(Protocol):
+    """N scenes of one robot, each with its own object, stepped together at the control rate."""
+
+    robot: Robot
+    num_envs: int
+    device: str
+    objects: Sequence[SceneObject]
+    """The object in each scene."""
+
+    def set_objects(self, objects: Sequence[SceneObject], ids: np.ndarray | None = None) -> None:
+        """Exchange the objects of scenes `ids` (None: all)."""
+        ...
+
+    def reset(self, ids: np.ndarray, root_pos_w: np.ndarray, root_quat_w: np.ndarray, joint_pos: np.ndarray,
+              root_lin_vel_w: np.ndarray | None = None, root_ang_vel_b: np.ndarray | None = None, joint_vel: np.ndarray | None = None) -> None:  # fmt: skip
+        """Put the robots of scenes `ids` into a state; velocities default to zero, objects return to the origin."""
+        ...
+
+    def step(self, target: torch.Tensor, measure_effort: bool = False) -> None:
+        """Advance one control step with targets (N, J): joint angles, velocities or torques by the control mode.
+
+        With `measure_effort`, `effort` holds e = sum_j (tau_j v_j)^2 of this control step, tau and v being means over
+        its substeps (appendix D.2).
+        """
+        ...
+
+    def state(self) -> RobotState:
+        """Joint-space state now."""
+        ...
+
+    def links(self) -> LinkState:
+        """Poses and velocities of all links now."""
+        ...
+
+    def push(self, ids: np.ndarray, lin_vel_w: np.ndarray) -> None:
+        """Add (n, 3) [m/s] to the root's velocity in scenes `ids`."""
+        ...
+
+    @property
+    def effort(self) -> torch.Tensor:
+        """(N,) e of the last step that measured it [W^2]."""
+        ...
+
+    @property
+    def diverged(self) -> torch.Tensor:
+        """(N,) whether a scene's state stopped being finite since its reset. Such a scene must be reset."""
+        ...

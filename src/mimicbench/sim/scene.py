@@ -1,0 +1,151 @@
+"""A robot and an object on a floor, as a MuJoCo model.
+
+Every scene of a robot has the same sizes whatever its object, since each reserves SLOTS boxes: so any objects can
+share one batch. Boxes that an object does not need are parked below the floor and switched off.
+"""
+
+import mujoco
+import numpy as np
+
+from mimicbench.core.errors import UnknownName
+from mimicbench.objects.shape import SLOTS, SceneObject
+from mimicbench.robot.description import Robot, Shape
+
+PHYSICS_DT = 0.005
+"""[s] 200 Hz."""
+SUBSTEPS = 4
+"""Physics steps per control step: 50 Hz control."""
+CONTROL_DT = PHYSICS_DT * SUBSTEPS
+FRICTION = (1.0, 0.005, 0.0001)
+"""Sliding, torsional and rolling friction of everything."""
+ROBOT_GROUP, OBJECT_GROUP, FLOOR_GROUP, VISUAL_GROUP = 3, 1, 0, 2
+"""Geom groups: rays that look at the scene leave out the robot's own."""
+OBJECT_BODY = "object"
+_WORLD_BIT = 1
+_COLORS = {"robot": (0.6, 0.62, 0.65, 1.0)}
+
+
+def build_model(robot: Robot, obj: SceneObject, preset: str = "improved", control: str = "position", visuals: bool = False) -> mujoco.MjModel:
+    """Compile the scene of one robot and one object.
+
+    Args:
+        robot: the robot.
+        obj: the object, at the origin facing +x; it moves if it is movable.
+        preset: which of the robot's gains to use.
+        control: `position` (PD towards joint angles), `velocity` (damping towards joint velocities) or `torque`.
+        visuals: add what is only there for pictures: shells, floor pattern, lights. The state stays the same.
+    """
+    if preset not in robot.gains:
+        raise UnknownName("preset", preset, list(robot.gains))
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    spec.option.timestep = PHYSICS_DT
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    _add_floor(spec, visuals)
+    _add_robot(spec, robot, visuals)  # first, so that its coordinates come first whether or not the object moves
+    _add_object(spec, obj)
+    _add_actuators(spec, robot, preset, control)
+    return spec.compile()
+
+
+def _add_floor(spec: mujoco.MjSpec, visuals: bool) -> None:
+    floor = spec.worldbody.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05], group=FLOOR_GROUP)
+    floor.contype = floor.conaffinity = _WORLD_BIT
+    floor.friction = FRICTION
+    if not visuals:
+        return
+    spec.visual.headlight.ambient = [0.35, 0.35, 0.37]
+    spec.visual.headlight.diffuse = [0.35, 0.35, 0.35]
+    spec.visual.quality.shadowsize = 4096
+    spec.add_texture(
+        name="floor", type=mujoco.mjtTexture.mjTEXTURE_2D, builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER, width=512, height=512,
+        rgb1=[0.80, 0.78, 0.75], rgb2=[0.77, 0.75, 0.72],
+    )  # fmt: skip
+    spec.add_texture(
+        name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT, width=256, height=256,
+        rgb1=[0.93, 0.94, 0.96], rgb2=[0.80, 0.84, 0.90],
+    )  # fmt: skip
+    material = spec.add_material(name="floor", texrepeat=[2, 2], texuniform=True, reflectance=0.03)
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "floor"
+    floor.material = "floor"
+    spec.worldbody.add_light(pos=[1.5, -1.5, 4.0], dir=[-0.3, 0.35, -1.0], diffuse=[0.65, 0.64, 0.62], castshadow=True)
+
+
+def _add_object(spec: mujoco.MjSpec, obj: SceneObject) -> None:
+    body = spec.worldbody.add_body(name=OBJECT_BODY)
+    if obj.movable:
+        body.add_freejoint()
+        # boxes share the mass by volume
+        volume = obj.box_half.prod(-1)
+        masses = (obj.mass or 1.0) * volume / volume.sum()
+    else:
+        masses = np.zeros(len(obj.box_pos))
+    for slot in range(SLOTS):
+        geom = body.add_geom(name=f"object_{slot}", type=mujoco.mjtGeom.mjGEOM_BOX, group=OBJECT_GROUP)
+        geom.friction = FRICTION
+        if slot < len(obj.box_pos):
+            geom.pos, geom.quat, geom.size = obj.box_pos[slot], obj.box_quat[slot], obj.box_half[slot]
+            geom.rgba = [*obj.box_rgb[slot], 1.0]
+            geom.contype = geom.conaffinity = _WORLD_BIT
+            geom.mass = masses[slot]
+        else:
+            geom.pos, geom.size, geom.mass = [0, 0, -5], [0.01, 0.01, 0.01], 0.0
+            geom.rgba = [0, 0, 0, 0]
+            geom.contype = geom.conaffinity = 0
+
+
+def _add_robot(spec: mujoco.MjSpec, robot: Robot, visuals: bool) -> None:
+    bits = {group: 1 << (i + 1) for i, group in enumerate(dict.fromkeys(shape.group for shape in robot.collision))}
+    partners = {group: _WORLD_BIT for group in bits}
+    for a, b in robot.collides:
+        partners[b] |= bits[a]
+    drives = {joint.link: joint for joint in robot.joints}
+    bodies = []
+    for i, link in enumerate(robot.links):
+        parent = spec.worldbody if link.parent < 0 else bodies[link.parent]
+        body = parent.add_body(name=link.name, pos=link.pos, quat=link.quat)
+        bodies.append(body)
+        body.mass, body.ipos, body.fullinertia, body.explicitinertial = link.mass, link.com, link.inertia, True
+        if link.parent < 0:
+            body.add_freejoint(name="root")
+        elif i in drives:
+            joint = drives[i]
+            body.add_joint(
+                name=joint.name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=joint.axis, range=joint.range, limited=mujoco.mjtLimited.mjLIMITED_TRUE,
+                armature=robot.armature, damping=robot.damping,
+            )  # fmt: skip
+    for shape in robot.collision:
+        geom = _add_shape(bodies[shape.link], shape)
+        geom.group, geom.friction, geom.mass = ROBOT_GROUP, FRICTION, 0.0
+        geom.contype, geom.conaffinity = bits[shape.group], partners[shape.group]
+        geom.rgba = _COLORS["robot"] if not visuals else (0, 0, 0, 0)
+    for shape in robot.visual if visuals else ():
+        geom = _add_shape(bodies[shape.link], shape)
+        geom.group, geom.contype, geom.conaffinity, geom.mass = VISUAL_GROUP, 0, 0, 0.0
+        geom.rgba = [*(float(part) for part in shape.group.split()), 1.0]
+
+
+def _add_shape(body: mujoco.MjsBody, shape: Shape) -> mujoco.MjsGeom:
+    geom = body.add_geom(type=getattr(mujoco.mjtGeom, f"mjGEOM_{shape.type.upper()}"))
+    if shape.end is not None:
+        geom.fromto = [*shape.start, *shape.end]
+        geom.size = [shape.size[0], 0, 0]
+    else:
+        geom.pos = shape.start
+        geom.size = [*shape.size, *(0,) * (3 - len(shape.size))]
+    return geom
+
+
+def _add_actuators(spec: mujoco.MjSpec, robot: Robot, preset: str, control: str) -> None:
+    gains = robot.gains[preset]
+    affine = {"position": lambda kp, kd: (kp, (0, -kp, -kd)), "velocity": lambda kp, kd: (kd, (0, 0, -kd)), "torque": lambda kp, kd: (1.0, (0, 0, 0))}
+    if control not in affine:
+        raise UnknownName("control mode", control, list(affine))
+    for joint, kp, kd in zip(robot.joints, gains.kp, gains.kd, strict=True):
+        gain, bias = affine[control](kp, kd)
+        actuator = spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        actuator.gaintype, actuator.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
+        actuator.gainprm[0] = gain
+        actuator.biasprm[:3] = bias
+        actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
+        actuator.forcerange = [-joint.torque_limit, joint.torque_limit]

@@ -1,0 +1,1 @@
+"""The six household tasks, each one file, and the registry."""
