@@ -1,0 +1,1 @@
+"""Human clips: skeletons, motion synthesis per task, and importers of recorded motion. Knows no robot."""

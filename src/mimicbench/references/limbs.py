@@ -1,0 +1,69 @@
+"""Closed-form inverse kinematics of arms and legs: a ball joint, a hinge about y, and a ball joint."""
+
+import numpy as np
+
+from mimicbench.core import rotations as rot
+
+
+def minimum_jerk(u: np.ndarray) -> np.ndarray:
+    """10 u^3 - 15 u^4 + 6 u^5 for u in [0, 1], constant outside: from 0 to 1 with rest at both ends."""
+    u = np.clip(u, 0.0, 1.0)
+    return u**3 * (10 - 15 * u + 6 * u**2)
+
+
+def about_x(angle: np.ndarray) -> np.ndarray:
+    """Quaternions (..., 4) that turn about x by angle (...) [rad]."""
+    zero = np.zeros_like(angle)
+    return np.stack([np.cos(0.5 * angle), np.sin(0.5 * angle), zero, zero], -1)
+
+
+def about_y(angle: np.ndarray) -> np.ndarray:
+    """Quaternions (..., 4) that turn about y by angle (...) [rad]; positive bends forward, or a hanging limb backward."""
+    zero = np.zeros_like(angle)
+    return np.stack([np.cos(0.5 * angle), zero, np.sin(0.5 * angle), zero], -1)
+
+
+def two_link(
+    root_w: np.ndarray, end_w: np.ndarray, side_w: np.ndarray, upper: float, lower: float, backward: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Orientations of the two links of a limb that hangs along -z in its rest pose, so that its end is at `end_w`.
+
+    Args:
+        root_w: (T, 3) hip or shoulder [m].
+        end_w: (T, 3) ankle or wrist [m]. What is out of reach is pulled to just within it.
+        side_w: (T, 3) where the hinge's y axis should point; it is made perpendicular to the limb.
+        upper: Length of the upper link [m].
+        lower: Length of the lower link [m].
+        backward: Whether the lower link bends backward (knee) or forward (elbow).
+
+    Returns:
+        World orientations (T, 4) of the upper and of the lower link, and the hinge's angle (T,) about y [rad].
+    """
+    delta = end_w - root_w
+    length = np.linalg.norm(delta, axis=-1)
+    down = delta / length[..., None]
+    length = np.clip(length, abs(upper - lower) + 1e-6, (upper + lower) * (1 - 1e-9))
+    y = side_w - (side_w * down).sum(-1, keepdims=True) * down
+    y = y / np.linalg.norm(y, axis=-1, keepdims=True)
+    plane = rot.from_matrix(np.stack([np.cross(y, -down), y, -down], -1))
+    # the law of cosines gives the angle at the root and the hinge's own
+    at_root = np.arccos(np.clip((upper**2 + length**2 - lower**2) / (2 * upper * length), -1, 1))
+    hinge = np.pi - np.arccos(np.clip((upper**2 + lower**2 - length**2) / (2 * upper * lower), -1, 1))
+    sign = 1.0 if backward else -1.0
+    upper_quat = rot.multiply(plane, about_y(-sign * at_root))
+    return upper_quat, rot.multiply(upper_quat, about_y(sign * hinge)), sign * hinge
+
+
+def smooth(values: np.ndarray, half_width: int) -> np.ndarray:
+    """Hann-weighted moving average over 2 half_width + 1 frames of (T, ...); the ends are held."""
+    kernel = np.hanning(2 * half_width + 3)[1:-1]
+    padded = np.concatenate([np.repeat(values[:1], half_width, 0), values, np.repeat(values[-1:], half_width, 0)])
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * half_width + 1, 0)
+    return windows @ (kernel / kernel.sum())
+
+
+def smooth_below(limit: np.ndarray, half_width: int) -> np.ndarray:
+    """A smooth curve (T,) that is nowhere above `limit` (T,): the moving minimum, then the moving average of equal width."""
+    padded = np.pad(limit, half_width, mode="edge")
+    lowest = np.lib.stride_tricks.sliding_window_view(padded, 2 * half_width + 1).min(-1)
+    return smooth(lowest, half_width)
