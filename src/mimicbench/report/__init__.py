@@ -1,0 +1,1 @@
+"""Tables, plots, pictures, videos and the page that shows them."""

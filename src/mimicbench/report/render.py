@@ -1,0 +1,265 @@
+"""Pictures of scenes: the GL context, the light, the camera, and frames of a robot or a human in motion.
+
+Everything is drawn from `build_model(..., visuals=True)` of `mimicbench.sim.scene`, so that a human and a robot stand
+in the same light on the same floor beside the same object.
+"""
+
+import copy
+import os
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Self
+
+import mujoco
+import numpy as np
+
+from mimicbench.core import rotations as rot
+from mimicbench.core.errors import MimicbenchError
+from mimicbench.core.motion import HumanMotion
+from mimicbench.objects.shape import SceneObject
+from mimicbench.report.person import Placed, place, solids_of
+from mimicbench.sim.scene import ROBOT_GROUP, VISUAL_GROUP
+
+_mj: Any = mujoco  # its type stubs leave out the drawing half
+
+FIELD_OF_VIEW = 0.61
+"""Vertical opening of the camera [rad], 35 degrees: long enough that nothing near the edge is stretched."""
+_BACKDROP = (0.90, 0.915, 0.935)
+_MAX_SHAPES = 2000
+
+
+class NoPictures(MimicbenchError):
+    """There is no OpenGL to draw with. Everything but pictures and videos works all the same."""
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A free camera that looks at a point."""
+
+    lookat: tuple[float, float, float]
+    """World point in the middle of the picture [m]."""
+    distance: float
+    """From the camera to that point [m]."""
+    azimuth: float
+    """Heading in which the camera looks [deg], 0 along +x, counter-clockwise."""
+    elevation: float = -13.0
+    """Pitch of the view [deg], negative looking down."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """Size and quality of a picture."""
+
+    width: int = 640
+    """[px]; even, as video wants it."""
+    height: int = 400
+    """[px]; even."""
+    shadow: int = 1024
+    """Side of the shadow map [px]; 0 for none."""
+    samples: int = 4
+    """Samples per pixel against jagged edges."""
+
+
+class Painter:
+    """Draws one model. Use as a context manager: GL contexts are few, and must be given back."""
+
+    def __init__(self, model: mujoco.MjModel, picture: Picture, camera: Camera) -> None:
+        self.picture = picture
+        self.model = _dressed(model, picture, camera)
+        self.data = mujoco.MjData(self.model)
+        self.option = _mj.MjvOption()
+        self._context, self._drawing = _open_context(self.model, picture)
+        self._scene = _mj.MjvScene(self.model, _MAX_SHAPES)
+        self._scene.flags[_mj.mjtRndFlag.mjRND_SHADOW] = picture.shadow > 0
+        self._scene.flags[_mj.mjtRndFlag.mjRND_REFLECTION] = 0
+        self._scene.flags[_mj.mjtRndFlag.mjRND_HAZE] = 0
+        self._scene.flags[_mj.mjtRndFlag.mjRND_FOG] = 1
+        self._camera = _mj.MjvCamera()
+        self.aim(camera)
+
+    def aim(self, camera: Camera) -> None:
+        """Look elsewhere from now on."""
+        self._camera.lookat[:] = camera.lookat
+        self._camera.distance, self._camera.azimuth, self._camera.elevation = camera.distance, camera.azimuth, camera.elevation
+
+    def draw(self, qpos: np.ndarray | None = None, add: Callable[[Any], None] | None = None) -> np.ndarray:
+        """A picture (height, width, 3), uint8.
+
+        Args:
+            qpos: (nq,) positions of the model; as they are if None.
+            add: puts further shapes into the scene.
+        """
+        if qpos is not None:
+            self.data.qpos[:] = qpos
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_camlight(self.model, self.data)
+        _mj.mjv_updateScene(self.model, self.data, self.option, None, self._camera, _mj.mjtCatBit.mjCAT_ALL, self._scene)
+        if add is not None:
+            add(self._scene)
+        self._context.make_current()
+        rect = _mj.MjrRect(0, 0, self.picture.width, self.picture.height)
+        _mj.mjr_render(rect, self._scene, self._drawing)
+        pixels = np.empty((self.picture.height, self.picture.width, 3), np.uint8)
+        _mj.mjr_readPixels(pixels, None, rect, self._drawing)
+        return pixels[::-1].copy()
+
+    def close(self) -> None:
+        """Give the GL context back."""
+        self._context.make_current()
+        self._drawing.free()
+        self._context.free()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+
+def robot_frames(model: mujoco.MjModel, qpos: np.ndarray, camera: Camera, picture: Picture | None = None) -> Iterator[np.ndarray]:
+    """Pictures (height, width, 3) of a model, one after the other.
+
+    Args:
+        model: a scene with `visuals=True`.
+        qpos: (T, nq) positions, one row per picture.
+        camera: where to look from, such as `frame_all` gives it.
+        picture: size and quality.
+    """
+    if qpos.ndim != 2 or qpos.shape[1] != model.nq:
+        raise MimicbenchError(f"positions of shape {qpos.shape} do not fit a model of {model.nq} coordinates; they are of another robot or object")
+    with Painter(model, picture or Picture(), camera) as painter:
+        for row in qpos:
+            yield painter.draw(row)
+
+
+def human_frames(model: mujoco.MjModel, motion: HumanMotion, times: np.ndarray, camera: Camera, picture: Picture | None = None) -> Iterator[np.ndarray]:
+    """Pictures (height, width, 3) of a human clip in a model's scene; the model's robot is left out.
+
+    Args:
+        model: a scene with `visuals=True` and the clip's object.
+        motion: the clip.
+        times: (T,) moments to draw [s]; the nearest frame is taken.
+        camera: where to look from.
+        picture: size and quality.
+    """
+    solids = solids_of(motion.skeleton)
+    joint_pos, joint_quat = motion.forward_kinematics()
+    frames = np.clip(np.round(np.asarray(times) * motion.fps).astype(int), 0, motion.frames - 1)
+    with Painter(model, picture or Picture(), camera) as painter:
+        painter.option.geomgroup[VISUAL_GROUP] = painter.option.geomgroup[ROBOT_GROUP] = 0
+        for i in frames:
+            placed = place(solids, motion.skeleton, joint_pos[i], joint_quat[i])
+            yield painter.draw(add=lambda scene, placed=placed: _add_shapes(scene, placed))
+
+
+def frame_all(obj: SceneObject, root_pos_w: np.ndarray, aspect: float = 1.6, height: float = 1.8, reach: float = 0.4) -> Camera:
+    """The nearest camera that sees an object and a whole walk to it, three-quarters from the front.
+
+    Args:
+        obj: the object, facing +x.
+        root_pos_w: (T, 3) positions of the roots of all that will be shown [m].
+        aspect: width of the picture over its height.
+        height: of the one who walks [m].
+        reach: how far a body extends from its root sideways [m].
+    """
+    # from the side that the walk does not take, so that who walks does not stand before the object
+    azimuth = 128.0 if np.mean(root_pos_w[:, 1]) >= 0 else -128.0
+    path = root_pos_w[:: max(1, len(root_pos_w) // 50), :2]
+    around = reach * np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)])
+    body = (path[:, None] + around).reshape(-1, 2)
+    points = np.concatenate([np.insert(body, 2, 0.0, 1), np.insert(body, 2, height, 1), obj.corners().reshape(-1, 3)])
+
+    pitch, yaw = np.radians(Camera.elevation), np.radians(azimuth)
+    forward = np.array([np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), np.sin(pitch)])
+    right = np.array([np.sin(yaw), -np.cos(yaw), 0.0])
+    up = np.cross(right, forward)
+    # In these axes a camera at c sees a point p if |p_x - c_x| <= t_x (p_z - c_z), and likewise in y. With
+    # low = max(p_x - t_x p_z) and high = min(p_x + t_x p_z) that is low + t_x c_z <= c_x <= high - t_x c_z,
+    # so c_z can be at most (high - low) / 2 t_x, with c_x half-way between low and high.
+    depth = points @ forward
+    center, farthest = [], []
+    for axis, tangent in ((right, aspect * np.tan(0.5 * FIELD_OF_VIEW)), (up, np.tan(0.5 * FIELD_OF_VIEW))):
+        tangent *= 0.93  # a margin of 7 %
+        side = points @ axis
+        low, high = (side - tangent * depth).max(), (side + tangent * depth).min()
+        center.append(0.5 * (low + high))
+        farthest.append((high - low) / (2 * tangent))
+    near = min(farthest)
+    middle = float(np.mean([depth.min(), depth.max()]))
+    lookat = center[0] * right + center[1] * up + middle * forward
+    return Camera((float(lookat[0]), float(lookat[1]), float(lookat[2])), float(middle - near), azimuth)
+
+
+def _dressed(model: mujoco.MjModel, picture: Picture, camera: Camera) -> mujoco.MjModel:
+    """A copy of the model in our light: one soft sun from above the camera's left, a matt floor that fades into the backdrop."""
+    model = copy.copy(model)
+    visual = model.vis
+    visual.global_.offwidth, visual.global_.offheight = picture.width, picture.height
+    visual.global_.fovy = float(np.degrees(FIELD_OF_VIEW))
+    visual.quality.shadowsize, visual.quality.offsamples = max(picture.shadow, 1), picture.samples
+    visual.headlight.ambient[:], visual.headlight.diffuse[:], visual.headlight.specular[:] = 0.47, 0.24, 0.0
+    visual.rgba.fog[:3] = _BACKDROP
+    # distances of the view are in units of the extent
+    model.stat.extent = extent = 0.5 * camera.distance
+    model.stat.center[:] = camera.lookat
+    visual.map.znear, visual.map.zfar = 0.1 / extent, 15.0 * camera.distance / extent
+    visual.map.fogstart, visual.map.fogend = 1.25 * camera.distance / extent, 3.2 * camera.distance / extent
+    visual.map.shadowclip = 1.4
+    for texture in range(model.ntex):
+        if model.tex_type[texture] == mujoco.mjtTexture.mjTEXTURE_SKYBOX:
+            start = model.tex_adr[texture]
+            size = model.tex_width[texture] * model.tex_height[texture] * model.tex_nchannel[texture]
+            model.tex_data[start : start + size].reshape(-1, model.tex_nchannel[texture])[:, :3] = np.round(255 * np.array(_BACKDROP))
+    model.mat_reflectance[:] = 0.0
+    if model.nlight:
+        yaw = np.radians(camera.azimuth)
+        model.light_type[0] = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+        model.light_dir[0] = np.array([0.45 * np.cos(yaw + 0.9), 0.45 * np.sin(yaw + 0.9), -0.9]) / np.hypot(0.45, 0.9)
+        model.light_pos[0] = np.array(camera.lookat) - 4.0 * model.light_dir[0]
+        model.light_diffuse[0], model.light_specular[0], model.light_ambient[0] = 0.50, 0.15, 0.0
+        model.light_castshadow[0] = True
+        model.light_bodyid[0], model.light_mode[0] = 0, mujoco.mjtCamLight.mjCAMLIGHT_FIXED
+    return model
+
+
+def _open_context(model: mujoco.MjModel, picture: Picture) -> tuple[Any, Any]:
+    """An OpenGL context and MuJoCo's resources in it. Raises NoPictures."""
+    advice = "pictures and videos are left out (on Linux, install libegl1, or set MUJOCO_GL)"
+    try:
+        context = _context_class()(picture.width, picture.height)
+        context.make_current()
+        drawing = _mj.MjrContext(model, _mj.mjtFontScale.mjFONTSCALE_100)
+        _mj.mjr_setBuffer(_mj.mjtFramebuffer.mjFB_OFFSCREEN, drawing)
+    except Exception as error:  # noqa: BLE001 every platform and driver fails in its own way, with its own exception
+        raise NoPictures(f"there is no OpenGL to draw with ({type(error).__name__}: {error}); {advice}") from None
+    if drawing.offWidth < picture.width or drawing.offHeight < picture.height:
+        raise NoPictures(f"OpenGL gives no off-screen buffer of {picture.width}x{picture.height}; {advice}")
+    return context, drawing
+
+
+def _context_class() -> Any:
+    """EGL on Linux unless MUJOCO_GL says otherwise, even when MuJoCo was imported before; elsewhere MuJoCo's own choice."""
+    if sys.platform.startswith("linux"):
+        os.environ.setdefault("MUJOCO_GL", "egl")
+        if os.environ["MUJOCO_GL"].lower() == "egl":
+            from mujoco.egl import GLContext
+
+            return GLContext
+    return _mj.GLContext
+
+
+def _add_shapes(scene: Any, placed: list[Placed]) -> None:
+    for part in placed:
+        if scene.ngeom >= scene.maxgeom:
+            raise MimicbenchError(f"a picture has room for {scene.maxgeom} shapes; this scene needs more")
+        solid, geom = part.solid, scene.geoms[scene.ngeom]
+        rgba = np.array([*solid.rgb, 1.0], np.float32)
+        kind = getattr(_mj.mjtGeom, f"mjGEOM_{solid.kind.upper()}")
+        _mj.mjv_initGeom(geom, kind, np.array(solid.size), part.at_w, rot.to_matrix(part.quat_w).ravel(), rgba)
+        if solid.kind == "capsule":
+            _mj.mjv_connector(geom, kind, solid.size[0], part.at_w, part.to_w)
+        geom.category = _mj.mjtCatBit.mjCAT_DYNAMIC  # decoration would cast no shadow
+        geom.specular, geom.shininess = 0.15, 0.2
+        scene.ngeom += 1

@@ -1,0 +1,113 @@
+"""Pictures put together: several moments side by side, and videos."""
+
+import io
+import os
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import IO, Any
+
+import imageio_ffmpeg
+import numpy as np
+from matplotlib import get_data_path
+from PIL import Image, ImageDraw, ImageFont
+
+from mimicbench.core.errors import MimicbenchError
+from mimicbench.core.files import write_atomic
+
+_write_frames: Any = imageio_ffmpeg.write_frames  # its annotations are guessed from its defaults
+
+MAX_FRAMES = 20_000
+"""More than thirteen minutes at 25 frames per second: no episode is that long."""
+
+
+def strip(frames: Sequence[np.ndarray], captions: Sequence[str] = (), gap: int = 4) -> np.ndarray:
+    """Several moments side by side.
+
+    Args:
+        frames: pictures (H, W, 3), uint8, all of the same size.
+        captions: a short text for each, written into its lower left corner; none if empty.
+        gap: white pixels between them.
+
+    Returns:
+        One picture (H, n W + (n - 1) gap, 3).
+    """
+    if not frames:
+        raise MimicbenchError("a strip needs at least one picture")
+    if captions and len(captions) != len(frames):
+        raise MimicbenchError(f"a strip of {len(frames)} pictures needs as many captions, not {len(captions)}")
+    tiles = []
+    for i, frame in enumerate(frames):
+        tile = _captioned(frame, captions[i]) if captions else frame
+        tiles += [tile, np.full((frame.shape[0], gap, 3), 255, np.uint8)]
+    return np.concatenate(tiles[:-1], 1)
+
+
+def _captioned(frame: np.ndarray, text: str) -> np.ndarray:
+    image = Image.fromarray(frame)
+    size = max(11, frame.shape[0] // 18)
+    font = ImageFont.truetype(str(Path(get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), size)
+    ImageDraw.Draw(image).text((0.6 * size, frame.shape[0] - 1.6 * size), text, fill=(70, 74, 82), font=font)
+    return np.asarray(image)
+
+
+def jpeg(image: np.ndarray, quality: int = 86) -> bytes:
+    """A picture (H, W, 3), uint8, as JPEG."""
+    stream = io.BytesIO()
+    Image.fromarray(image).save(stream, "JPEG", quality=quality, optimize=True)
+    return stream.getvalue()
+
+
+def write_jpeg(path: Path, image: np.ndarray, quality: int = 86) -> None:
+    """Write a picture (H, W, 3), uint8, atomically."""
+    data = jpeg(image, quality)
+
+    def write(stream: IO[bytes]) -> None:
+        stream.write(data)
+
+    write_atomic(path, write)
+
+
+def write_video(path: Path, frames: Iterable[np.ndarray], fps: float, quality: int = 25) -> int:
+    """Write an H.264 video that every browser plays, atomically.
+
+    Args:
+        path: ends in `.mp4`.
+        frames: pictures (H, W, 3), uint8, with even sides, all of the same size; drawn one by one as they are needed.
+        fps: frames per second.
+        quality: constant rate factor of x264, lower is better and larger.
+
+    Returns:
+        The number of frames written. Nothing is left behind when `frames` raises.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}.tmp.mp4")
+    writer: Any = None
+    count, shape = 0, (0, 0, 3)
+    try:
+        for frame in frames:
+            if writer is None:
+                shape = frame.shape
+                if shape[0] % 2 or shape[1] % 2 or shape[2:] != (3,) or frame.dtype != np.uint8:
+                    raise MimicbenchError(f"a video needs pictures of even height and width with three bytes per pixel, not {shape} of {frame.dtype}")
+                options = ["-crf", str(quality), "-preset", "medium", "-movflags", "+faststart", "-fflags", "+bitexact", "-flags:v", "+bitexact"]
+                writer = _write_frames(
+                    str(temporary), (shape[1], shape[0]), fps=fps, codec="libx264", pix_fmt_out="yuv420p", quality=None, macro_block_size=2,
+                    output_params=options, ffmpeg_log_level="error",
+                )  # fmt: skip
+                writer.send(None)
+            if frame.shape != shape:
+                raise MimicbenchError(f"the pictures of a video must have one size; {shape} is followed by {frame.shape}")
+            if count >= MAX_FRAMES:
+                raise MimicbenchError(f"a video of more than {MAX_FRAMES} frames is refused; thin the motion out")
+            writer.send(np.ascontiguousarray(frame))
+            count += 1
+        if writer is None:
+            raise MimicbenchError(f"there are no pictures to make {path.name} of")
+        writer.close()
+        writer = None
+        os.replace(temporary, path)
+    finally:
+        if writer is not None:
+            writer.close()
+        temporary.unlink(missing_ok=True)
+    return count
