@@ -22,7 +22,7 @@ class Gait:
 
     speed: float = 0.6
     """Forward speed on a straight way [m/s], not scaled."""
-    step_time: float = 0.66
+    step_time: float = 0.64
     """From one touch-down to the next [s]."""
     double_support: float = 0.26
     """Share of the step time with both feet on the floor."""
@@ -253,6 +253,8 @@ def _body_places(start_yaw: float, route: Route, goal_xy: np.ndarray, goal_yaw: 
             step = pace * longest * np.cos(still) ** 2 * (1.0 - 0.6 * abs(turn) / gait.max_turn)
             gone += (total - gone) / max(1, round((total - gone) / step))
             pace = min(1.0, pace + 0.25)
+        if total - gone <= 0.05:  # begin to turn while arriving
+            yaw += float(np.clip(rot.wrap_angle(goal_yaw - yaw), -0.5 * gait.max_turn, 0.5 * gait.max_turn)) * (abs(turn) < 0.5 * gait.max_turn)
         centers.append(route.at(gone)[0])
         yaws.append(yaw)
     here = route.at(total)[0]

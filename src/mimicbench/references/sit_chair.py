@@ -13,7 +13,7 @@ from mimicbench.references.gait import Feet, Gait, around_box, balance, body_yaw
 from mimicbench.references.limbs import about_x, about_y, minimum_jerk, smooth, smooth_below, two_link
 
 FPS = 30.0
-REACH = 0.99
+REACH = 0.985
 """Share of its full length to which a leg may be stretched."""
 
 
@@ -165,19 +165,24 @@ def _pose(
         for joint, (child, parent) in enumerate(((upper, pelvis), (lower, upper), (foot, lower))):
             quat[:, thigh + joint] = rot.multiply(rot.conjugate(parent), child)
 
-    chest = rot.multiply(pelvis, quat[:, 1])
-    chest_pos = root + rot.rotate(pelvis, offsets[1])
-    forward, rest = minimum_jerk(progress / 0.65), minimum_jerk((progress - 0.65) / 0.75)
+    forward, rest = minimum_jerk(progress / 0.65), minimum_jerk((progress - 0.70) / 0.85)
     for sign, arm, thigh in ((1.0, 6, 12), (-1.0, 3, 9)):
-        # arms swing against the legs
+        # arms swing against the legs, come forward on the way down, and end with the hands on the thighs
         swing = style.arm_swing * sign * ahead / scale
         shoulder = rot.multiply(about_y(0.04 + 0.75 * swing - 1.15 * forward), about_x(np.full_like(swing, sign * 0.13)))
         elbow = about_y(-0.30 - 0.25 * np.maximum(0.0, 0.2 - swing) - 0.25 * forward)
-        on_thigh = root + rot.rotate(pelvis, offsets[thigh]) + rot.rotate(
-            rot.multiply(pelvis, quat[:, thigh]), np.array([0.085, 0.0, -0.27]) * scale
-        )  # fmt: skip
-        out = rot.rotate(chest, np.array([sign * 0.35, 1.0, 0.0]))
-        upper, lower, _ = two_link(chest_pos + rot.rotate(chest, offsets[arm]), on_thigh, out, -offsets[arm + 1, 2], -offsets[arm + 2, 2], False)
-        quat[:, arm] = rot.slerp(shoulder, rot.multiply(rot.conjugate(chest), upper), rest)
-        quat[:, arm + 1] = rot.slerp(elbow, rot.multiply(rot.conjugate(upper), lower), rest)
+        seated = _hand_on_thigh(skeleton, quat[-1], sign, arm, thigh, scale)
+        quat[:, arm] = rot.slerp(shoulder, seated[0], rest)
+        quat[:, arm + 1] = rot.slerp(elbow, seated[1], rest)
     return quat
+
+
+def _hand_on_thigh(skeleton: Skeleton, seated: np.ndarray, sign: float, arm: int, thigh: int, scale: float) -> tuple[np.ndarray, np.ndarray]:
+    """Local rotations (4,) of upper and lower arm that lay the wrist on the thigh, given all local rotations (15, 4) of the seated body."""
+    offsets = skeleton.offsets
+    on_thigh = offsets[thigh] + rot.rotate(seated[thigh], np.array([0.09, sign * 0.03, -0.29]) * scale)
+    chest = seated[1]
+    out = rot.rotate(chest, np.array([sign * 0.30, 1.0, 0.0]))
+    shoulder = offsets[1] + rot.rotate(chest, offsets[arm])
+    upper, lower, _ = two_link(shoulder, on_thigh, out, -offsets[arm + 1, 2], -offsets[arm + 2, 2], False)
+    return rot.multiply(rot.conjugate(chest), upper), rot.multiply(rot.conjugate(upper), lower)
