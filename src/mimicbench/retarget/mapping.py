@@ -1,14 +1,14 @@
 """Which robot link stands for which human joint (appendix B.1), and how their frames relate."""
 
 from collections.abc import Mapping as Dictionary
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion, UnknownName
-from mimicbench.core.motion import Skeleton
+from mimicbench.core.motion import Skeleton, forward_kinematics
 from mimicbench.robot.description import Robot
 
 Preset = Literal["paper", "improved"]
@@ -25,7 +25,14 @@ class Pair:
     carrier: str
     """The link after the last of the robot's joints that together make this human joint: only there does the joint's full rotation arrive."""
     shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Point that the link follows, in the human joint's frame [m]; the joint itself in `paper`."""
+    """From the human joint to the point that the link follows [m]; no shift in `paper`."""
+    surface: tuple[float, float] | None = None
+    """How far below the link and below the human joint at size 1 the surface is that bears weight [m]: the shift grows by their difference, so
+    that surface comes to lie on surface."""
+    frame: str | None = None
+    """Human joint whose axes the shift is in, if not `joint`."""
+    at_rest: bool = False
+    """Let the shift grow by what separates link and joint when both bodies stand, arms down, with their first pair in place."""
     weight: float = 1.0
     """Weight of the squared position error; 1 in `paper`."""
     turned_by: str | None = None
@@ -47,8 +54,6 @@ class Mapping:
     """Human joint and robot keypoint of each wrist, for L_hand."""
     feet: tuple[tuple[str, str], ...]
     """Human joint and robot link of each foot."""
-    ankle_height: float
-    """Height of the human's foot joint above its sole at size 1 [m]."""
     sole: tuple[tuple[float, float, float], ...]
     """Heel and toe of the robot's sole in the foot link's frame [m]."""
 
@@ -61,10 +66,30 @@ class Mapping:
 # Standing feet of an H1 are 0.406 m apart, those of the human 0.170 m. With no ankle roll, feet put where the human's are would tilt by
 # 8.5 degrees; where the H1's are, the gait would be a straddle. Half way they tilt by 4 degrees, 3 mm over the width of a sole.
 _ANKLE_OUT, _KNEE_OUT = 0.06, 0.09
-# The H1's pelvis frame is 0.174 m above its hips, the human's between them. Without the shift every walk is a crouch.
-_PELVIS_UP = 0.174
+# Down to the sole from the ankles, and down to the underside of the buttocks from the hips and from the pelvis frame: of the H1, of the human
+# at size 1. The H1's pelvis frame is 0.174 m above its hips, the human's between them: without this every walk would be a crouch.
+_SOLE, _HIP_SEAT, _PELVIS_SEAT = (0.07, 0.05), (0.061, 0.09), (0.235, 0.09)
 # A foot beside its place skates, a pelvis beside its place does not; and the H1 must reach the floor with legs that may be too short.
 _ANKLE_WEIGHT = 20.0
+
+
+def _sides(side: str, out: float) -> tuple[tuple[Pair, ...], tuple[Pair, ...]]:
+    """The pairs of one leg and one arm; `out` is the sign of y on this side."""
+    thigh, shin, foot = f"{side}_thigh", f"{side}_shin", f"{side}_foot"
+    leg = (
+        Pair(thigh, f"{side}_hip_yaw_link", f"{side}_hip_pitch_link", surface=_HIP_SEAT, frame="pelvis"),
+        Pair(thigh, f"{side}_hip_roll_link", f"{side}_hip_pitch_link", surface=_HIP_SEAT, frame="pelvis"),
+        Pair(shin, f"{side}_knee_link", f"{side}_knee_link", (0.02, out * _KNEE_OUT, 0.0)),
+        Pair(foot, f"{side}_ankle_link", f"{side}_ankle_link", (0.0, out * _ANKLE_OUT, 0.0), _SOLE, weight=_ANKLE_WEIGHT),
+    )
+    arm = (
+        Pair(f"{side}_upper_arm", f"{side}_shoulder_roll_link", f"{side}_shoulder_yaw_link", frame="torso", at_rest=True),
+        Pair(f"{side}_lower_arm", f"{side}_elbow_link", f"{side}_elbow_link", frame="torso", at_rest=True),
+    )
+    return leg, arm
+
+
+(_LEFT_LEG, _LEFT_ARM), (_RIGHT_LEG, _RIGHT_ARM) = _sides("left", 1.0), _sides("right", -1.0)
 
 UNIHSI_H1 = Mapping(
     skeleton="unihsi",
@@ -72,27 +97,16 @@ UNIHSI_H1 = Mapping(
     leg=("left_thigh", "left_shin", "left_foot"),
     leg_length=0.831416,
     pairs=(
-        Pair("pelvis", "pelvis", "pelvis", (0.0, 0.0, _PELVIS_UP)),
+        Pair("pelvis", "pelvis", "pelvis", surface=_PELVIS_SEAT),
         # The H1 has no waist: its one trunk answers for the human's pelvis and, in `improved`, for the human's torso too.
-        Pair("pelvis", "torso_link", "torso_link", (0.0, 0.0, _PELVIS_UP), turned_by="torso"),
-        Pair("left_thigh", "left_hip_yaw_link", "left_hip_pitch_link"),
-        Pair("left_thigh", "left_hip_roll_link", "left_hip_pitch_link"),
-        Pair("left_shin", "left_knee_link", "left_knee_link", (0.0, _KNEE_OUT, 0.0)),
-        Pair("left_foot", "left_ankle_link", "left_ankle_link", (0.0, _ANKLE_OUT, 0.0), _ANKLE_WEIGHT),
-        Pair("right_thigh", "right_hip_yaw_link", "right_hip_pitch_link"),
-        Pair("right_thigh", "right_hip_roll_link", "right_hip_pitch_link"),
-        Pair("right_shin", "right_knee_link", "right_knee_link", (0.0, -_KNEE_OUT, 0.0)),
-        Pair("right_foot", "right_ankle_link", "right_ankle_link", (0.0, -_ANKLE_OUT, 0.0), _ANKLE_WEIGHT),
-        Pair("left_upper_arm", "left_shoulder_roll_link", "left_shoulder_yaw_link"),
-        Pair("left_lower_arm", "left_elbow_link", "left_elbow_link"),
-        Pair("right_upper_arm", "right_shoulder_roll_link", "right_shoulder_yaw_link"),
-        Pair("right_lower_arm", "right_elbow_link", "right_elbow_link"),
+        Pair("pelvis", "torso_link", "torso_link", surface=_PELVIS_SEAT, turned_by="torso"),
+        *_LEFT_LEG, *_RIGHT_LEG, *_LEFT_ARM, *_RIGHT_ARM,
     ),
     wrists=(("left_hand", "left_wrist"), ("right_hand", "right_wrist")),
     feet=(("left_foot", "left_ankle_link"), ("right_foot", "right_ankle_link")),
-    ankle_height=0.05,
     sole=((-0.10, 0.0, -0.07), (0.20, 0.0, -0.07)),
-)
+)  # fmt: skip
+"""Table of appendix B.1."""
 
 MAPPINGS: Dictionary[tuple[str, str], Mapping] = {(m.skeleton, m.robot): m for m in (UNIHSI_H1,)}
 
@@ -113,7 +127,9 @@ class Bound:
     links: np.ndarray
     """(K,) robot link of each position pair."""
     shifts: np.ndarray
-    """(K, 3) followed point in the human joint's frame [m]."""
+    """(K, 3) from the human joint to the point that the link follows [m]."""
+    frames: np.ndarray
+    """(K,) human joint whose axes each shift is in."""
     weights: np.ndarray
     """(K,) of the squared position errors."""
     turn_joints: np.ndarray
@@ -140,18 +156,21 @@ def bind(mapping: Mapping, skeleton: Skeleton, robot: Robot, preset: Preset = "i
     `paper` is the table to the letter: every pair at the joints themselves, of equal weight, positions and orientations alike.
     """
     if preset == "paper":
-        pairs = tuple(replace(pair, shift=(0.0, 0.0, 0.0), weight=1.0, carrier=pair.link, turned_by=None) for pair in mapping.pairs)
+        pairs = tuple(Pair(pair.joint, pair.link, pair.link) for pair in mapping.pairs)
     else:
         pairs = mapping.pairs
-    shifts = np.array([pair.shift for pair in pairs])
-    if preset != "paper":
-        # Sole lies on sole, whatever the foot's pitch: the H1's ankle is higher above its sole than the human's.
-        is_foot = np.isin([pair.joint for pair in pairs], [joint for joint, _ in mapping.feet])
-        shifts[is_foot, 2] -= mapping.sole[0][2] + mapping.ankle_height * mapping.size_of(skeleton)
+    joints, links = np.array([skeleton.index(pair.joint) for pair in pairs]), np.array([_link(robot, pair.link) for pair in pairs])
     turn_links = np.array([_link(robot, pair.carrier) for pair in pairs])
-    arms_down = np.array([robot.arms_down.get(name, 0.0) for name in robot.joint_names])
     # The human's joint frames are all parallel to the world in its rest pose, so the robot's link orientations are the offsets.
-    _, offsets = robot.forward_kinematics(np.zeros(3), rot.IDENTITY, arms_down)
+    arms_down = np.array([robot.arms_down.get(name, 0.0) for name in robot.joint_names])
+    rest, offsets = robot.forward_kinematics(np.zeros(3), rot.IDENTITY, arms_down)
+    human_rest, _ = forward_kinematics(skeleton, np.zeros(3), np.tile(rot.IDENTITY, (len(skeleton.joint_names), 1)))
+    shifts, size = np.array([pair.shift for pair in pairs]), mapping.size_of(skeleton)
+    for i, pair in enumerate(pairs):
+        if pair.surface:
+            shifts[i, 2] += pair.surface[0] - pair.surface[1] * size
+        if pair.at_rest:
+            shifts[i] += (rest[links[i]] - rest[links[0]]) - (human_rest[joints[i]] - human_rest[joints[0]]) + shifts[0]
     carriers = sorted({_link(robot, pair.carrier): skeleton.index(pair.turned_by or pair.joint) for pair in mapping.pairs}.items())
     wrists = []
     for joint, name in mapping.wrists:
@@ -160,9 +179,10 @@ def bind(mapping: Mapping, skeleton: Skeleton, robot: Robot, preset: Preset = "i
         link, point = robot.keypoints[name]
         wrists.append((skeleton.index(joint), link, np.array(point)))
     return Bound(
-        joints=np.array([skeleton.index(pair.joint) for pair in pairs]),
-        links=np.array([_link(robot, pair.link) for pair in pairs]),
+        joints=joints,
+        links=links,
         shifts=shifts,
+        frames=np.array([skeleton.index(pair.frame or pair.joint) for pair in pairs]),
         weights=np.array([pair.weight for pair in pairs]),
         turn_joints=np.array([skeleton.index(pair.turned_by or pair.joint) for pair in pairs]),
         turn_links=turn_links,
@@ -173,6 +193,11 @@ def bind(mapping: Mapping, skeleton: Skeleton, robot: Robot, preset: Preset = "i
         feet=tuple((skeleton.index(joint), _link(robot, link)) for joint, link in mapping.feet),
         sole=np.array(mapping.sole),
     )
+
+
+def followed_points(bound: Bound, pos_w: np.ndarray, quat_w: np.ndarray) -> np.ndarray:
+    """World points (T, K, 3) [m] that the links follow, from the human's joint poses (T, J, 3) and (T, J, 4)."""
+    return pos_w[:, bound.joints] + rot.rotate(quat_w[:, bound.frames], bound.shifts)
 
 
 def _link(robot: Robot, name: str) -> int:

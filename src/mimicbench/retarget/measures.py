@@ -5,7 +5,7 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.retarget.grounding import sole_heights
 from mimicbench.retarget.kinematics import Links, Pose
-from mimicbench.retarget.mapping import Bound
+from mimicbench.retarget.mapping import Bound, followed_points
 from mimicbench.robot.description import Robot
 
 
@@ -32,7 +32,7 @@ def measure(
         deepest point of a sole under the floor at any time [m]; sole_tilt: mean angle between a stance sole and the floor [rad]; knee: mean knee
         bend while a foot stands and the pelvis moves faster than 0.3 m/s, that is in walking [rad] (0 where there is no walking).
     """
-    targets = human_pos_w[:, bound.joints] + rot.rotate(human_quat_w[:, bound.joints], bound.shifts)
+    targets = followed_points(bound, human_pos_w, human_quat_w)
     errors = np.linalg.norm(links.pos[:, bound.links] - targets, axis=-1)
     is_foot = np.isin(bound.links, [link for _, link in bound.feet])
     turns = rot.angle_between(links.quat[:, bound.turn_links], rot.multiply(human_quat_w[:, bound.turn_joints], bound.turn_offsets))

@@ -23,7 +23,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.retarget.grounding import ground, stance
 from mimicbench.retarget.kinematics import Jacobian, Links, Pose, Tree, tree_of
-from mimicbench.retarget.mapping import Bound, Preset, bind, find_mapping
+from mimicbench.retarget.mapping import Bound, Preset, bind, find_mapping, followed_points
 from mimicbench.retarget.measures import measure
 from mimicbench.robot.description import Robot
 
@@ -118,7 +118,7 @@ def make_problem(bound: Bound, tree: Tree, limits: np.ndarray, pos_w: np.ndarray
     """Targets and weights from the human's joint poses (T, J, 3) and (T, J, 4)."""
     frames, pairs = len(pos_w), len(bound.links)
     links, offsets = [bound.links], [np.zeros((pairs, 3))]
-    targets = [pos_w[:, bound.joints] + rot.rotate(quat_w[:, bound.joints], bound.shifts)]
+    targets = [followed_points(bound, pos_w, quat_w)]
     weights = [config.position * bound.weights / (frames * pairs)]
     if config.hand > 0:
         joints, wrist_links, points = zip(*bound.wrists, strict=True)
@@ -166,7 +166,7 @@ def copy_rotations(bound: Bound, tree: Tree, limits: np.ndarray, pos_w: np.ndarr
         else:
             joints[:, columns] = rot.to_rotvec(turn) @ np.array(axes).T
     wrapped = np.mean(limits, 1) + rot.wrap_angle(joints - np.mean(limits, 1))
-    return Pose(pos_w[:, bound.joints[0]] + rot.rotate(quat_w[:, bound.joints[0]], bound.shifts[0]), turned[0], np.clip(wrapped, limits[:, 0], limits[:, 1]))
+    return Pose(followed_points(bound, pos_w, quat_w)[:, 0], turned[0], np.clip(wrapped, limits[:, 0], limits[:, 1]))
 
 
 def solve(problem: Problem, start: Pose, iterations: int, tolerance: float) -> tuple[Pose, list[float]]:
