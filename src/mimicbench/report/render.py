@@ -22,8 +22,6 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.report.person import Placed, place, solids_of
 from mimicbench.sim.scene import ROBOT_GROUP, VISUAL_GROUP
 
-_mj: Any = mujoco  # its type stubs leave out the drawing half
-
 FIELD_OF_VIEW = 0.61
 """Vertical opening of the camera [rad], 35 degrees: long enough that nothing near the edge is stretched."""
 _BACKDROP = (0.90, 0.915, 0.935)
@@ -69,14 +67,14 @@ class Painter:
         self.picture = picture
         self.model = _dressed(model, picture, camera)
         self.data = mujoco.MjData(self.model)
-        self.option = _mj.MjvOption()
+        self.option = mujoco.MjvOption()
         self._context, self._drawing = _open_context(self.model, picture)
-        self._scene = _mj.MjvScene(self.model, _MAX_SHAPES)
-        self._scene.flags[_mj.mjtRndFlag.mjRND_SHADOW] = picture.shadow > 0
-        self._scene.flags[_mj.mjtRndFlag.mjRND_REFLECTION] = 0
-        self._scene.flags[_mj.mjtRndFlag.mjRND_HAZE] = 0
-        self._scene.flags[_mj.mjtRndFlag.mjRND_FOG] = 1
-        self._camera = _mj.MjvCamera()
+        self._scene = mujoco.MjvScene(self.model, _MAX_SHAPES)
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = picture.shadow > 0
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_HAZE] = 0
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_FOG] = 1
+        self._camera = mujoco.MjvCamera()
         self.aim(camera)
 
     def aim(self, camera: Camera) -> None:
@@ -84,7 +82,7 @@ class Painter:
         self._camera.lookat[:] = camera.lookat
         self._camera.distance, self._camera.azimuth, self._camera.elevation = camera.distance, camera.azimuth, camera.elevation
 
-    def draw(self, qpos: np.ndarray | None = None, add: Callable[[Any], None] | None = None) -> np.ndarray:
+    def draw(self, qpos: np.ndarray | None = None, add: Callable[[mujoco.MjvScene], None] | None = None) -> np.ndarray:
         """A picture (height, width, 3), uint8.
 
         Args:
@@ -95,14 +93,14 @@ class Painter:
             self.data.qpos[:] = qpos
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
-        _mj.mjv_updateScene(self.model, self.data, self.option, None, self._camera, _mj.mjtCatBit.mjCAT_ALL, self._scene)
+        mujoco.mjv_updateScene(self.model, self.data, self.option, None, self._camera, mujoco.mjtCatBit.mjCAT_ALL, self._scene)
         if add is not None:
             add(self._scene)
         self._context.make_current()
-        rect = _mj.MjrRect(0, 0, self.picture.width, self.picture.height)
-        _mj.mjr_render(rect, self._scene, self._drawing)
+        rect = mujoco.MjrRect(0, 0, self.picture.width, self.picture.height)
+        mujoco.mjr_render(rect, self._scene, self._drawing)
         pixels = np.empty((self.picture.height, self.picture.width, 3), np.uint8)
-        _mj.mjr_readPixels(pixels, None, rect, self._drawing)
+        mujoco.mjr_readPixels(pixels, None, rect, self._drawing)
         return pixels[::-1].copy()
 
     def close(self) -> None:
@@ -224,14 +222,14 @@ def _dressed(model: mujoco.MjModel, picture: Picture, camera: Camera) -> mujoco.
     return model
 
 
-def _open_context(model: mujoco.MjModel, picture: Picture) -> tuple[Any, Any]:
+def _open_context(model: mujoco.MjModel, picture: Picture) -> tuple[Any, mujoco.MjrContext]:
     """An OpenGL context and MuJoCo's resources in it. Raises NoPictures."""
     advice = "pictures and videos are left out (on Linux, install libegl1, or set MUJOCO_GL)"
     try:
         context = _context_class()(picture.width, picture.height)
         context.make_current()
-        drawing = _mj.MjrContext(model, _mj.mjtFontScale.mjFONTSCALE_100)
-        _mj.mjr_setBuffer(_mj.mjtFramebuffer.mjFB_OFFSCREEN, drawing)
+        drawing = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, drawing)
     except Exception as error:  # noqa: BLE001 every platform and driver fails in its own way, with its own exception
         raise NoPictures(f"there is no OpenGL to draw with ({type(error).__name__}: {error}); {advice}") from None
     if drawing.offWidth < picture.width or drawing.offHeight < picture.height:
@@ -247,19 +245,19 @@ def _context_class() -> Any:
             from mujoco.egl import GLContext
 
             return GLContext
-    return _mj.GLContext
+    return mujoco.GLContext
 
 
-def _add_shapes(scene: Any, placed: list[Placed]) -> None:
+def _add_shapes(scene: mujoco.MjvScene, placed: list[Placed]) -> None:
     for part in placed:
         if scene.ngeom >= scene.maxgeom:
             raise MimicbenchError(f"a picture has room for {scene.maxgeom} shapes; this scene needs more")
         solid, geom = part.solid, scene.geoms[scene.ngeom]
         rgba = np.array([*solid.rgb, 1.0], np.float32)
-        kind = getattr(_mj.mjtGeom, f"mjGEOM_{solid.kind.upper()}")
-        _mj.mjv_initGeom(geom, kind, np.array(solid.size), part.at_w, rot.to_matrix(part.quat_w).ravel(), rgba)
+        kind = getattr(mujoco.mjtGeom, f"mjGEOM_{solid.kind.upper()}")
+        mujoco.mjv_initGeom(geom, kind, np.array(solid.size), part.at_w, rot.to_matrix(part.quat_w).ravel(), rgba)
         if solid.kind == "capsule":
-            _mj.mjv_connector(geom, kind, solid.size[0], part.at_w, part.to_w)
-        geom.category = _mj.mjtCatBit.mjCAT_DYNAMIC  # decoration would cast no shadow
+            mujoco.mjv_connector(geom, kind, solid.size[0], part.at_w, part.to_w)
+        geom.category = mujoco.mjtCatBit.mjCAT_DYNAMIC  # decoration would cast no shadow
         geom.specular, geom.shininess = 0.15, 0.2
         scene.ngeom += 1
