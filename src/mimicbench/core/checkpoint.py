@@ -1,0 +1,143 @@
+"""Trained networks on disk: `config.json` that says what they are, `model.safetensors` that holds the numbers.
+
+Whoever loads a checkpoint names the kind and the robot that it must be of; the arrays are compared with the shapes
+that the network built from the configuration has. Nothing in either file is executed. `model.safetensors` is written
+first and `config.json` last, each atomically, so a folder with a `config.json` is a whole checkpoint.
+"""
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, Any, TypeVar
+
+import msgspec
+import numpy as np
+import safetensors
+import safetensors.numpy
+
+from mimicbench.core.errors import BadFile
+from mimicbench.core.files import read_json, write_atomic, write_json
+
+FORMAT = 1
+CONFIG = "config.json"
+MODEL = "model.safetensors"
+MAX_BYTES = 4 << 30  # the largest network here has 100 million parameters: 0.4 GiB
+
+Config = TypeVar("Config")
+
+
+class BadCheckpoint(BadFile):
+    """A checkpoint is missing, cut off, of another kind or robot, or does not fit its network."""
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A checkpoint as read: its arrays are not yet compared with a network (see `matching`)."""
+
+    folder: Path
+    kind: str
+    """What it is: `tracker`, `planner`, `act`, `bc`, `perception`."""
+    robot: str
+    """The robot that it drives, such as `h1`."""
+    config: Mapping[str, Any]
+    """The configuration that the network is built from, as plain JSON values."""
+    tensors: Mapping[str, np.ndarray]
+    notes: Mapping[str, Any] = field(default_factory=dict)
+    """How it came to be: steps, seed, the fingerprint of its data, scores. Nothing depends on it."""
+
+    def config_as(self, config_type: type[Config]) -> Config:
+        """The configuration as a dataclass. Raises BadCheckpoint if it does not fit."""
+        try:
+            return msgspec.convert(self.config, config_type, strict=False)
+        except (msgspec.ValidationError, TypeError, ValueError) as error:
+            raise BadCheckpoint(f"{self.folder / CONFIG} does not describe a {self.kind} ({error}); train it again with this version") from None
+
+    def matching(self, shapes: Mapping[str, tuple[int, ...]]) -> dict[str, np.ndarray]:
+        """The arrays, if they are exactly those of `shapes`. Raises BadCheckpoint with the first one that differs."""
+        for name, shape in shapes.items():
+            if name not in self.tensors:
+                raise BadCheckpoint(f"{self.folder / MODEL} lacks {name!r}; it is not the {self.kind} that its {CONFIG} describes: train it again")
+            found = tuple(self.tensors[name].shape)
+            if found != tuple(shape):
+                raise BadCheckpoint(
+                    f"{self.folder / MODEL}: {name!r} is {_by(found)}, but the {self.kind} of its {CONFIG} needs {_by(tuple(shape))}; train it again"
+                )
+        extra = sorted(set(self.tensors) - set(shapes))
+        if extra:
+            raise BadCheckpoint(f"{self.folder / MODEL} holds {extra[0]!r}, which the {self.kind} of its {CONFIG} does not have; train it again")
+        return dict(self.tensors)
+
+
+def save_checkpoint(folder: Path, kind: str, robot: str, config: Any, tensors: Mapping[str, np.ndarray], notes: Mapping[str, Any] | None = None) -> None:
+    """Write a checkpoint, whole or not at all, over an earlier one if there is one.
+
+    Args:
+        folder: Where `config.json` and `model.safetensors` go; made if missing.
+        kind: What it is, checked on loading.
+        robot: The robot's name, checked on loading.
+        config: A dataclass, a msgspec struct or a mapping of plain values.
+        tensors: Arrays by name; all must be finite.
+        notes: What to keep about how it was made, plain values.
+    """
+    for name, array in tensors.items():
+        if np.issubdtype(array.dtype, np.floating) and not np.isfinite(array).all():
+            raise BadCheckpoint(f"{name!r} of this {kind} is not finite: training diverged, so {folder} keeps what it held; train with a smaller learning rate")
+    plain = dataclasses.asdict(config) if dataclasses.is_dataclass(config) and not isinstance(config, type) else config
+    data = safetensors.numpy.save({name: np.ascontiguousarray(array) for name, array in sorted(tensors.items())}, {"kind": kind, "robot": robot})
+
+    def write(stream: IO[bytes]) -> None:
+        stream.write(data)
+
+    write_atomic(folder / MODEL, write)
+    header = {"format": FORMAT, "kind": kind, "robot": robot, "config": msgspec.to_builtins(plain), "notes": msgspec.to_builtins(notes or {})}
+    write_json(folder / CONFIG, header)
+
+
+def load_checkpoint(folder: Path, kind: str | None = None, robot: str | None = None) -> Checkpoint:
+    """Read a checkpoint; `kind` and `robot`, if given, are what it must be of. Raises BadCheckpoint."""
+    header = _read_header(folder)
+    if kind is not None and header["kind"] != kind:
+        raise BadCheckpoint(f"{folder} is a checkpoint of kind {header['kind']!r}, not {kind!r}; give the folder of a {kind}")
+    if robot is not None and header["robot"] != robot:
+        raise BadCheckpoint(f"{folder} is a checkpoint of another robot, {header['robot']!r}; train one for {robot!r}, or choose that robot")
+    tensors = read_tensors(folder / MODEL)
+    return Checkpoint(folder, header["kind"], header["robot"], header["config"], tensors, header["notes"])
+
+
+def checkpoint_kind(folder: Path) -> str:
+    """What kind of checkpoint a folder holds, without reading its arrays. Raises BadCheckpoint."""
+    return _read_header(folder)["kind"]
+
+
+def read_tensors(path: Path) -> dict[str, np.ndarray]:
+    """The arrays of a safetensors file, bounded in size. Raises BadCheckpoint."""
+    if not path.is_file():
+        raise BadCheckpoint(f"{path} does not exist; train or download the whole checkpoint")
+    if path.stat().st_size > MAX_BYTES:
+        raise BadCheckpoint(f"{path} is larger than {MAX_BYTES >> 30} GiB; it is not a checkpoint of ours")
+    try:
+        tensors = safetensors.numpy.load_file(path)
+    except (safetensors.SafetensorError, OSError, ValueError, KeyError, TypeError) as error:
+        raise BadCheckpoint(f"{path} cannot be read ({error}); it is cut off or not a safetensors file: copy or train it again") from None
+    for name, array in tensors.items():
+        if np.issubdtype(array.dtype, np.floating) and not np.isfinite(array).all():
+            raise BadCheckpoint(f"{path}: {name!r} holds numbers that are not finite; use an earlier checkpoint or train it again")
+    return tensors
+
+
+def _read_header(folder: Path) -> dict[str, Any]:
+    path = folder / CONFIG
+    if not path.is_file():
+        raise BadCheckpoint(f"{folder} is not a checkpoint: it has no {CONFIG}; give a folder that training wrote")
+    header = read_json(path, max_bytes=1 << 20)
+    kinds = {"format": int, "kind": str, "robot": str, "config": dict, "notes": dict}
+    if not isinstance(header, dict) or any(not isinstance(header.get(key), kind) for key, kind in kinds.items()):
+        raise BadCheckpoint(f"{path} does not describe a checkpoint; give a folder that training wrote")
+    if header["format"] != FORMAT:
+        raise BadCheckpoint(f"{path} has checkpoint format {header['format']}, this version reads {FORMAT}; install the version that wrote it, or train again")
+    return header
+
+
+def _by(shape: tuple[int, ...]) -> str:
+    return " x ".join(str(size) for size in shape) or "a single number"

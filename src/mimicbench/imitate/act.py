@@ -1,0 +1,215 @@
+"""Action chunking with transformers (Zhao et al. 2023), as the paper uses it: one map, one state, a chunk of joint targets.
+
+Training: a conditional variational autoencoder. Its encoder reads [CLS, state, the demonstrated chunk] and gives the mean
+and log-variance of a latent z, which stands for what state and map do not decide. The policy, which is the decoder,
+reads [z, state, one token per map feature] with a transformer encoder, and a transformer decoder turns one learned
+query per frame of the chunk into actions:
+
+    loss = L1(actions) + kl_weight * KL(q(z | state, actions) || N(0, 1))
+
+At inference z = 0 and only the first action of the chunk is executed, in every frame: no open-loop chunk, no ensembling.
+
+Two things differ from the original program on purpose. It declares seven decoder layers but reads the output of the
+first, so six of them are never trained; here the last layer's output is read. And its image network starts from
+weights learned on photographs and keeps them almost as they are; here it is learned from nothing, on height maps.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from mimicbench.imitate.encoder import Encoder, EncoderConfig
+from mimicbench.imitate.inputs import Batch, InputConfig, Learner
+
+
+@dataclass(frozen=True)
+class ACTConfig:
+    """The network. The defaults are the original's and the paper's."""
+
+    inputs: InputConfig = field(default_factory=InputConfig)
+    """What it sees."""
+    encoder: EncoderConfig = field(default_factory=EncoderConfig)
+    """The network that reads the map."""
+    action_size: int = 19
+    """Joints."""
+    chunk: int = 100
+    """Frames that are predicted at once."""
+    hidden: int = 512
+    """Width of all tokens."""
+    feedforward: int = 3200
+    """Width inside the feed-forward blocks."""
+    heads: int = 8
+    """Attention heads."""
+    posterior_layers: int = 4
+    """Of the variational encoder."""
+    encoder_layers: int = 4
+    """Of the policy's transformer encoder."""
+    decoder_layers: int = 7
+    """Of the policy's transformer decoder. All are used."""
+    latent: int = 32
+    """Numbers in z."""
+    dropout: float = 0.1
+    """Share of activations that are dropped in training."""
+    kl_weight: float = 10.0
+    """Weight of the divergence in the loss."""
+
+    @staticmethod
+    def paper(inputs: InputConfig | None = None) -> "ACTConfig":
+        """The original's sizes: about 84 million parameters."""
+        return ACTConfig(inputs=inputs or InputConfig())
+
+    @staticmethod
+    def small(inputs: InputConfig | None = None) -> "ACTConfig":
+        """For a CPU: about 1 million parameters, half a second ahead."""
+        return ACTConfig(
+            inputs=inputs or InputConfig(), encoder=EncoderConfig.small(), chunk=25, hidden=128, feedforward=256, heads=4,
+            posterior_layers=1, encoder_layers=2, decoder_layers=1, latent=16, dropout=0.05,
+        )  # fmt: skip
+
+
+class ACT(Learner):
+    """The whole of it: variational encoder, map encoder, transformer, action head."""
+
+    def __init__(self, config: ACTConfig) -> None:
+        super().__init__(config.inputs, config.chunk, config.action_size)
+        self.config = config
+        width = config.hidden
+        # variational encoder: only in training
+        self.cls = nn.Parameter(torch.randn(1, 1, width))
+        self.state_to_posterior = nn.Linear(config.inputs.size, width)
+        self.action_to_posterior = nn.Linear(config.action_size, width)
+        self.posterior_layers = nn.ModuleList(_EncoderLayer(config) for _ in range(config.posterior_layers))
+        self.posterior = nn.Linear(width, 2 * config.latent)
+        self.register_buffer("posterior_positions", _sine_positions(config.chunk + 2, width), persistent=False)
+        # policy
+        self.latent_to_token = nn.Linear(config.latent, width)
+        self.state_to_token = nn.Linear(config.inputs.size, width)
+        self.token_positions = nn.Parameter(torch.randn(1, 2, width))
+        if config.inputs.elevation:
+            self.map_encoder = Encoder(config.encoder)
+            self.map_to_token = nn.Conv2d(config.encoder.widths[-1], width, 1)
+            self.register_buffer("map_positions", _sine_positions_2d(config.encoder.side, width), persistent=False)
+        self.encoder_layers = nn.ModuleList(_EncoderLayer(config) for _ in range(config.encoder_layers))
+        self.decoder_layers = nn.ModuleList(_DecoderLayer(config) for _ in range(config.decoder_layers))
+        self.decoder_norm = nn.LayerNorm(width)
+        self.queries = nn.Parameter(torch.randn(1, config.chunk, width))
+        self.head = nn.Linear(width, config.action_size)
+        for module in (self.posterior_layers, self.encoder_layers, self.decoder_layers):
+            for weight in module.parameters():
+                if weight.dim() > 1:
+                    nn.init.xavier_uniform_(weight)
+
+    def loss(self, batch: Batch, generator: torch.Generator | None = None) -> dict[str, Tensor]:
+        """L1 over the frames of the chunk that exist, and the divergence of z."""
+        state, actions = self.normalized_input(batch.vector), self.normalized_actions(batch.actions)
+        mean, log_variance = self._posterior(state, actions, batch.pad)
+        z = mean + (0.5 * log_variance).exp() * torch.randn(mean.shape, generator=generator, device=mean.device)
+        found = self._decode(z, state, batch.elevation)
+        l1 = ((found - actions).abs() * ~batch.pad[..., None]).mean()
+        kl = -0.5 * (1 + log_variance - mean.square() - log_variance.exp()).sum(-1).mean()
+        return {"loss": l1 + self.config.kl_weight * kl, "l1": l1, "kl": kl}
+
+    def predict(self, vector: Tensor, elevation: Tensor | None) -> Tensor:
+        """The first action (N, A) [rad] of the chunk for z = 0."""
+        state = self.normalized_input(vector)
+        chunk = self._decode(state.new_zeros(len(state), self.config.latent), state, elevation)
+        return chunk[:, 0] * self.action_std + self.action_mean
+
+    def _posterior(self, state: Tensor, actions: Tensor, pad: Tensor) -> tuple[Tensor, Tensor]:
+        """Mean and log-variance (B, latent) of q(z | state, actions)."""
+        tokens = torch.cat([self.cls.expand(len(state), -1, -1), self.state_to_posterior(state)[:, None], self.action_to_posterior(actions)], 1)
+        visible = torch.cat([pad.new_ones(len(pad), 2), ~pad], 1)[:, None, None]
+        for layer in self.posterior_layers:
+            tokens = layer(tokens, self.get_buffer("posterior_positions"), visible)
+        mean, log_variance = self.posterior(tokens[:, 0]).chunk(2, -1)
+        return mean, log_variance
+
+    def _decode(self, z: Tensor, state: Tensor, elevation: Tensor | None) -> Tensor:
+        """Normalized actions (B, chunk, A)."""
+        tokens = [self.latent_to_token(z)[:, None], self.state_to_token(state)[:, None]]
+        positions = self.token_positions
+        if self.inputs.elevation:
+            if elevation is None:
+                raise ValueError("this learner sees elevation maps; give it one")
+            features = self.map_to_token(self.map_encoder(self.normalized_map(elevation)))
+            tokens.append(features.flatten(2).transpose(1, 2))
+            positions = torch.cat([positions, self.get_buffer("map_positions")], 1)
+        memory = torch.cat(tokens, 1)
+        for layer in self.encoder_layers:
+            memory = layer(memory, positions)
+        chunk = torch.zeros_like(self.queries).expand(len(z), -1, -1)
+        for layer in self.decoder_layers:
+            chunk = layer(chunk, self.queries, memory, positions)
+        return self.head(self.decoder_norm(chunk))
+
+
+class _Attention(nn.Module):
+    """Multi-head attention of queries (B, Q, D) over keys and values (B, K, D)."""
+
+    def __init__(self, config: ACTConfig) -> None:
+        super().__init__()
+        self.heads, self.dropout = config.heads, config.dropout
+        self.query, self.key = nn.Linear(config.hidden, config.hidden), nn.Linear(config.hidden, config.hidden)
+        self.value, self.out = nn.Linear(config.hidden, config.hidden), nn.Linear(config.hidden, config.hidden)
+
+    def forward(self, query: Tensor, key: Tensor, value: Tensor, visible: Tensor | None = None) -> Tensor:
+        """`visible` (B, 1, 1, K): which keys may be looked at; all if None."""
+        q, k, v = (self._split(layer(x)) for layer, x in ((self.query, query), (self.key, key), (self.value, value)))
+        mixed = functional.scaled_dot_product_attention(q, k, v, visible, self.dropout if self.training else 0.0)
+        return self.out(mixed.transpose(1, 2).flatten(2))
+
+    def _split(self, x: Tensor) -> Tensor:
+        return x.unflatten(-1, (self.heads, -1)).transpose(1, 2)
+
+
+class _EncoderLayer(nn.Module):
+    """Self-attention and feed-forward, normalized after each. Positions are added to queries and keys only."""
+
+    def __init__(self, config: ACTConfig) -> None:
+        super().__init__()
+        self.attention, self.feedforward = _Attention(config), _feedforward(config)
+        self.norms = nn.ModuleList(nn.LayerNorm(config.hidden) for _ in range(2))
+        self.dropout = nn.Dropout(config.dropout)
+
+    def forward(self, x: Tensor, positions: Tensor, visible: Tensor | None = None) -> Tensor:
+        placed = x + positions
+        x = self.norms[0](x + self.dropout(self.attention(placed, placed, x, visible)))
+        return self.norms[1](x + self.dropout(self.feedforward(x)))
+
+
+class _DecoderLayer(nn.Module):
+    """Self-attention among the chunk, attention to the encoder's tokens, feed-forward."""
+
+    def __init__(self, config: ACTConfig) -> None:
+        super().__init__()
+        self.attention, self.look, self.feedforward = _Attention(config), _Attention(config), _feedforward(config)
+        self.norms = nn.ModuleList(nn.LayerNorm(config.hidden) for _ in range(3))
+        self.dropout = nn.Dropout(config.dropout)
+
+    def forward(self, x: Tensor, queries: Tensor, memory: Tensor, positions: Tensor) -> Tensor:
+        placed = x + queries
+        x = self.norms[0](x + self.dropout(self.attention(placed, placed, x)))
+        x = self.norms[1](x + self.dropout(self.look(x + queries, memory + positions, memory)))
+        return self.norms[2](x + self.dropout(self.feedforward(x)))
+
+
+def _feedforward(config: ACTConfig) -> nn.Module:
+    return nn.Sequential(nn.Linear(config.hidden, config.feedforward), nn.ReLU(), nn.Dropout(config.dropout), nn.Linear(config.feedforward, config.hidden))
+
+
+def _sine_positions(length: int, width: int) -> Tensor:
+    """(1, length, width): sin and cos of i / 10000^(2 k / width) (Vaswani et al. 2017)."""
+    rate = torch.exp(torch.arange(0, width, 2) * (-math.log(10000.0) / width))
+    phase = torch.arange(length)[:, None] * rate
+    return torch.stack([phase.sin(), phase.cos()], -1).flatten(1)[None]
+
+
+def _sine_positions_2d(side: int, width: int) -> Tensor:
+    """(1, side * side, width): half of the numbers tell the row, half the column, both scaled to 0..2 pi (Carion et al. 2020)."""
+    place = (torch.arange(side) + 1.0) / side * (2 * math.pi)
+    rate = torch.exp(torch.arange(0, width // 2, 2) * (-math.log(10000.0) / (width // 2)))
+    line = torch.stack([(place[:, None] * rate).sin(), (place[:, None] * rate).cos()], -1).flatten(1)
+    return torch.cat([line[:, None].expand(-1, side, -1), line[None].expand(side, -1, -1)], -1).reshape(1, side * side, width)

@@ -1,0 +1,75 @@
+"""Behavior cloning with a convolutional network and a multilayer perceptron, the baseline CNNMLP of the ACT repository.
+
+Features of the map pass three 5 x 5 convolutions without activation, are laid out beside the state, and an MLP of two
+hidden layers gives the action; the loss is the mean squared error. The original's convolutions have no padding, which
+needs a photograph's size; here they keep the 4 x 4 grid of a 128 x 128 map.
+"""
+
+from dataclasses import dataclass, field
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from mimicbench.imitate.encoder import Encoder, EncoderConfig
+from mimicbench.imitate.inputs import Batch, InputConfig, Learner
+
+
+@dataclass(frozen=True)
+class BCConfig:
+    """The network. The defaults are the original's."""
+
+    inputs: InputConfig = field(default_factory=InputConfig)
+    """What it sees."""
+    encoder: EncoderConfig = field(default_factory=EncoderConfig)
+    """The network that reads the map."""
+    action_size: int = 19
+    """Joints."""
+    reduce: tuple[int, ...] = (128, 64, 32)
+    """Channels of the convolutions after the encoder."""
+    hidden: int = 1024
+    """Width of the MLP's two hidden layers."""
+
+    @staticmethod
+    def paper(inputs: InputConfig | None = None) -> "BCConfig":
+        """The original's sizes: about 15 million parameters."""
+        return BCConfig(inputs=inputs or InputConfig())
+
+    @staticmethod
+    def small(inputs: InputConfig | None = None) -> "BCConfig":
+        """For a CPU: about 800 thousand parameters."""
+        return BCConfig(inputs=inputs or InputConfig(), encoder=EncoderConfig.small(), reduce=(48, 32, 16), hidden=512)
+
+
+class BC(Learner):
+    """Map and state -> the action of the present frame."""
+
+    def __init__(self, config: BCConfig) -> None:
+        super().__init__(config.inputs, 1, config.action_size)
+        self.config = config
+        size = config.inputs.size
+        if config.inputs.elevation:
+            self.map_encoder = Encoder(config.encoder)
+            widths = (config.encoder.widths[-1], *config.reduce)
+            self.reduce = nn.Sequential(*(nn.Conv2d(a, b, 5, padding=2) for a, b in zip(widths[:-1], widths[1:], strict=True)))
+            size += config.reduce[-1] * config.encoder.side**2
+        self.mlp = nn.Sequential(
+            nn.Linear(size, config.hidden), nn.ReLU(), nn.Linear(config.hidden, config.hidden), nn.ReLU(), nn.Linear(config.hidden, config.action_size)
+        )
+
+    def loss(self, batch: Batch, generator: torch.Generator | None = None) -> dict[str, Tensor]:
+        """Mean squared error of the normalized action."""
+        mse = functional.mse_loss(self._forward(batch.vector, batch.elevation), self.normalized_actions(batch.actions[:, 0]))
+        return {"loss": mse}
+
+    def predict(self, vector: Tensor, elevation: Tensor | None) -> Tensor:
+        """The action (N, A) [rad]."""
+        return self._forward(vector, elevation) * self.action_std + self.action_mean
+
+    def _forward(self, vector: Tensor, elevation: Tensor | None) -> Tensor:
+        x = self.normalized_input(vector)
+        if self.inputs.elevation:
+            if elevation is None:
+                raise ValueError("this learner sees elevation maps; give it one")
+            x = torch.cat([self.reduce(self.map_encoder(self.normalized_map(elevation))).flatten(1), x], -1)
+        return self.mlp(x)

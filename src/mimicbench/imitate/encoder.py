@@ -1,0 +1,98 @@
+"""A ResNet-18 for maps: 1 to 4 channels in, a grid of features out. No pretrained weights: height maps are not photographs."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+
+@dataclass(frozen=True)
+class EncoderConfig:
+    """The size of an encoder. The defaults are ResNet-18's: 128 x 128 cells become 4 x 4 x 512."""
+
+    channels: int = 1
+    """Channels of the map."""
+    cells: int = 128
+    """Side of the map, in cells."""
+    pool: int = 1
+    """Take the highest of this many cells squared first."""
+    widths: tuple[int, ...] = (64, 128, 256, 512)
+    """Channels of the four stages."""
+    blocks: tuple[int, ...] = (2, 2, 2, 2)
+    """Residual blocks per stage."""
+    strides: tuple[int, ...] = (1, 2, 2, 2)
+    """By what each stage divides the side, after the stem has divided it by 4."""
+    norm: str = "group"
+    """`group` (16 channels a group, the same in training and use) or `batch`."""
+    coordinates: bool = False
+    """Append two channels that hold each cell's place, from -1 to 1."""
+
+    @staticmethod
+    def small() -> "EncoderConfig":
+        """About 150 thousand parameters for a CPU: 4 x 4 x 64."""
+        return EncoderConfig(pool=2, widths=(16, 32, 48, 64), blocks=(1, 1, 1, 1), strides=(1, 2, 2, 1))
+
+    @property
+    def side(self) -> int:
+        """Side of the grid of features."""
+        side = self.cells // self.pool
+        for stride in (2, 2, *self.strides):
+            side = (side + stride - 1) // stride
+        return side
+
+
+class Encoder(nn.Module):
+    """Maps (N, channels, cells, cells) -> features (N, widths[-1], side, side)."""
+
+    def __init__(self, config: EncoderConfig) -> None:
+        super().__init__()
+        self.config = config
+        channels = config.channels + (2 if config.coordinates else 0)
+        self.stem = nn.Sequential(
+            nn.Conv2d(channels, config.widths[0], 7, 2, 3, bias=False), norm_layer(config.norm, config.widths[0]), nn.ReLU(), nn.MaxPool2d(3, 2, 1)
+        )
+        stages: list[nn.Module] = []
+        width_in = config.widths[0]
+        for width, blocks, stride in zip(config.widths, config.blocks, config.strides, strict=True):
+            for block in range(blocks):
+                stages.append(_Block(width_in, width, stride if block == 0 else 1, config.norm))
+                width_in = width
+        self.stages = nn.Sequential(*stages)
+
+    def forward(self, maps: Tensor) -> Tensor:
+        """Encode a batch of maps."""
+        if self.config.pool > 1:
+            maps = functional.max_pool2d(maps, self.config.pool)
+        if self.config.coordinates:
+            maps = append_coordinates(maps)
+        return self.stages(self.stem(maps))
+
+
+class _Block(nn.Module):
+    """relu(x + norm(conv(relu(norm(conv(x)))))), with a 1 x 1 convolution on the way past where the shape changes."""
+
+    def __init__(self, width_in: int, width: int, stride: int, norm: str) -> None:
+        super().__init__()
+        self.first = nn.Conv2d(width_in, width, 3, stride, 1, bias=False)
+        self.first_norm = norm_layer(norm, width)
+        self.second = nn.Conv2d(width, width, 3, 1, 1, bias=False)
+        self.second_norm = norm_layer(norm, width)
+        changes = stride != 1 or width_in != width
+        self.past = nn.Sequential(nn.Conv2d(width_in, width, 1, stride, bias=False), norm_layer(norm, width)) if changes else nn.Identity()
+
+    def forward(self, x: Tensor) -> Tensor:
+        y = functional.relu(self.first_norm(self.first(x)))
+        return functional.relu(self.past(x) + self.second_norm(self.second(y)))
+
+
+def norm_layer(norm: str, width: int) -> nn.Module:
+    """A normalization over `width` channels."""
+    return nn.BatchNorm2d(width) if norm == "batch" else nn.GroupNorm(max(1, width // 16), width)
+
+
+def append_coordinates(maps: Tensor) -> Tensor:
+    """Maps (N, C, H, W) with two more channels: the row's and the column's place, from -1 to 1."""
+    rows = torch.linspace(-1, 1, maps.shape[2], device=maps.device)[:, None].expand(maps.shape[2:])
+    columns = torch.linspace(-1, 1, maps.shape[3], device=maps.device)[None, :].expand(maps.shape[2:])
+    return torch.cat([maps, torch.stack([rows, columns]).expand(len(maps), -1, -1, -1)], 1)

@@ -1,0 +1,255 @@
+"""Where is the seat? A small network that reads it off one elevation map, and the memory of it that a policy carries along.
+
+A seat is six numbers in the heading frame of the robot's root: x, y of its middle [m], sine and cosine of the direction
+that it faces, its height above the floor [m] and its depth, front to back [m].
+
+The network looks at a window around whatever rises from the floor, with each cell's place in the robot's frame as two
+more channels (what is hidden depends on where one stands), and gives the seat relative to the window.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from mimicbench.core.checkpoint import load_checkpoint, save_checkpoint
+from mimicbench.core.errors import BadObject
+from mimicbench.core.seeds import digest
+from mimicbench.objects.shape import SceneObject
+from mimicbench.sense.heightmap import CELL, CELLS, ObjectMaps
+
+SEAT_SIZE = 6
+MEMORY_SIZE = 10
+_RAISED = 0.12
+"""[m] above the floor: what is higher belongs to an object; far above the noise."""
+_MIDDLE = (0.0, 0.0, 0.0, 0.0, 0.45, 0.45)
+_SPREAD = (0.1, 0.1, 1.0, 1.0, 0.05, 0.06)
+"""Middle and spread of the six outputs, so that the network's are near 1."""
+
+
+@dataclass(frozen=True)
+class PerceptionConfig:
+    """The network, the maps that it learns from, and how long."""
+
+    window: int = 48
+    """Side of the window, in cells: 1.92 m, room for every chair at any angle."""
+    widths: tuple[int, ...] = (24, 48, 64)
+    """Channels of the three strided convolutions."""
+    hidden: int = 128
+    """Width of the layer after them."""
+    distance: tuple[float, float] = (0.5, 2.3)
+    """[m] From the object's middle to the robot in the training maps."""
+    root_height: tuple[float, float] = (0.85, 1.1)
+    """[m] Of the root above the floor in the training maps."""
+    noise: float = 0.01
+    """[m] Deviation of each cell's height."""
+    dropout: float = 0.03
+    """Share of cells without a measurement."""
+    steps: int = 3000
+    """Batches of new maps."""
+    batch: int = 128
+    """Maps per batch."""
+    learning_rate: float = 2e-3
+    """At the start; falls to 0 along a cosine."""
+    seed: int = 0
+    """Of poses, noise and initial weights."""
+
+
+class Perception(nn.Module):
+    """Elevation maps (N, 128, 128) and root heights (N,) -> seats (N, 6)."""
+
+    def __init__(self, config: PerceptionConfig) -> None:
+        super().__init__()
+        self.config = config
+        layers: list[nn.Module] = []
+        width_in, side = 3, config.window
+        for index, width in enumerate(config.widths):
+            kernel = 5 if index == 0 else 3
+            layers += [nn.Conv2d(width_in, width, kernel, 2, kernel // 2, bias=False), nn.BatchNorm2d(width), nn.ReLU()]
+            width_in, side = width, (side + 1) // 2
+        layers += [nn.Flatten(), nn.Linear(width_in * side * side, config.hidden), nn.ReLU(), nn.Linear(config.hidden, SEAT_SIZE)]
+        self.layers = nn.Sequential(*layers)
+        self.register_buffer("middle", torch.tensor(_MIDDLE), persistent=False)
+        self.register_buffer("spread", torch.tensor(_SPREAD), persistent=False)
+
+    def forward(self, elevation: Tensor, root_height: Tensor) -> Tensor:
+        """Seats (N, 6); the direction is not yet of unit length.
+
+        Args:
+            elevation: (N, 128, 128) heights relative to the root [m] (see sense.heightmap).
+            root_height: (N,) height of the root above the floor [m].
+        """
+        height = elevation + root_height[:, None, None]
+        rows, columns = _window(height, self.config.window)
+        n = torch.arange(len(height), device=height.device)[:, None, None]
+        inside = ((rows >= 0) & (rows < CELLS))[:, :, None] & ((columns >= 0) & (columns < CELLS))[:, None, :]
+        view = torch.where(inside, height[n, rows.clamp(0, CELLS - 1)[:, :, None], columns.clamp(0, CELLS - 1)[:, None, :]], 0.0)
+        x, y = ((rows - (CELLS - 1) / 2) * CELL)[:, :, None].expand_as(view), ((columns - (CELLS - 1) / 2) * CELL)[:, None, :].expand_as(view)
+        seat = self.layers(torch.stack([view, 0.5 * x, 0.5 * y], 1)) * self.get_buffer("spread") + self.get_buffer("middle")
+        center = torch.stack([x.mean((1, 2)), y.mean((1, 2))], -1)
+        return torch.cat([seat[:, :2] + center, seat[:, 2:]], -1)
+
+    @torch.no_grad()
+    def perceive(self, elevation: Tensor, root_height: Tensor) -> Tensor:
+        """Seats (N, 6) as a policy remembers them: the direction has unit length."""
+        self.eval()
+        return unit_direction(self(elevation, root_height))
+
+
+def _window(height: Tensor, size: int) -> tuple[Tensor, Tensor]:
+    """Rows and columns (N, size) of the window around the middle of all cells above the floor; the map's middle if there are none."""
+    raised = (height > _RAISED).float()
+    count = raised.sum((1, 2))
+    index = torch.arange(height.shape[1], device=height.device)
+    middle = (height.shape[1] - 1) / 2
+    steps = torch.arange(size, device=height.device)
+    axes = []
+    for profile in (raised.sum(2), raised.sum(1)):
+        center = torch.where(count > 0, (profile * index).sum(1) / count.clamp(min=1), middle)
+        axes.append(torch.round(center - (size - 1) / 2).long()[:, None] + steps)
+    return axes[0], axes[1]
+
+
+def unit_direction(seat: Tensor) -> Tensor:
+    """Seats (N, 6) with the sine and cosine scaled to one direction."""
+    length = seat[:, 2:4].norm(dim=-1, keepdim=True).clamp(min=1e-6)
+    return torch.cat([seat[:, :2], seat[:, 2:4] / length, seat[:, 4:]], -1)
+
+
+def seat_of(obj: SceneObject) -> np.ndarray:
+    """x, y of the middle of the seat, its height and its depth (4,) [m], in the object's frame, where it faces +x. Raises BadObject."""
+    height = obj.require_seat()
+    if not len(obj.seat_polygon):
+        raise BadObject(f"object {obj.id} has no outline of its seat; describe it in seat_polygon")
+    low, high = obj.seat_polygon.min(0), obj.seat_polygon.max(0)
+    return np.array([*(low + high) / 2, height, high[0] - low[0]])
+
+
+def seat_in_root(seat: Tensor, root_pos: Tensor, root_yaw: Tensor) -> Tensor:
+    """Seats (N, 6) in the heading frame, from seats (N, 4) of `seat_of`, root positions (N, 2+) [m] and headings (N,) [rad]."""
+    cos, sin = root_yaw.cos(), root_yaw.sin()
+    dx, dy = seat[:, 0] - root_pos[:, 0], seat[:, 1] - root_pos[:, 1]
+    return torch.stack([cos * dx + sin * dy, cos * dy - sin * dx, -sin, cos, seat[:, 2], seat[:, 3]], -1)
+
+
+def disturb_seat(seat: Tensor, generator: torch.Generator | None = None) -> Tensor:
+    """Seats (N, 6) with errors as perception makes them: 2 cm in x and y, 0.03 rad, 0.5 cm of height, 2 cm of depth."""
+    noise = torch.randn(len(seat), 5, generator=generator, device=seat.device, dtype=seat.dtype)
+    turn = 0.03 * noise[:, 2]
+    sin = seat[:, 2] * turn.cos() + seat[:, 3] * turn.sin()
+    cos = seat[:, 3] * turn.cos() - seat[:, 2] * turn.sin()
+    xy = seat[:, :2] + 0.02 * noise[:, :2]
+    return torch.cat([xy, torch.stack([sin, cos, seat[:, 4] + 0.005 * noise[:, 3], seat[:, 5] + 0.02 * noise[:, 4]], -1)], -1)
+
+
+def seat_memory(seat: Tensor, odometry_pos: Tensor, odometry_yaw: Tensor) -> Tensor:
+    """What is remembered (N, 10): the seat (N, 6) as seen at the start, and x, y, sine and cosine of where it is by now.
+
+    Args:
+        seat: (N, 6) in the heading frame of the start.
+        odometry_pos: (N, 2) the root's position in the heading frame of the start, by its own reckoning [m].
+        odometry_yaw: (N,) its heading since then [rad].
+    """
+    cos, sin = odometry_yaw.cos(), odometry_yaw.sin()
+    dx, dy = seat[:, 0] - odometry_pos[:, 0], seat[:, 1] - odometry_pos[:, 1]
+    now = [cos * dx + sin * dy, cos * dy - sin * dx, seat[:, 2] * cos - seat[:, 3] * sin, seat[:, 3] * cos + seat[:, 2] * sin]
+    return torch.cat([seat, torch.stack(now, -1)], -1)
+
+
+class SeatMaps:
+    """Endless elevation maps of objects at random poses, with the seat that they show."""
+
+    def __init__(self, config: PerceptionConfig, objects: Sequence[SceneObject], name: str) -> None:
+        """`name` tells this source's random numbers from those of others with the same seed."""
+        self.config = config
+        self.generator = torch.Generator().manual_seed(digest(config.seed, "perception", name) % (1 << 63))
+        # a sensor with many points per cell shows edges farther out than one with few: both are learned
+        self.maps = [ObjectMaps(objects), ObjectMaps(objects, spread=CELL / 2)]
+        self.seats = torch.tensor(np.array([seat_of(obj) for obj in objects]), dtype=torch.float32)
+
+    def draw(self, count: int) -> tuple[Tensor, Tensor, Tensor]:
+        """Elevation maps (count, 128, 128), root heights (count,) and seats (count, 6)."""
+        config, g = self.config, self.generator
+        index = torch.randint(len(self.seats), (count,), generator=g)
+        uniform = torch.rand(5, count, generator=g)
+        distance = config.distance[0] + uniform[0] * (config.distance[1] - config.distance[0])
+        bearing, yaw = 2 * math.pi * uniform[1], 2 * math.pi * uniform[2]
+        height = config.root_height[0] + uniform[3] * (config.root_height[1] - config.root_height[0])
+        pos = torch.stack([distance * bearing.cos(), distance * bearing.sin(), height], -1)
+        maps = self.maps[int(torch.randint(2, (), generator=g))].sample(index, pos, yaw, occlusion=uniform[4] < 0.7)
+        missing = torch.rand(maps.shape, generator=g) < config.dropout
+        maps = torch.where(missing, -height[:, None, None], maps) + config.noise * torch.randn(maps.shape, generator=g)
+        return maps, height, seat_in_root(self.seats[index], pos, yaw)
+
+
+def train_perception(config: PerceptionConfig, objects: Sequence[SceneObject], report: Callable[[int, float], None] | None = None) -> Perception:
+    """Learn to see the seats of `objects`; the same seed gives the same network on one thread count.
+
+    Args:
+        config: Network, maps and length.
+        objects: Training objects; each must have a seat.
+        report: Called after each step with its number and loss, for a progress bar.
+    """
+    source = SeatMaps(config, objects, "train")
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(digest(config.seed, "perception", "weights") % (1 << 63))
+        net = Perception(config)
+    optimizer = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=1e-4)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, config.steps)
+    spread = net.get_buffer("spread")
+    net.train()
+    for step in range(config.steps):
+        maps, height, seat = source.draw(config.batch)
+        loss = functional.smooth_l1_loss(net(maps, height) / spread, seat / spread, beta=0.3)
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+        schedule.step()
+        if report is not None:
+            report(step, float(loss.detach()))
+    return net.eval()
+
+
+@dataclass(frozen=True)
+class PerceptionError:
+    """Root-mean-square errors of perceived seats, medians where a few ambiguous objects would decide."""
+
+    x: float
+    """[m] along the robot's heading."""
+    y: float
+    """[m] across it."""
+    yaw: float
+    """[rad] median of the absolute error; a square stool has no front."""
+    height: float
+    """[m]"""
+    depth: float
+    """[m]"""
+
+
+def evaluate_perception(net: Perception, objects: Sequence[SceneObject], maps: int = 1000, seed: int = 1) -> PerceptionError:
+    """Errors on maps that it has not seen, of `objects`."""
+    elevation, height, seat = SeatMaps(replace(net.config, seed=seed), objects, "evaluate").draw(maps)
+    found = net.perceive(elevation, height)
+    rms = ((found - seat) ** 2).mean(0).sqrt().tolist()
+    turn = torch.atan2(found[:, 2] * seat[:, 3] - found[:, 3] * seat[:, 2], found[:, 2] * seat[:, 2] + found[:, 3] * seat[:, 3])
+    return PerceptionError(rms[0], rms[1], float(turn.abs().median()), rms[4], rms[5])
+
+
+def save_perception(folder: Path, net: Perception, robot: str, error: PerceptionError | None = None) -> None:
+    """Write a checkpoint of kind `perception`."""
+    notes = {} if error is None else {"error": error.__dict__}
+    save_checkpoint(folder, "perception", robot, net.config, {name: value.numpy() for name, value in net.state_dict().items()}, notes)
+
+
+def load_perception(folder: Path, robot: str) -> Perception:
+    """Read what `save_perception` wrote. Raises BadCheckpoint."""
+    checkpoint = load_checkpoint(folder, "perception", robot)
+    net = Perception(checkpoint.config_as(PerceptionConfig))
+    arrays = checkpoint.matching({name: tuple(value.shape) for name, value in net.state_dict().items()})
+    net.load_state_dict({name: torch.from_numpy(array.copy()) for name, array in arrays.items()})
+    return net.eval()

@@ -1,0 +1,1 @@
+"""What the robot senses: proprioception, ego cameras, elevation maps."""
