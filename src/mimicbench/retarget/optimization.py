@@ -3,11 +3,11 @@
 State: M = {root orientation R, root position t, joint angles J} in all T frames. Loss (mean over frames and pairs):
 
     L = l_pos mean w |p - p*|^2 + l_hand mean |wrist - wrist*|^2 + l_ori mean angle(q, q*) + l_acc mean |d2J/dt2|
-        + l_floor mean min(0, sole height)^2                                   (the last is ours; 0 gives the paper's loss)
+        + l_root mean |d2t/dt2| + l_floor mean min(0, sole height)^2          (the last two are ours; 0 gives the paper's loss)
 
 The paper minimizes it by 3000 steps of Adam. Here every absolute value |x| is majorized by x^2 / (2 c) + c / 2 with
 c = sqrt(x^2 + eps^2) at the present x (iteratively reweighted least squares), and each Gauss-Newton step solves one
-linear system. Frames meet only in the accelerations, which join a joint's angles at t - 1, t, t + 1: the matrix is
+linear system. Frames meet only in the accelerations, which join one coordinate at t - 1, t, t + 1: the matrix is
 block-diagonal plus two diagonals, so a banded Cholesky factorization costs the same for each frame, however long the
 clip. Joint limits hold exactly: joints that would leave them are held at them and the others solved for again.
 """
@@ -45,10 +45,13 @@ class OptimizationConfig:
     so with 0.05 limbs keep the human's directions and only the heavier feet are placed by position."""
     acceleration: float = 1e-4
     """l_acc [s^2/rad]. A walk has about 10 rad/s^2 in the mean; a reduction of 1 rad/s^2 may cost 0.002 rad of orientation: jitter goes, the gait stays."""
+    root_acceleration: float = 1e-3
+    """l_root [s^2/m]: without it the root takes up what the smooth joints leave over, as in recordings with repeated frames. A walk has about 2 m/s^2.
+    0 in the paper."""
     floor: float = 50.0
     """l_floor [1/m^2]: the H1's foot is longer than the human's, its toe would enter the floor when the heel rises. 0 in the paper."""
-    softness: tuple[float, float] = (0.01, 1.0)
-    """eps of the absolute values: orientation [rad] and acceleration [rad/s^2]."""
+    softness: tuple[float, float, float] = (0.01, 1.0, 0.3)
+    """eps of the absolute values: orientation [rad], joint acceleration [rad/s^2] and root acceleration [m/s^2]."""
     iterations: int = 30
     """Gauss-Newton steps at most."""
     tolerance: float = 1e-4
@@ -78,9 +81,12 @@ class Problem(NamedTuple):
     """(T, Q, 4)."""
     turn_weights: np.ndarray
     """(Q,) weight of the angle in the summed loss."""
-    acceleration_weight: float
-    """Weight of one |d2J/dt2| in the summed loss."""
-    softness: tuple[float, float]
+    acceleration_weights: np.ndarray
+    """(3 + N,) weight of each |d2t/dt2| and |d2J/dt2| in the summed loss."""
+    softness: float
+    """eps of the orientations [rad]."""
+    acceleration_softness: np.ndarray
+    """(3 + N,) eps of the accelerations [m/s^2], [rad/s^2]."""
 
 
 def retarget_clip(motion: HumanMotion, robot: Robot, config: OptimizationConfig | None = None, success: bool = True) -> RobotMotion:
@@ -137,7 +143,8 @@ def make_problem(bound: Bound, tree: Tree, limits: np.ndarray, pos_w: np.ndarray
     return Problem(
         tree, limits, fps, np.concatenate(links), np.concatenate(offsets), np.concatenate(targets, 1), np.concatenate(weights), soles,
         turns[:, 1], rot.multiply(quat_w[:, turns[:, 0]], bound.turn_offsets[first]), config.orientation * counts / (frames * pairs),
-        config.acceleration / (max(1, frames - 2) * len(limits)), config.softness,
+        np.repeat([config.root_acceleration / 3, config.acceleration / len(limits)], [3, len(limits)]) / max(1, frames - 2),
+        config.softness[0], np.repeat(config.softness[2:0:-1], [3, len(limits)]),
     )  # fmt: skip
 
 
@@ -197,10 +204,15 @@ def solve(problem: Problem, start: Pose, iterations: int, tolerance: float) -> t
 
 def loss(problem: Problem, pose: Pose, links: Links, softened: bool = True) -> float:
     """The loss L; with `softened`, |x| is sqrt(x^2 + eps^2)."""
-    eps = problem.softness if softened else (0.0, 0.0)
+    soft = float(softened)
     errors, turns, _ = _residuals(problem, links)
-    total = ((errors**2).sum(-1) * problem.point_weights).sum() + (np.sqrt((turns**2).sum(-1) + eps[0] ** 2) * problem.turn_weights).sum()
-    return float(total + problem.acceleration_weight * np.sqrt(_accelerations(problem, pose) ** 2 + eps[1] ** 2).sum())
+    total = ((errors**2).sum(-1) @ problem.point_weights).sum() + (_size((turns**2).sum(-1), soft * problem.softness) @ problem.turn_weights).sum()
+    return float(total + (_size(_accelerations(problem, pose) ** 2, soft * problem.acceleration_softness) @ problem.acceleration_weights).sum())
+
+
+def _size(squared: np.ndarray, softness: float | np.ndarray) -> np.ndarray:
+    """The softened absolute value."""
+    return np.sqrt(squared + softness**2)
 
 
 def _residuals(problem: Problem, links: Links) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -214,8 +226,8 @@ def _residuals(problem: Problem, links: Links) -> tuple[np.ndarray, np.ndarray, 
 
 
 def _accelerations(problem: Problem, pose: Pose) -> np.ndarray:
-    """(T - 2, N) second differences of the joint angles [rad/s^2]."""
-    return np.diff(pose.joints, 2, axis=0) * problem.fps**2
+    """(T - 2, 3 + N) second differences of root position [m/s^2] and joint angles [rad/s^2]."""
+    return np.diff(np.concatenate([pose.root_pos, pose.joints], 1), 2, axis=0) * problem.fps**2
 
 
 def _normal_equations(problem: Problem, pose: Pose, links: Links, jacobian: Jacobian) -> tuple[np.ndarray, np.ndarray]:
@@ -225,7 +237,7 @@ def _normal_equations(problem: Problem, pose: Pose, links: Links, jacobian: Jaco
     point_weights = np.broadcast_to(2.0 * problem.point_weights[:, None], errors.shape).copy()
     if problem.soles:
         point_weights[:, -problem.soles :] *= errors[:, -problem.soles :] < 0
-    turn_weights = np.repeat(problem.turn_weights / np.sqrt((turns**2).sum(-1) + problem.softness[0] ** 2), 3, axis=-1)
+    turn_weights = np.repeat(problem.turn_weights / _size((turns**2).sum(-1), problem.softness), 3, axis=-1)
     # The gradient of half a squared angle is the rotation vector itself, and the identity bounds its second derivative: the Jacobian of the
     # logarithm is not needed.
     weights = np.concatenate([point_weights.reshape(frames, -1), turn_weights], 1)
@@ -242,12 +254,13 @@ def _normal_equations(problem: Problem, pose: Pose, links: Links, jacobian: Jaco
     band[row - column, :, column] = blocks[:, row, column].T
     if frames > 2:
         acceleration = _accelerations(problem, pose)
-        weight = problem.acceleration_weight / np.sqrt(acceleration**2 + problem.softness[1] ** 2)
+        weight = problem.acceleration_weights / _size(acceleration**2, problem.acceleration_softness)
         stencil = np.array([1.0, -2.0, 1.0]) * problem.fps**2
+        smooth = np.r_[0:3, 6:variables]
         for i in range(3):
-            gradient[i : frames - 2 + i, 6:] += stencil[i] * weight * acceleration
+            gradient[i : frames - 2 + i, smooth] += stencil[i] * weight * acceleration
             for j in range(i, 3):
-                band[(j - i) * variables, i : frames - 2 + i, 6:] += stencil[i] * stencil[j] * weight
+                band[(j - i) * variables, i : frames - 2 + i, smooth] += stencil[i] * stencil[j] * weight.T
     return band.reshape(2 * variables + 1, -1), gradient.ravel()
 
 
