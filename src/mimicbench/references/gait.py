@@ -56,7 +56,7 @@ class Route:
         lengths = np.linalg.norm(pieces, axis=-1)
         starts = np.concatenate([[0.0], np.cumsum(lengths)])
         i = int(np.clip(np.searchsorted(starts, distance, "right") - 1, 0, len(pieces) - 1))
-        share = np.clip((distance - starts[i]) / lengths[i], 0.0, 1.0)
+        share = np.clip((distance - starts[i]) / max(lengths[i], 1e-12), 0.0, 1.0)
         return self.points[i] + share * pieces[i], float(np.arctan2(pieces[i, 1], pieces[i, 0]))
 
 
@@ -135,7 +135,7 @@ def plan_footsteps(start_yaw: float, route: Route, goal_xy: np.ndarray, goal_yaw
         scale: Body size.
     """
     centers, yaws = _body_places(start_yaw, route, goal_xy, goal_yaw, gait)
-    turn = next((d for d in np.diff([start_yaw, *yaws]) if abs(d) > 0.05), start_yaw)
+    turn = next((d for d in np.diff([start_yaw, *yaws]) if abs(d) > 0.05), 1.0)
     half = 0.5 * gait.width * scale
     foot_xy = np.stack([_beside(route.points[0], start_yaw, half), _beside(route.points[0], start_yaw, -half)])
     foot_yaw = [start_yaw, start_yaw]
@@ -147,7 +147,7 @@ def plan_footsteps(start_yaw: float, route: Route, goal_xy: np.ndarray, goal_yaw
         place = _beside(center, yaw, sign * half)
         # a turn towards the stance foot must not cross the legs: keep to one's own side of it
         sideways = sign * ((place - stance_xy) @ _left(stance_yaw))
-        place = place + sign * max(0.0, 0.17 * scale - sideways) * _left(stance_yaw)
+        place = place + sign * max(0.0, 0.185 * scale - sideways) * _left(stance_yaw)
         foot_xy[side], foot_yaw[side] = place, yaw
         landed_xy.append(place)
         sides.append(side)
@@ -177,7 +177,7 @@ def swing_feet(steps: Footsteps, time: np.ndarray, gait: Gait, scale: float, sol
         path = foot_xy[side] + share[:, None] * (xy - foot_xy[side])
         # swing around the stance foot, not through it
         middle = sign * (0.5 * (foot_xy[side] + xy) - foot_xy[1 - side]) @ sideways
-        path = path + sign * max(0.0, 0.19 * scale - middle) * _bump(u[swinging])[:, None] * sideways
+        path = path + sign * max(0.0, 0.20 * scale - middle) * _bump(u[swinging])[:, None] * sideways
         stride = min(1.0, float(np.linalg.norm(xy - foot_xy[side])) / (0.6 * scale))
         tilt = stride * (0.20 * _bump(u[swinging] / 0.6) - 0.13 * _bump((u[swinging] - 0.5) / 0.5))
         pos[swinging, side, :2], pos[after, side, :2] = path, xy

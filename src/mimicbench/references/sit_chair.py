@@ -39,10 +39,10 @@ class SitStyle:
     """Swing of the arms, as a share of the usual."""
 
 
-def draw_style(random: np.random.Generator) -> SitStyle:
-    """The few free choices of a clip."""
+def draw_style(random: np.random.Generator, seat_height: float) -> SitStyle:
+    """The few free choices of a clip. The shortest people stay away from the highest seats [m], where their feet would hang."""
     return SitStyle(
-        body_scale=random.uniform(1.03, 1.13), speed=random.uniform(0.57, 0.63), sit_duration=random.uniform(1.6, 1.9), lean=random.uniform(0.56, 0.66),
+        body_scale=random.uniform(max(1.03, min(1.10, 2.1 * seat_height)), 1.13), speed=random.uniform(0.57, 0.63), sit_duration=random.uniform(1.6, 1.9), lean=random.uniform(0.56, 0.66),
         recline=random.uniform(0.0, 0.12), seat_x=random.uniform(-0.02, 0.02), seat_y=random.uniform(-0.02, 0.02), arm_swing=random.uniform(0.7, 1.2),
     )  # fmt: skip
 
@@ -60,10 +60,10 @@ def draw_start(random: np.random.Generator, obj: SceneObject) -> tuple[np.ndarra
 
 def synthesize_sit_chair(clip_id: str, obj: SceneObject, seed: int) -> HumanMotion:
     """One clip. Raises BadObject if there is no seat."""
-    obj.require_seat()
+    seat_height = obj.require_seat()
     random = rng(seed, clip_id, obj.id)
     start_xy, start_yaw = draw_start(random, obj)
-    return make_sit_chair(clip_id, obj, start_xy, start_yaw, draw_style(random))
+    return make_sit_chair(clip_id, obj, start_xy, start_yaw, draw_style(random, seat_height))
 
 
 def make_sit_chair(clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: SitStyle) -> HumanMotion:
@@ -130,7 +130,7 @@ def _standing_height(skeleton: Skeleton, root_xy: np.ndarray, yaw: np.ndarray, f
         hip = root_xy + sign * skeleton.offsets[12, 1] * np.stack([-np.sin(yaw), np.cos(yaw)], -1)
         away = ((hip - feet.pos_w[:, side, :2]) ** 2).sum(-1)
         limits = np.minimum(limits, feet.pos_w[:, side, 2] + np.sqrt(np.maximum(leg**2 - away, 0.25 * leg**2)))
-    return smooth_below(limits, round(0.13 * FPS)) - 0.006
+    return smooth_below(limits, round(0.2 * FPS)) - 0.006
 
 
 def _sideways(root: np.ndarray, feet: Feet, yaw: np.ndarray) -> np.ndarray:

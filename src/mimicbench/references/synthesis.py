@@ -28,7 +28,7 @@ class Limits:
     """Deepest that a sole may be in the floor [m]."""
     joint_speed: float = 12.0
     """Fastest turn of a joint [rad/s]."""
-    joint_acceleration: float = 150.0
+    joint_acceleration: float = 180.0
     """[rad/s^2]"""
     root_acceleration: float = 6.0
     """[m/s^2]"""
