@@ -1,0 +1,160 @@
+"""Tables and groupings that follow from episode rows: our results, ours beside the paper's, and where failures happen."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mimicbench.evaluate.intervals import Rate
+from mimicbench.evaluate.rows import ENERGY_LIMITS, EpisodeRow, Summary, group, summarize
+from mimicbench.report.paper_tables import CITATION, TASKS, PaperRate, methods
+from mimicbench.report.tables import Cell, Reported, Table
+
+COUNTERPARTS = {
+    ("track", "hst"): "Improved HST", ("track", "tracker"): "Improved HST", ("track", "phc"): "Simplified PHC", ("track", "hst-original"): "Original HST",
+    ("imitate", "act"): "ACT", ("imitate", "hit"): "HIT", ("imitate", "bc"): "Behavior Cloning", ("imitate", "diffusion"): "Diffusion Policy",
+    ("imitate", "ppo"): "PPO", ("imitate", "omnih2o"): "OmniH2O", ("imitate", "humanplus"): "HumanPlus",
+}  # fmt: skip
+"""(stage, name of ours) -> the method of the paper that it is."""
+
+_MEASURES = {"track": "tracking", "imitate": "imitation"}
+NEAR = 0.15
+"""[m] Who ends farther than this from the object was still on the way, or had lost it."""
+
+
+def label(policy: str, preset: str) -> str:
+    """How a policy is called in tables."""
+    return f"{policy} ({preset})"
+
+
+def summaries(rows: Sequence[EpisodeRow]) -> list[Summary]:
+    """One summary per (task, stage, policy, preset): policies first, the best first within a stage."""
+    found = [summarize(of_one) for of_one in group(rows).values()]
+    return sorted(found, key=lambda s: (s.stage != "imitate", -s.kinematic.rate, -s.energy.rate, s.policy, s.preset))
+
+
+def results_table(found: Sequence[Summary]) -> Table:
+    """All rates of all policies."""
+    rows = [(_stage(s), label(s.policy, s.preset), s.kinematic, s.energy, s.at_end, s.fell) for s in found]
+    return Table(
+        "results", "Results", ("Stage", "Policy", "K", "K and P", "K in the last frame", "Fell"), tuple(rows),
+        note="Rates with 95 % Wilson intervals in brackets and k/n in parentheses. K: the task's kinematic metric, fulfilled within the time limit. "
+        "K and P: the energy-averaged rate, the mean over four limits of the rate of K with every e_i below the limit; its interval is Wilson's at the mean count.",
+    )  # fmt: skip
+
+
+def energy_table(found: Sequence[Summary]) -> Table:
+    """K and P at each of the four energy limits."""
+    rows = [(_stage(s), label(s.policy, s.preset), *s.by_limit) for s in found]
+    columns = ("Stage", "Policy", *(f"λ = {limit / 1e6:.0f}e6" for limit in ENERGY_LIMITS))
+    return Table(
+        "energy", "K and P at each limit of the energy", columns, tuple(rows), note="P(λ): max over frames of the sum over joints of (τ v)² < λ, in W²."
+    )
+
+
+def beside_paper_table(task: str, found: Sequence[Summary]) -> Table:
+    """Ours beside the paper's: one row per method, trackers and policies, of one task."""
+    rows: list[tuple[Cell, ...]] = []
+    for stage, measures in _MEASURES.items():
+        published = methods(task, measures)
+        shown: set[str] = set()
+        for s in (s for s in found if s.stage == stage and s.task == task):
+            method = counterpart(stage, s.policy)
+            theirs = published.get(method) if method else None
+            name = label(s.policy, s.preset) + (f", as {method}" if theirs and method else "")
+            rows.append((_stage(s), name, s.kinematic, *_reported(theirs)[:1], s.energy, *_reported(theirs)[1:]))
+            shown |= {method} if theirs and method else set()
+        for method, theirs in published.items():
+            if method not in shown:
+                rows.append(("tracker" if stage == "track" else "policy", method, None, _reported(theirs)[0], None, _reported(theirs)[1]))
+    return Table(
+        "beside_paper", f"Ours beside the paper's ({TASKS[task]})", ("Stage", "Method", "K, ours", "K, paper", "K and P, ours", "K and P, paper"), tuple(rows),
+        note="Ours with 95 % Wilson intervals and k/n. Simulator, objects, clips and starts differ from the paper's, which gives no counts.",
+        source=CITATION,
+    )  # fmt: skip
+
+
+def counterpart(stage: str, policy: str) -> str | None:
+    """The paper's method that a policy of ours is, by its name or by the first word of its name (`act-clock` is an ACT)."""
+    return COUNTERPARTS.get((stage, policy)) or COUNTERPARTS.get((stage, policy.replace("+", "-").split("-")[0]))
+
+
+def _reported(rate: PaperRate | None) -> tuple[Cell, Cell]:
+    return (Reported(rate.kinematic), Reported(rate.energy)) if rate else (None, None)
+
+
+def _stage(summary: Summary) -> str:
+    return "tracker" if summary.stage == "track" else "policy"
+
+
+@dataclass(frozen=True)
+class Breakdown:
+    """The rate of K over parts of the episodes."""
+
+    title: str
+    parts: Mapping[str, Rate]
+
+
+FAILURES = ("fell", "still on the way", "there, but not in place")
+
+
+def failure(row: EpisodeRow) -> str | None:
+    """How an episode failed, one of FAILURES; None if it did not."""
+    if row.success:
+        return None
+    if row.fell:
+        return FAILURES[0]
+    return FAILURES[1] if row.end_distance > NEAR else FAILURES[2]
+
+
+def failures(rows: Sequence[EpisodeRow]) -> dict[str, Rate]:
+    """How many of all episodes failed in each way."""
+    return {kind: Rate(sum(failure(row) == kind for row in rows), len(rows)) for kind in FAILURES}
+
+
+def breakdowns(rows: Sequence[EpisodeRow]) -> list[Breakdown]:
+    """The rate of K by kind of object, height of the seat and distance of the start; parts that do not differ are left out."""
+    found = [
+        _by("Kind of object", rows, lambda row: row.object_kind),
+        _by_thirds("Height of the seat", rows, lambda row: row.seat_height),
+        _by_thirds("Distance at the start", rows, lambda row: row.start_distance),
+    ]
+    return [breakdown for breakdown in found if len(breakdown.parts) > 1]
+
+
+def _by(title: str, rows: Sequence[EpisodeRow], key: Callable[[EpisodeRow], str]) -> Breakdown:
+    parts: dict[str, list[EpisodeRow]] = {}
+    for row in rows:
+        parts.setdefault(key(row), []).append(row)
+    return Breakdown(title, {name: Rate(sum(row.success for row in parts[name]), len(parts[name])) for name in sorted(parts)})
+
+
+def _by_thirds(title: str, rows: Sequence[EpisodeRow], value: Callable[[EpisodeRow], float | None]) -> Breakdown:
+    """Three parts of about the same number of episodes, between round numbers [m]."""
+    known = [(v, row) for row in rows if (v := value(row)) is not None]
+    values = np.array([v for v, _ in known])
+    if len(np.unique(values)) < 3:
+        return Breakdown(title, {})
+    low, high = (round(float(edge), 2) for edge in np.quantile(values, (1 / 3, 2 / 3)))
+    names = (f"below {low:.2f} m", f"{low:.2f} to {high:.2f} m", f"{high:.2f} m and above")
+    place = np.digitize(values, (low, high))
+    counts = {name: [row.success for (_, row), p in zip(known, place, strict=True) if p == i] for i, name in enumerate(names)}
+    return Breakdown(title, {name: Rate(sum(hits), len(hits)) for name, hits in counts.items() if hits})
+
+
+def failures_table(rows: Sequence[EpisodeRow]) -> Table:
+    """How each policy fails."""
+    parts = [(label(policy, preset), of_one) for (_, _, policy, preset), of_one in group(rows).items()]
+    body = [(name, *failures(of_one).values()) for name, of_one in parts]
+    return Table("failures", "How episodes fail", ("Policy", *FAILURES), tuple(body), note="Shares of all episodes.")
+
+
+def breakdown_table(rows: Sequence[EpisodeRow]) -> Table:
+    """K of each policy by kind of object, height of the seat and distance of the start."""
+    body = [
+        (label(policy, preset), breakdown.title, part, rate)
+        for (_, _, policy, preset), of_one in group(rows).items()
+        for breakdown in breakdowns(of_one)
+        for part, rate in breakdown.parts.items()
+    ]
+    return Table("breakdown", "K over parts of the episodes", ("Policy", "By", "Part", "K"), tuple(body))

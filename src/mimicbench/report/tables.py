@@ -1,0 +1,141 @@
+"""One kind of table, and its writers: Markdown, LaTeX, CSV, terminal. The page has a fifth, in `page`.
+
+A table is data; every writer shows the same cells, so the same rows of episodes give the same text everywhere.
+"""
+
+import csv
+import io
+from dataclasses import dataclass
+
+from rich.console import Console
+from rich.table import Table as RichTable
+
+from mimicbench.core.errors import MimicbenchError
+from mimicbench.evaluate.intervals import Rate, whole
+
+
+@dataclass(frozen=True)
+class Reported:
+    """A rate that somebody else published in percent, without its counts."""
+
+    percent: float
+
+
+Cell = str | int | float | Rate | Reported | None
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of cells under named columns."""
+
+    name: str
+    """Short, for files: `results`."""
+    title: str
+    """One line, for readers."""
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    note: str = ""
+    """What a reader must know to read the numbers."""
+    source: str = ""
+    """Where numbers that are not ours come from."""
+
+    def __post_init__(self) -> None:
+        for row in self.rows:
+            if len(row) != len(self.columns):
+                raise MimicbenchError(f"table {self.name}: a row of {len(row)} cells under {len(self.columns)} columns")
+
+    def numeric(self, column: int) -> bool:
+        """Whether a column holds numbers, which stand to the right."""
+        return any(row[column] is not None and not isinstance(row[column], str) for row in self.rows)
+
+
+def text(cell: Cell) -> str:
+    """A cell as readers see it."""
+    if cell is None:
+        return "-"
+    if isinstance(cell, Reported):
+        return f"{whole(cell.percent)} %"
+    if isinstance(cell, Rate):
+        return str(cell)
+    return f"{cell:.4g}" if isinstance(cell, float) else str(cell)
+
+
+def to_markdown(table: Table) -> str:
+    """A GitHub-flavored Markdown table with its title and note."""
+    cells = [[text(cell).replace("|", "\\|") for cell in row] for row in table.rows]
+    widths = [max(len(column), *(len(row[i]) for row in cells), 3) if cells else max(len(column), 3) for i, column in enumerate(table.columns)]
+    right = [table.numeric(i) for i in range(len(table.columns))]
+
+    def line(values: list[str]) -> str:
+        return "| " + " | ".join(v.rjust(w) if r else v.ljust(w) for v, w, r in zip(values, widths, right, strict=True)) + " |"
+
+    ruler = "|" + "|".join("-" * (w + 1) + (":" if r else "-") for w, r in zip(widths, right, strict=True)) + "|"
+    body = [line(list(table.columns)), ruler, *map(line, cells)]
+    return "\n\n".join(part for part in (f"**{table.title}**", "\n".join(body), table.note, table.source) if part) + "\n"
+
+
+_LATEX = {
+    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
+    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": "$<$", ">": "$>$", "λ": r"$\lambda$", "±": r"$\pm$", "∧": r"$\wedge$",
+}  # fmt: skip
+
+
+def to_latex(table: Table) -> str:
+    """A LaTeX `table` with booktabs rules."""
+
+    def escape(value: str) -> str:
+        return "".join(_LATEX.get(character, character) for character in value)
+
+    align = "".join("r" if table.numeric(i) else "l" for i in range(len(table.columns)))
+    lines = [
+        r"\begin{table}", r"\centering", rf"\begin{{tabular}}{{{align}}}", r"\toprule",
+        " & ".join(map(escape, table.columns)) + r" \\", r"\midrule",
+        *(" & ".join(escape(text(cell)) for cell in row) + r" \\" for row in table.rows),
+        r"\bottomrule", r"\end{tabular}",
+        rf"\caption{{{escape(' '.join(part for part in (table.title + '.', table.note, table.source) if part))}}}",
+        rf"\label{{tab:{table.name}}}", r"\end{table}",
+    ]  # fmt: skip
+    return "\n".join(lines) + "\n"
+
+
+def to_csv(table: Table) -> str:
+    """Comma-separated values for other programs: a rate takes five columns (rate, low, high, successes, episodes), all as fractions."""
+    names: list[str] = []
+    rates = [any(isinstance(row[i], Rate) for row in table.rows) for i in range(len(table.columns))]
+    for column, is_rate in zip(table.columns, rates, strict=True):
+        names += [f"{column} {part}" for part in ("rate", "low", "high", "successes", "episodes")] if is_rate else [column]
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(names)
+    for row in table.rows:
+        values: list[str | int | float] = []
+        for cell, is_rate in zip(row, rates, strict=True):
+            if isinstance(cell, Rate):
+                values += [cell.rate, cell.low, cell.high, whole(cell.successes), cell.episodes]
+            elif is_rate:
+                values += [""] * 5 if cell is None else [text(cell), "", "", "", ""]
+            elif isinstance(cell, Reported):
+                values.append(cell.percent / 100)
+            else:
+                values.append("" if cell is None else cell)
+        writer.writerow(values)
+    return stream.getvalue()
+
+
+def to_rich(table: Table) -> RichTable:
+    """For `rich.print`."""
+    shown = RichTable(title=table.title, caption=table.note or None, title_justify="left", caption_justify="left", title_style="bold")
+    for i, column in enumerate(table.columns):
+        shown.add_column(column, justify="right" if table.numeric(i) else "left")
+    for row in table.rows:
+        # brackets are rich's markup, and ours around intervals
+        shown.add_row(*(text(cell).replace("[", "\\[") for cell in row))
+    return shown
+
+
+def to_terminal(table: Table, width: int = 160) -> str:
+    """As the terminal shows it, without colors."""
+    console = Console(width=width, file=io.StringIO(), color_system=None)
+    console.print(to_rich(table))
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue()
