@@ -47,7 +47,7 @@ class Route:
 
     @property
     def length(self) -> float:
-        """[m]"""
+        """Of the whole way [m]."""
         return float(np.linalg.norm(np.diff(self.points, axis=0), axis=-1).sum())
 
     def at(self, distance: float) -> tuple[np.ndarray, float]:

@@ -41,8 +41,9 @@ class SitStyle:
 
 def draw_style(random: np.random.Generator, seat_height: float) -> SitStyle:
     """The few free choices of a clip. The shortest people stay away from the highest seats [m], where their feet would hang."""
+    shortest = max(1.03, min(1.10, 2.1 * seat_height))
     return SitStyle(
-        body_scale=random.uniform(max(1.03, min(1.10, 2.1 * seat_height)), 1.13), speed=random.uniform(0.57, 0.63), sit_duration=random.uniform(1.6, 1.9), lean=random.uniform(0.56, 0.66),
+        body_scale=random.uniform(shortest, 1.13), speed=random.uniform(0.57, 0.63), sit_duration=random.uniform(1.6, 1.9), lean=random.uniform(0.56, 0.66),
         recline=random.uniform(0.0, 0.12), seat_x=random.uniform(-0.02, 0.02), seat_y=random.uniform(-0.02, 0.02), arm_swing=random.uniform(0.7, 1.2),
     )  # fmt: skip
 
@@ -155,7 +156,7 @@ def _pose(
     look = smooth(np.clip(coming - yaw, -0.6, 0.6), round(0.2 * FPS))
     quat[:, 2] = rot.multiply(rot.from_yaw(look), about_y(0.12 - 0.30 * lean + 0.22 * upright))
 
-    for side, sign, thigh in ((0, 1.0, 12), (1, -1.0, 9)):
+    for side, thigh in ((0, 12), (1, 9)):
         heading = rot.from_yaw(feet.yaw[:, side])
         foot = rot.multiply(heading, about_y(feet.pitch[:, side]))
         hip = root + rot.rotate(pelvis, offsets[thigh])
