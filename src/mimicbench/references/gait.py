@@ -251,7 +251,7 @@ def _body_places(start_yaw: float, route: Route, goal_xy: np.ndarray, goal_yaw: 
         still = abs(error - turn)
         if still < 1.0:
             step = pace * longest * np.cos(still) ** 2 * (1.0 - 0.6 * abs(turn) / gait.max_turn)
-            gone += (total - gone) / max(1, round((total - gone) / step))
+            gone += (total - gone) / max(1.0, np.ceil((total - gone) / step - 0.15))
             pace = min(1.0, pace + 0.25)
         if total - gone <= 0.05:  # begin to turn while arriving
             yaw += float(np.clip(rot.wrap_angle(goal_yaw - yaw), -0.5 * gait.max_turn, 0.5 * gait.max_turn)) * (abs(turn) < 0.5 * gait.max_turn)
