@@ -21,11 +21,12 @@ from mimicbench.core.errors import BadFile
 MAX_OPCODES = 20_000
 """Instructions in one file; the motion files that we know have a few hundred."""
 
-_OPCODES = frozenset(
-    "PROTO FRAME STOP MARK POP POP_MARK DUP NONE NEWTRUE NEWFALSE BININT BININT1 BININT2 LONG1 LONG4 BINFLOAT BINUNICODE SHORT_BINUNICODE "
-    "BINUNICODE8 BINBYTES SHORT_BINBYTES BINBYTES8 EMPTY_LIST APPEND APPENDS EMPTY_TUPLE TUPLE TUPLE1 TUPLE2 TUPLE3 EMPTY_DICT DICT LIST "
-    "SETITEM SETITEMS BINPUT LONG_BINPUT MEMOIZE BINGET LONG_BINGET GLOBAL STACK_GLOBAL REDUCE BUILD".split()
-)
+_OPCODES = frozenset({
+    "PROTO", "FRAME", "STOP", "MARK", "POP", "POP_MARK", "DUP", "NONE", "NEWTRUE", "NEWFALSE", "BININT", "BININT1", "BININT2", "LONG1", "LONG4",
+    "BINFLOAT", "BINUNICODE", "SHORT_BINUNICODE", "BINUNICODE8", "BINBYTES", "SHORT_BINBYTES", "BINBYTES8", "EMPTY_LIST", "APPEND", "APPENDS",
+    "EMPTY_TUPLE", "TUPLE", "TUPLE1", "TUPLE2", "TUPLE3", "EMPTY_DICT", "DICT", "LIST", "SETITEM", "SETITEMS", "BINPUT", "LONG_BINPUT", "MEMOIZE",
+    "BINGET", "LONG_BINGET", "GLOBAL", "STACK_GLOBAL", "REDUCE", "BUILD",
+})  # fmt: skip
 _TYPE = re.compile(r"[<>=|]?(b1|[iu][1248]|f[248]|c(8|16)|\?|[SU]\d{1,4}|O8?)")
 
 
@@ -46,7 +47,7 @@ def load_restricted(path: Path, max_bytes: int) -> Any:
         raise BadFile(f"{path} is empty; get it again from where it came")
     try:
         value = _read_npy(raw) if raw.startswith(b"\x93NUMPY") else _unpickle(raw)
-    except _Refused as error:
+    except _RefusedError as error:
         raise BadFile(f"{path} asks for {error}, which a motion file has no need of; nothing was run: get the file from a source you trust") from None
     except (ValueError, TypeError, EOFError, KeyError, IndexError, AttributeError, OverflowError, MemoryError, RecursionError, pickle.PickleError) as error:
         detail = " ".join(str(error).split())[:120]
@@ -56,7 +57,7 @@ def load_restricted(path: Path, max_bytes: int) -> Any:
     return value
 
 
-class _Refused(Exception):
+class _RefusedError(Exception):
     """Names what a pickle asked for and does not get."""
 
 
@@ -65,7 +66,7 @@ class _Maker:
 
     __slots__ = ("_make",)
 
-    def __init__(self, make: Callable[..., Any] | None):
+    def __init__(self, make: Callable[..., Any] | None) -> None:
         self._make = make
 
     def __call__(self, *args: Any) -> Any:
@@ -80,7 +81,7 @@ class _Maker:
 class _Type:
     """A data type as the pickle describes it."""
 
-    def __init__(self, code: str, *_: Any):
+    def __init__(self, code: str, *_: Any) -> None:
         if not isinstance(code, str) or not _TYPE.fullmatch(code):
             raise ValueError(f"data type {code!r} is not a plain number, text or object")
         self.code = code
@@ -98,7 +99,7 @@ class _Type:
 class _Array:
     """An array as the pickle describes it; `array` checks and makes it."""
 
-    def __init__(self, *_: Any):
+    def __init__(self, *_: Any) -> None:
         self.state: tuple | None = None
 
     def __setstate__(self, state: tuple) -> None:
@@ -118,7 +119,7 @@ def _make_array(shape: Any, dtype: np.dtype, fortran: bool, content: bytes | lis
     if not isinstance(shape, tuple) or len(shape) > 8 or not all(type(n) is int and n >= 0 for n in shape):
         raise ValueError(f"array of shape {shape!r:.60}")
     count, order = math.prod(shape), "F" if fortran else "C"
-    if dtype == object:
+    if dtype.kind == "O":
         if not isinstance(content, list) or len(content) != count:
             raise ValueError("object array of the wrong length")
         array = np.empty(count, object)
@@ -155,19 +156,20 @@ class _Unpickler(pickle.Unpickler):
         try:
             return _GLOBALS[module, name]
         except KeyError:
-            raise _Refused(f"{module}.{name}") from None
+            raise _RefusedError(f"{module}.{name}") from None
 
 
 def _unpickle(raw: bytes) -> Any:
     """The value of a pickle, after its instructions were checked."""
     for count, (opcode, argument, _) in enumerate(pickletools.genops(raw)):
         if opcode.name not in _OPCODES:
-            raise _Refused(f"the pickle instruction {opcode.name}")
+            raise _RefusedError(f"the pickle instruction {opcode.name}")
         # the memo is a table as long as its largest index: a few bytes could ask for gigabytes
-        if count >= MAX_OPCODES or ("PUT" in opcode.name and argument > MAX_OPCODES):
+        if count >= MAX_OPCODES or ("PUT" in opcode.name and int(argument or 0) > MAX_OPCODES):
             raise ValueError(f"more than {MAX_OPCODES} pickle instructions")
-        if opcode.name == "GLOBAL" and tuple(argument.split(" ", 1)) not in _GLOBALS:
-            raise _Refused(argument.replace(" ", "."))
+        named = str(argument)
+        if opcode.name == "GLOBAL" and tuple(named.split(" ", 1)) not in _GLOBALS:
+            raise _RefusedError(named.replace(" ", "."))
     return _resolve(_Unpickler(io.BytesIO(raw)).load(), {})
 
 
@@ -204,7 +206,7 @@ def _read_npy(raw: bytes) -> Any:
         raise ValueError(f".npy version {version}")
     shape, fortran, dtype = readers[version](stream)
     rest = raw[stream.tell() :]
-    if dtype == object:
+    if dtype.kind == "O":
         return _unpickle(rest)
     if dtype.hasobject or dtype.fields is not None:
         raise ValueError("a structured data type")

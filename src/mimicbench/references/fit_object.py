@@ -1,0 +1,161 @@
+"""Fits furniture to a person who was recorded without it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mimicbench.core import rotations as rot
+from mimicbench.core.errors import BadMotion, BadObject
+from mimicbench.core.motion import HumanMotion
+from mimicbench.core.seeds import rng
+from mimicbench.objects.chairs import KINDS, build_chair, draw_shape
+from mimicbench.objects.shape import SceneObject
+from mimicbench.references import skeletons as human
+
+FAR = 0.2
+"""[m]; nothing is judged by distances beyond it."""
+DEEPEST = 0.06
+"""A chair in which a body part is deeper than this does not fit [m]."""
+
+
+@dataclass(frozen=True)
+class ChairFit:
+    """A chair under a person, and how well it fits."""
+
+    obj: SceneObject
+    offset: np.ndarray
+    """(2,) centre of the chair in the frame of the seated pelvis [m]: x to where the person faces, y left."""
+    depth: float
+    """Deepest that any body part is in the chair in any frame [m]."""
+    gap: float
+    """Distance from the trunk to the back of the chair at the end [m]; 0 for stools."""
+
+
+@dataclass(frozen=True)
+class _Body:
+    points: np.ndarray
+    """(T, S, 3) points along the axes of the body parts [m]."""
+    radii: np.ndarray
+    """(S,) of the body parts [m]."""
+    trunk: np.ndarray
+    """(S,) whether a point belongs to pelvis, torso or head."""
+    resting: np.ndarray
+    """(S,) whether a point is a hand that is held still at the end."""
+    lower_legs: np.ndarray
+    """(S,) whether a point belongs to a shin or foot."""
+
+
+def seated_frame(motion: HumanMotion, seated: slice) -> tuple[np.ndarray, float, float]:
+    """Where a person sits: pelvis (2,) [m], heading [rad], height of the pelvis [m], over the seated frames.
+
+    The heading is taken across the hips: it does not suffer from how far the pelvis leans back.
+    """
+    pos, _ = motion.forward_kinematics()
+    index = motion.skeleton.index
+    pelvis = pos[seated, index("pelvis")]
+    left = (pos[seated, index("left_thigh")] - pos[seated, index("right_thigh")]).mean(0)
+    return pelvis[:, :2].mean(0), float(np.arctan2(-left[0], left[1])), float(np.median(pelvis[:, 2]))
+
+
+def fit_chair(object_id: str, motion: HumanMotion, seated: slice, candidates: int = 96) -> ChairFit:
+    """The chair of the family that suits a person best who sits at the origin facing +x in the frames `seated`.
+
+    Chairs of all kinds are drawn (by the object's id), given the seat height that the pelvis implies, and slid back and
+    forth under the person. Judged are how deep any body part enters the chair at any time, walking included, how close
+    the back is to the trunk, whether the seat carries the pelvis, and whether hands held still at the sides have something
+    to rest on. Raises BadMotion if no chair suits.
+    """
+    pos, quat = motion.forward_kinematics()
+    seat_height = float(np.median(pos[seated, motion.skeleton.index("pelvis"), 2])) - human.BUTTOCK
+    if not 0.25 <= seat_height <= 0.65:
+        raise BadMotion(f"clip {motion.id}: the seat would be {seat_height:.2f} m high, no chair's height (0.25 to 0.65); is the floor at z = 0?")
+    body = _body(pos, quat, motion)
+    index = np.arange(motion.frames)[seated]
+    ranked = [(_cost(obj, slide, body, index[::6], index)[0], number, slide, obj) for number, slide, obj in _candidates(object_id, seat_height, candidates)]
+    ranked.sort(key=lambda entry: entry[:3])
+    # the few that suit the seated pose are judged over the whole clip
+    whole = np.arange(0, motion.frames, 2)
+    best = min(
+        ((_cost(obj, slide, body, whole, index)[0], number, slide, obj) for _, number, slide, obj in ranked[:30]), key=lambda entry: entry[:3], default=None
+    )
+    if best is None:
+        raise BadMotion(f"clip {motion.id}: no chair fits under this person; leave the clip out")
+    _, _, slide, obj = best
+    _, depth, gap = _cost(obj, slide, body, np.arange(motion.frames), index)
+    if depth > DEEPEST:
+        raise BadMotion(f"clip {motion.id}: in every chair some body part would be {depth:.2f} m deep; leave the clip out")
+    return ChairFit(obj, np.array([slide, 0.0]), depth, gap)
+
+
+def _candidates(object_id: str, seat_height: float, count: int) -> Iterator[tuple[int, float, SceneObject]]:
+    """Chairs of the family with the given seat height, each at several places under a pelvis at the origin."""
+    for number in range(count):
+        shape = draw_shape(rng(0, "fitted", object_id, number), KINDS[number % len(KINDS)])
+        shape = replace(shape, seat_height=seat_height, height=shape.height - shape.seat_height + seat_height)
+        try:
+            obj = build_chair(object_id, shape)
+        except BadObject:
+            continue
+        back, front = obj.seat_polygon[:, 0].min(), obj.seat_polygon[:, 0].max()
+        # the pelvis sits at least a buttock in front of the back, and with enough seat in front of it
+        for pelvis_x in np.arange(back + 0.08, min(back + 0.34, front - 0.12), 0.025):
+            yield number, -float(pelvis_x), obj
+
+
+def _body(pos: np.ndarray, quat: np.ndarray, motion: HumanMotion) -> _Body:
+    """The body's sample points in all frames."""
+    points, radii, joints = [], [], []
+    for part in human.UNIHSI_PARTS:
+        joint = motion.skeleton.index(part.joint)
+        samples = np.linspace(part.start, part.end, 1 if part.start == part.end else 5)
+        points.append(pos[:, joint, None] + rot.rotate(quat[:, joint, None], samples))
+        radii += [part.radius] * len(samples)
+        joints += [part.joint] * len(samples)
+    trunk = np.isin(joints, ("pelvis", "torso", "head"))
+    path = np.concatenate(points, 1)
+    still = np.linalg.norm(path[-1] - path[-min(len(path), round(0.2 * motion.fps) + 1)], axis=-1) < 0.02
+    resting = still & np.isin(joints, ("left_hand", "right_hand"))
+    return _Body(path, np.array(radii), trunk, resting, np.isin(joints, ("left_shin", "right_shin", "left_foot", "right_foot")))
+
+
+def _cost(obj: SceneObject, slide: float, body: _Body, frames: np.ndarray, seated: np.ndarray) -> tuple[float, float, float]:
+    """How badly a chair at x = slide suits the given frames: cost, deepest penetration [m], gap behind the trunk [m]."""
+    shift = np.array([slide, 0.0, 0.0])
+    clearance = _distance(obj, body.points[frames] - shift) - body.radii
+    depth = max(0.0, -float(clearance.min()))
+    cost = 10 * max(0.0, depth - 0.01) + 30 * max(0.0, depth - 0.03)
+    # a robot is wider than a person: on the way to the chair, and in front of it, there should be some room
+    cost += max(0.0, 0.04 - float(clearance[frames < seated[0] - 15].min(initial=1.0)))
+    cost += max(0.0, 0.04 - float(clearance[:, body.lower_legs].min()))
+    cost += max(0.0, 0.2 - (obj.seat_polygon[:, 0].max() + slide))
+    end = body.points[seated[-1]] - shift
+    trunk, hands = end[body.trunk], end[body.resting]
+    gap = 0.0
+    if obj.kind == "stool":
+        cost += 3 * max(0.0, float(np.ptp(trunk[:, 0])) - 0.12)  # who leans back has something to lean on
+    else:
+        behind = (obj.box_pos + obj.box_half)[:, 2] > obj.require_seat() + 0.1
+        behind &= obj.box_pos[:, 0] < obj.seat_polygon[:, 0].min()
+        gap = max(0.0, float((_distance(obj, trunk, behind) - body.radii[body.trunk]).min()))
+        cost += 2 * max(0.0, gap - 0.02)
+    floating = _distance(obj, hands) - body.radii[body.resting]
+    cost += float(np.clip(floating - 0.02, 0.0, 0.15)[np.abs(hands[:, 1]) > 0.22].sum())
+    return cost, depth, gap
+
+
+def _distance(obj: SceneObject, points: np.ndarray, boxes: np.ndarray | None = None) -> np.ndarray:
+    """Signed distance (...) of points (..., 3) to the nearest of the object's boxes [m], negative inside.
+
+    Beyond FAR of the boxes' bounds the distance to these bounds is good enough, and much quicker.
+    """
+    chosen = slice(None) if boxes is None else boxes
+    corners = obj.corners()[chosen].reshape(-1, 3)
+    outside = np.maximum(np.maximum(corners.min(0) - points, points - corners.max(0)), 0.0)
+    distance = np.sqrt((outside**2).sum(-1))
+    near = distance < FAR
+    local = rot.rotate_inverse(obj.box_quat[chosen, None], points[near] - obj.box_pos[chosen, None])
+    beyond = np.abs(local) - obj.box_half[chosen, None]
+    exact = np.sqrt((np.maximum(beyond, 0.0) ** 2).sum(-1)) + np.minimum(beyond.max(-1), 0.0)
+    distance[near] = exact.min(0)
+    return distance
