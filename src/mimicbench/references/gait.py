@@ -34,6 +34,9 @@ class Gait:
     """Height of the sole at mid swing [m]."""
     forefoot: float = 0.035
     """The support point lies this far in front of the ankle [m]."""
+    outward: float = 0.06
+    """And this far outside of it while it bears the weight [m]: a careful walk that carries the hips well over the standing leg, which
+    a body with wide hips needs."""
     stand: float = 0.8
     """Time before the first swing, in which the weight shifts [s]."""
 
@@ -209,17 +212,17 @@ def balance(steps: Footsteps, time: np.ndarray, gait: Gait, scale: float, height
 def support_point(steps: Footsteps, time: np.ndarray, gait: Gait, scale: float) -> np.ndarray:
     """Center of pressure (T, 2) [m] that the plan intends."""
 
-    def under(xy: np.ndarray, yaw: float) -> np.ndarray:
-        return xy + gait.forefoot * scale * np.array([np.cos(yaw), np.sin(yaw)])
+    def under(xy: np.ndarray, yaw: float, side: int) -> np.ndarray:
+        return xy + scale * (gait.forefoot * np.array([np.cos(yaw), np.sin(yaw)]) + (1 - 2 * side) * gait.outward * _left(yaw))
 
-    feet = [under(xy, steps.first_yaw) for xy in steps.first_xy]
+    feet = [under(xy, steps.first_yaw, side) for side, xy in enumerate(steps.first_xy)]
     support = np.broadcast_to(0.5 * (feet[0] + feet[1]), (len(time), 2)).copy()
     shift = gait.double_support * gait.step_time
     begin = steps.lift_off - shift
     for i, (side, xy, yaw) in enumerate(zip(steps.side, steps.xy, steps.yaw, strict=True)):
         share = minimum_jerk((time - begin[i]) / shift)[:, None]
         support = support + share * (feet[1 - side] - support)
-        feet[side] = under(xy, yaw)
+        feet[side] = under(xy, yaw, side)
     if len(steps.side):
         share = minimum_jerk((time - steps.end) / (2 * shift))[:, None]
         support = support + share * (0.5 * (feet[0] + feet[1]) - support)

@@ -44,12 +44,12 @@ def synthesize(task: str, index: int, obj: SceneObject, seed: int) -> HumanMotio
     """Clip number `index` of a task on an object; depends on these and the seed alone. Raises UnknownName or BadObject."""
     if task not in TASKS:
         raise UnknownName("task", task, list(TASKS))
-    return TASKS[task](clip_id(task, index), obj, seed)
+    return TASKS[task](clip_id(task, index, seed), obj, seed)
 
 
-def clip_id(task: str, index: int) -> str:
-    """Name of a synthetic clip, such as sit-chair-00042."""
-    return f"{task}-{index:05d}"
+def clip_id(task: str, index: int, seed: int) -> str:
+    """Name of a synthetic clip, such as sit-chair-0-00042 with seed 0."""
+    return f"{task}-{seed}-{index:05d}"
 
 
 def check_clip(motion: HumanMotion, obj: SceneObject) -> dict[str, float]:
