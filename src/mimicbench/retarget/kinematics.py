@@ -83,7 +83,7 @@ def tree_of(robot: Robot) -> Tree:
 class Jacobian:
     """World-frame Jacobian of P points on links and of Q link orientations, as rows (3 P + 3 Q) by V columns."""
 
-    def __init__(self, tree: Tree, point_links: np.ndarray, turn_links: np.ndarray, frames: int):
+    def __init__(self, tree: Tree, point_links: np.ndarray, turn_links: np.ndarray, frames: int) -> None:
         """Reserve room for up to `frames` frames; the pattern of zeros is the tree's and never changes."""
         self.tree, self.points = tree, len(point_links)
         rows, columns = 3 * (len(point_links) + len(turn_links)), 6 + len(tree.joint_link)

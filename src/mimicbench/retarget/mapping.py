@@ -70,7 +70,9 @@ _ANKLE_OUT, _KNEE_OUT = 0.06, 0.09
 # at size 1. The H1's pelvis frame is 0.174 m above its hips, the human's between them: without this every walk would be a crouch.
 _SOLE, _HIP_SEAT, _PELVIS_SEAT = (0.07, 0.05), (0.061, 0.09), (0.235, 0.09)
 # A foot beside its place skates, a pelvis beside its place does not; and the H1 must reach the floor with legs that may be too short.
-_ANKLE_WEIGHT = 20.0
+_ANKLE_WEIGHT = 100.0
+# Where the pelvis frame comes to lie depends on how the one trunk of the H1 settles between the human's two; where the hips lie does not.
+_PELVIS_WEIGHT = 0.25
 
 
 def _sides(side: str, out: float) -> tuple[tuple[Pair, ...], tuple[Pair, ...]]:
@@ -97,9 +99,9 @@ UNIHSI_H1 = Mapping(
     leg=("left_thigh", "left_shin", "left_foot"),
     leg_length=0.831416,
     pairs=(
-        Pair("pelvis", "pelvis", "pelvis", surface=_PELVIS_SEAT),
+        Pair("pelvis", "pelvis", "pelvis", surface=_PELVIS_SEAT, weight=_PELVIS_WEIGHT),
         # The H1 has no waist: its one trunk answers for the human's pelvis and, in `improved`, for the human's torso too.
-        Pair("pelvis", "torso_link", "torso_link", surface=_PELVIS_SEAT, turned_by="torso"),
+        Pair("pelvis", "torso_link", "torso_link", surface=_PELVIS_SEAT, weight=_PELVIS_WEIGHT, turned_by="torso"),
         *_LEFT_LEG, *_RIGHT_LEG, *_LEFT_ARM, *_RIGHT_ARM,
     ),
     wrists=(("left_hand", "left_wrist"), ("right_hand", "right_wrist")),
@@ -155,10 +157,7 @@ def bind(mapping: Mapping, skeleton: Skeleton, robot: Robot, preset: Preset = "i
 
     `paper` is the table to the letter: every pair at the joints themselves, of equal weight, positions and orientations alike.
     """
-    if preset == "paper":
-        pairs = tuple(Pair(pair.joint, pair.link, pair.link) for pair in mapping.pairs)
-    else:
-        pairs = mapping.pairs
+    pairs = tuple(Pair(pair.joint, pair.link, pair.link) for pair in mapping.pairs) if preset == "paper" else mapping.pairs
     joints, links = np.array([skeleton.index(pair.joint) for pair in pairs]), np.array([_link(robot, pair.link) for pair in pairs])
     turn_links = np.array([_link(robot, pair.carrier) for pair in pairs])
     # The human's joint frames are all parallel to the world in its rest pose, so the robot's link orientations are the offsets.

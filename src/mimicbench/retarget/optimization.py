@@ -17,10 +17,10 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import LinAlgError, solveh_banded
-from scipy.spatial.transform import Rotation
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import HumanMotion, RobotMotion
+from mimicbench.retarget.copy_rotation import copy_rotations
 from mimicbench.retarget.grounding import ground, stance
 from mimicbench.retarget.kinematics import Jacobian, Links, Pose, Tree, tree_of
 from mimicbench.retarget.mapping import Bound, Preset, bind, find_mapping, followed_points
@@ -40,15 +40,15 @@ class OptimizationConfig:
     """l_pos [1/m^2]. The unit that the others are measured in."""
     hand: float = 0.0
     """l_hand [1/m^2]; the tasks touch-points and lift-box use it (5), no other does."""
-    orientation: float = 0.05
-    """l_ori [1/rad]. Limbs of H1 and human differ in length by up to 6 cm; the pull of such an error on a limb of 0.3 m is 2 * 0.06 * 0.3 = 0.036 per radian,
-    so with 0.05 limbs keep the human's directions and only the heavier feet are placed by position."""
+    orientation: float = 0.03
+    """l_ori [1/rad]. An error of 5 cm at the end of a limb of 0.3 m pulls with 2 * 0.05 * 0.3 = 0.03 per radian: up to that much the limbs keep the
+    human's directions and leave the difference in length; beyond it, and always at the much heavier feet, the place counts more."""
     acceleration: float = 1e-4
     """l_acc [s^2/rad]. A walk has about 10 rad/s^2 in the mean; a reduction of 1 rad/s^2 may cost 0.002 rad of orientation: jitter goes, the gait stays."""
-    root_acceleration: float = 1e-3
+    root_acceleration: float = 3e-4
     """l_root [s^2/m]: without it the root takes up what the smooth joints leave over, as in recordings with repeated frames. A walk has about 2 m/s^2.
     0 in the paper."""
-    floor: float = 50.0
+    floor: float = 200.0
     """l_floor [1/m^2]: the H1's foot is longer than the human's, its toe would enter the floor when the heel rises. 0 in the paper."""
     softness: tuple[float, float, float] = (0.01, 1.0, 0.3)
     """eps of the absolute values: orientation [rad], joint acceleration [rad/s^2] and root acceleration [m/s^2]."""
@@ -56,6 +56,10 @@ class OptimizationConfig:
     """Gauss-Newton steps at most."""
     tolerance: float = 1e-4
     """Stop when a step lowers the loss by less than this part of it."""
+
+
+PAPER = OptimizationConfig(preset="paper", root_acceleration=0.0, floor=0.0)
+"""The appendix's loss and table to the letter (but for the weights, which it does not tell)."""
 
 
 class Problem(NamedTuple):
@@ -106,9 +110,9 @@ def retarget_clip(motion: HumanMotion, robot: Robot, config: OptimizationConfig 
     mapping = find_mapping(motion.skeleton.name, robot.name)
     bound = bind(mapping, motion.skeleton, robot, config.preset)
     pos_w, quat_w = motion.forward_kinematics()
-    tree = tree_of(robot)
-    problem = make_problem(bound, tree, robot.joint_range, pos_w, quat_w, motion.fps, config)
-    pose, losses = solve(problem, copy_rotations(bound, tree, robot.joint_range, pos_w, quat_w), config.iterations, config.tolerance)
+    tree, limits = tree_of(robot), _storable(robot.joint_range)
+    problem = make_problem(bound, tree, limits, pos_w, quat_w, motion.fps, config)
+    pose, losses = solve(problem, copy_rotations(bound, tree, limits, pos_w, quat_w), config.iterations, config.tolerance)
     standing = stance(motion, bound, pos_w[:, [joint for joint, _ in bound.feet]])
     pose = pose._replace(root_pos=pose.root_pos + [0.0, 0.0, ground(tree.place(pose), bound, standing)])
     links = tree.place(pose)
@@ -118,6 +122,11 @@ def retarget_clip(motion: HumanMotion, robot: Robot, config: OptimizationConfig 
         root_quat_w=pose.root_quat, joint_pos=pose.joints, object_id=motion.object_id, reference_id=motion.id,
         contact_names=motion.contact_names, contacts=motion.contacts, style=motion.style, measures=measures, success=success,
     )  # fmt: skip
+
+
+def _storable(limits: np.ndarray) -> np.ndarray:
+    """Limits (N, 2) a hair narrower, for files keep single precision and what they round must not exceed a limit."""
+    return np.nextafter(limits.astype(np.float32), np.float32(limits.mean(1, keepdims=True))).astype(float)
 
 
 def make_problem(bound: Bound, tree: Tree, limits: np.ndarray, pos_w: np.ndarray, quat_w: np.ndarray, fps: float, config: OptimizationConfig) -> Problem:
@@ -146,34 +155,6 @@ def make_problem(bound: Bound, tree: Tree, limits: np.ndarray, pos_w: np.ndarray
         np.repeat([config.root_acceleration / 3, config.acceleration / len(limits)], [3, len(limits)]) / max(1, frames - 2),
         config.softness[0], np.repeat(config.softness[2:0:-1], [3, len(limits)]),
     )  # fmt: skip
-
-
-def copy_rotations(bound: Bound, tree: Tree, limits: np.ndarray, pos_w: np.ndarray, quat_w: np.ndarray) -> Pose:
-    """A start: the root stands where the human's does, each run of joints between two carriers takes the human's relative rotation."""
-    turned = {link: rot.multiply(quat_w[:, joint], offset) for (joint, link), offset in zip(bound.carriers, bound.carrier_offsets, strict=True)}
-    joints = np.zeros((len(pos_w), len(limits)))
-    driver = {int(link): j for j, link in enumerate(tree.joint_link)}
-    parent = {int(link): int(up) for links, ups in tree.levels for link, up in zip(links, ups, strict=True)}
-    for link, target in turned.items():
-        run = []
-        while link in parent and (not run or link not in turned):
-            run.insert(0, link)
-            link = parent[link]
-        if not run or link not in turned or not all(step in driver for step in run):
-            continue
-        # The run's rotation is the product of Q_i R(a_i, q_i); seen from its start, that is the product of R(b_i, q_i) times a constant.
-        fixed, axes = rot.IDENTITY, []
-        for step in run:
-            fixed = rot.multiply(fixed, tree.link_quat[step])
-            axes.append(rot.rotate(fixed, tree.joint_axis[driver[step]]))
-        turn = rot.multiply(rot.multiply(rot.conjugate(turned[link]), target), rot.conjugate(fixed))
-        columns = [driver[step] for step in run]
-        if len(run) == 3 and abs(axes[0] @ axes[1]) < 1e-6 and abs(axes[1] @ axes[2]) < 1e-6:
-            joints[:, columns] = Rotation.from_quat(turn, scalar_first=True).as_davenport(np.array(axes), "intrinsic", suppress_warnings=True)
-        else:
-            joints[:, columns] = rot.to_rotvec(turn) @ np.array(axes).T
-    wrapped = np.mean(limits, 1) + rot.wrap_angle(joints - np.mean(limits, 1))
-    return Pose(followed_points(bound, pos_w, quat_w)[:, 0], turned[0], np.clip(wrapped, limits[:, 0], limits[:, 1]))
 
 
 def solve(problem: Problem, start: Pose, iterations: int, tolerance: float) -> tuple[Pose, list[float]]:

@@ -1,0 +1,338 @@
+"""Retargeting: the table, the Jacobians, the banded solver, and what comes out of it."""
+
+import pickle
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mimicbench.core import rotations as rot
+from mimicbench.core.errors import BadMotion, UnknownName
+from mimicbench.core.motion import HumanMotion, RobotMotion, Skeleton
+from mimicbench.references.skeletons import UNIHSI
+from mimicbench.retarget import optimization as opt
+from mimicbench.retarget.bench import frames_per_second
+from mimicbench.retarget.copy_rotation import copy_rotations
+from mimicbench.retarget.grounding import ground, sole_heights, stance
+from mimicbench.retarget.kinematics import Jacobian, Links, Pose, tree_of
+from mimicbench.retarget.mapping import UNIHSI_H1, Bound, bind, find_mapping
+from mimicbench.retarget.optimization import PAPER, OptimizationConfig, retarget_clip
+from mimicbench.robot.description import load_robot
+
+H1 = load_robot("h1")
+TREE = tree_of(H1)
+LIMITS = H1.joint_range
+SIDES = {"left": "right", "right": "left"}
+CLIPS = Path(__file__).parents[1].parent / "shared" / "data" / "unihsi" / "motion_clips"
+
+
+def turn(axis: str, angle: np.ndarray | float) -> np.ndarray:
+    return rot.from_rotvec(np.asarray(angle)[..., None] * np.eye(3)["xyz".index(axis)])
+
+
+def walk(frames: int = 24, size: float = 1.0, skeleton: Skeleton = UNIHSI) -> HumanMotion:
+    """Steps on the spot, arms swinging, a slow turn: every mapped joint moves."""
+    t = np.arange(frames) / 30.0
+    quat = np.tile(rot.IDENTITY, (frames, 15, 1))
+    phase = 2 * np.pi * 0.8 * t
+    quat[:, 0] = rot.multiply(turn("z", 0.4 + 0.3 * t), turn("x", 0.03 * np.sin(phase)))
+    quat[:, 1] = turn("y", 0.1 + 0.1 * np.sin(phase))
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        lift = np.maximum(0.0, sign * np.sin(phase))
+        joints = {name: skeleton.index(f"{side}_{name}") for name in ("thigh", "shin", "foot", "upper_arm", "lower_arm")}
+        quat[:, joints["thigh"]] = turn("y", -0.25 - 0.5 * lift)
+        quat[:, joints["shin"]] = turn("y", 0.5 + 0.9 * lift)
+        quat[:, joints["foot"]] = turn("y", -0.25 - 0.4 * lift)
+        quat[:, joints["upper_arm"]] = rot.multiply(turn("y", -0.3 * sign * np.sin(phase)), turn("x", 0.15 * sign))
+        quat[:, joints["lower_arm"]] = turn("y", -0.5 - 0.2 * lift)
+    height = size * (0.05 + 0.40987 * np.cos(0.25) + 0.421546 * np.cos(0.25))
+    root = np.stack([0.3 + 0.1 * t, -0.2 + 0.02 * np.sin(phase), np.full(frames, height)], -1)
+    return HumanMotion("walk-0", "sit-chair", skeleton.scaled(size), 30.0, root, quat, "chair-1")
+
+
+def mirrored_human(motion: HumanMotion) -> HumanMotion:
+    order = [motion.skeleton.index(_other_side(name)) for name in motion.skeleton.joint_names]
+    return replace(motion, root_pos_w=motion.root_pos_w * [1, -1, 1], local_quat=motion.local_quat[:, order] * [1, -1, 1, -1])
+
+
+def mirrored_robot(motion: RobotMotion) -> RobotMotion:
+    order = [motion.joint_names.index(_other_side(name)) for name in motion.joint_names]
+    sign = np.where(H1.joint_axis[:, 1] != 0, 1.0, -1.0)  # pitch stays, roll and yaw change sign
+    root = motion.root_pos_w * [1, -1, 1]
+    return replace(motion, root_pos_w=root, root_quat_w=motion.root_quat_w * [1, -1, 1, -1], joint_pos=motion.joint_pos[:, order] * sign)
+
+
+def _other_side(name: str) -> str:
+    side, _, rest = name.partition("_")
+    return f"{SIDES[side]}_{rest}" if side in SIDES else name
+
+
+def random_pose(random: np.random.Generator, frames: int = 3) -> Pose:
+    quat = rot.normalize(random.normal(size=(frames, 4)))
+    return Pose(random.normal(size=(frames, 3)), quat, random.uniform(LIMITS[:, 0] + 0.01, LIMITS[:, 1] - 0.01, (frames, 19)))
+
+
+def example(config: OptimizationConfig = OptimizationConfig(), frames: int = 8) -> tuple[opt.Problem, Pose]:
+    motion = walk(frames)
+    bound = bind(UNIHSI_H1, motion.skeleton, H1, config.preset)
+    pos, quat = motion.forward_kinematics()
+    return opt.make_problem(bound, TREE, LIMITS, pos, quat, motion.fps, config), copy_rotations(bound, TREE, LIMITS, pos, quat)
+
+
+# --- the table
+
+
+def test_unihsi_table_is_the_appendix() -> None:
+    paper = {(0, 0), (0, 11), (12, 1), (12, 2), (13, 4), (14, 5), (9, 6), (9, 7), (10, 9), (11, 10), (6, 13), (7, 15), (3, 17), (4, 19)}
+    bound = bind(UNIHSI_H1, UNIHSI, H1, "paper")
+    assert set(zip(bound.joints.tolist(), bound.links.tolist(), strict=True)) == paper
+    assert (bound.turn_joints == bound.joints).all() and (bound.turn_links == bound.links).all()
+    assert (bound.shifts == 0).all() and (bound.weights == 1).all()
+    improved = bind(UNIHSI_H1, UNIHSI, H1, "improved")
+    assert set(zip(improved.joints.tolist(), improved.links.tolist(), strict=True)) == paper
+
+
+def test_arms_down_points_forearms_down() -> None:
+    joints = np.array([H1.arms_down.get(name, 0.0) for name in H1.joint_names])
+    pos, quat = H1.forward_kinematics(np.zeros(3), rot.IDENTITY, joints)
+    for side in SIDES:
+        elbow = H1.link_names.index(f"{side}_elbow_link")
+        forearm = H1.keypoint_pos(f"{side}_wrist", pos, quat) - pos[elbow]
+        assert forearm[2] < -0.27 and abs(forearm[1]) < 1e-6
+
+
+def test_shifts_lay_surface_on_surface_for_every_size() -> None:
+    for size in (0.9, 1.0, 1.1):
+        bound = bind(UNIHSI_H1, UNIHSI.scaled(size), H1)
+        by_link = {H1.link_names[link]: shift for link, shift in zip(bound.links, bound.shifts, strict=True)}
+        assert by_link["left_ankle_link"][2] == pytest.approx(0.07 - 0.05 * size)
+        assert by_link["pelvis"][2] == pytest.approx(0.235 - 0.09 * size)
+
+
+def test_errors_name_what_is_missing() -> None:
+    motion = walk(4)
+    with pytest.raises(UnknownName, match="unihsi -> h1"):
+        retarget_clip(replace(motion, skeleton=replace(motion.skeleton, name="centaur")), H1)
+    with pytest.raises(UnknownName, match="unihsi -> h1"):
+        find_mapping("unihsi", "r2d2")
+    names = tuple("left_fin" if name == "left_foot" else name for name in UNIHSI.joint_names)
+    with pytest.raises(BadMotion, match="no joint 'left_foot'"):
+        bind(UNIHSI_H1, replace(UNIHSI, joint_names=names), H1)
+    links = tuple(replace(link, name="tail") if link.name == "torso_link" else link for link in H1.links)
+    with pytest.raises(BadMotion, match="no link 'torso_link'"):
+        bind(UNIHSI_H1, UNIHSI, replace(H1, links=links))
+
+
+# --- kinematics
+
+
+def test_tree_places_links_as_the_robot_does() -> None:
+    pose = random_pose(np.random.default_rng(0))
+    links = TREE.place(pose)
+    pos, quat = H1.forward_kinematics(*pose)
+    assert np.allclose(links.pos, pos, atol=1e-12)
+    assert np.abs(rot.angle_between(links.quat, quat)).max() < 1e-7
+
+
+def test_jacobians_match_finite_differences() -> None:
+    random = np.random.default_rng(1)
+    pose, points, turns = random_pose(random), np.array([0, 5, 15, 19]), np.array([0, 3, 14, 10])
+    offsets = random.normal(size=(4, 3)) * 0.2
+
+    def place(at: Pose) -> tuple[np.ndarray, np.ndarray, Links]:
+        links = TREE.place(at)
+        return links.pos[:, points] + rot.rotate(links.quat[:, points], offsets), links.quat[:, turns], links
+
+    at, quat, links = place(pose)
+    found = Jacobian(TREE, points, turns, 3).fill(links, at)
+    h = 1e-6
+    for v in range(25):
+        step = np.zeros((3, 25))
+        step[:, v] = h
+        moved, turned, _ = place(opt._move(pose, step, LIMITS))
+        expected = np.concatenate([((moved - at) / h).reshape(3, -1), (rot.to_rotvec(rot.multiply(turned, rot.conjugate(quat))) / h).reshape(3, -1)], 1)
+        assert np.allclose(found[:, :, v], expected, atol=2e-5)
+
+
+@pytest.mark.parametrize("config", [OptimizationConfig(hand=2.0), PAPER])
+def test_gradient_is_that_of_the_loss(config: OptimizationConfig) -> None:
+    problem, pose = example(config, 5)
+    random = np.random.default_rng(2)
+    away = random.normal(size=(5, 25)) * 0.05  # some soles go under the floor
+    pose = opt._move(pose, away, LIMITS * 0.9)
+    jacobian = Jacobian(TREE, problem.point_links, problem.turn_links, 5)
+    _, gradient = opt._normal_equations(problem, pose, TREE.place(pose), jacobian)
+    for _ in range(5):
+        direction = random.normal(size=(5, 25))
+        values = []
+        for h in (1e-6, -1e-6):
+            moved = opt._move(pose, h * direction, np.tile([-9.0, 9.0], (19, 1)))
+            values.append(opt.loss(problem, moved, TREE.place(moved)))
+        assert (values[0] - values[1]) / 2e-6 == pytest.approx(gradient @ direction.ravel(), rel=1e-4, abs=1e-7)
+
+
+def test_banded_solution_with_held_variables_is_the_dense_one() -> None:
+    random = np.random.default_rng(3)
+    size, width = 40, 7
+    band = random.normal(size=(width, size)) * 0.3
+    band[0] = 6.0 + random.random(size)
+    dense = np.zeros((size, size))
+    for k in range(width):
+        dense += np.diag(band[k, : size - k], -k) + (np.diag(band[k, : size - k], k) if k else 0)
+    right, values, held = random.normal(size=size), random.normal(size=size), random.random(size) < 0.3
+    found = opt._solve_with(band, right, held, values)
+    free = ~held
+    expected = values.copy()
+    expected[free] = np.linalg.solve(dense[np.ix_(free, free)], right[free] - dense[np.ix_(free, held)] @ values[held])
+    assert np.allclose(found, expected)
+
+
+# --- the optimum
+
+
+def test_recovers_a_motion_that_the_robot_made() -> None:
+    t = np.linspace(0, 1, 20)[:, None]
+    middle = LIMITS.mean(1)
+    truth = Pose(np.hstack([t, 0.1 * t, 1.0 + 0 * t]), rot.from_rotvec(np.hstack([0.1 * t, 0.2 * t, t])), middle + 0.4 * np.sin(3 * t + np.arange(19)) * (LIMITS[:, 1] - middle))
+    links = TREE.place(truth)
+    everything, identity = np.arange(20), np.tile(rot.IDENTITY, (20, 1))
+    bound = Bound(everything, everything, np.zeros((20, 3)), everything, np.ones(20), everything, everything, identity, (), identity[:0], (), (), np.zeros((0, 3)))
+    problem = opt.make_problem(bound, TREE, LIMITS, links.pos, links.quat, 30.0, replace(PAPER, acceleration=1e-9))
+    found, losses = opt.solve(problem, truth._replace(joints=np.tile(middle, (20, 1))), 60, 1e-9)
+    assert np.abs(found.joints - truth.joints).max() < 1e-3
+    assert np.abs(found.root_pos - truth.root_pos).max() < 1e-4
+    assert (np.diff(losses) < 0).all()
+
+
+def test_at_least_as_good_as_the_papers_adam() -> None:
+    problem, start = example(PAPER, 6)
+    problem = problem._replace(softness=1e-3, acceleration_softness=0.1 * problem.acceleration_softness)
+    ours, _ = opt.solve(problem, start, 100, 1e-7)
+    adams = adam(problem, start, 200)
+    assert opt.loss(problem, ours, TREE.place(ours), softened=False) <= opt.loss(problem, adams, TREE.place(adams), softened=False) * 1.001
+
+
+def adam(problem: opt.Problem, start: Pose, steps: int) -> Pose:
+    """The appendix's optimizer on the same loss, with rotation vectors for the root."""
+    torch.set_num_threads(1)
+    root, joints = torch.tensor(start.root_pos), torch.tensor(start.joints)
+    spin = torch.tensor(rot.to_rotvec(start.root_quat))
+    low, high = torch.tensor(LIMITS[:, 0]), torch.tensor(LIMITS[:, 1])
+    axes, fixed, offsets = torch.tensor(H1.joint_axis), torch.tensor(H1.link_quat[1:]), torch.tensor(H1.link_pos)
+    targets, turns = torch.tensor(problem.point_targets), torch.tensor(problem.turn_targets)
+    weights, turn_weights = torch.tensor(problem.point_weights), torch.tensor(problem.turn_weights)
+    variables = [x.requires_grad_() for x in (root, spin, joints)]
+    optimizer = torch.optim.Adam(variables, lr=0.02)
+    for step in range(steps):
+        for group in optimizer.param_groups:
+            group["lr"] = 0.02 * (1 - step / steps)  # kinder to Adam than the constant rate
+        half = 0.5 * joints[..., None]
+        local = rot.multiply(fixed, torch.cat([torch.cos(half), torch.sin(half) * axes], -1))
+        pos, quat = {0: root}, {0: rot.from_rotvec(spin)}
+        for links, parents in TREE.levels:  # as Tree.place, whose results are tested above, but without writing in place
+            up = torch.stack([quat[parent] for parent in parents], 1)
+            at = torch.stack([pos[parent] for parent in parents], 1) + rot.rotate(up, offsets[links].expand(len(root), -1, 3))
+            turned = rot.multiply(up, local[:, links - 1])
+            for i, link in enumerate(links):
+                pos[int(link)], quat[int(link)] = at[:, i], turned[:, i]
+        points = torch.stack([pos[int(link)] for link in problem.point_links], 1)
+        turned = torch.stack([quat[int(link)] for link in problem.turn_links], 1)
+        between = rot.multiply(rot.conjugate(turns), turned)
+        angle = 2 * torch.atan2(torch.sqrt((between[..., 1:] ** 2).sum(-1) + 1e-12), between[..., 0].abs())
+        value = (((points - targets) ** 2).sum(-1) * weights).sum() + (angle * turn_weights).sum()
+        value = value + (torch.diff(joints, n=2, dim=0).abs() * problem.fps**2 * torch.tensor(problem.acceleration_weights[3:])).sum()
+        optimizer.zero_grad()
+        value.backward()
+        optimizer.step()
+        with torch.no_grad():
+            joints.clamp_(low, high)
+    return Pose(root.detach().numpy(), rot.from_rotvec(spin.detach().numpy()), joints.detach().numpy())
+
+
+def test_mirrored_in_mirrored_out() -> None:
+    config = OptimizationConfig(tolerance=1e-7, iterations=60)
+    motion = walk(12)
+    straight, other = retarget_clip(motion, H1, config), mirrored_robot(retarget_clip(mirrored_human(motion), H1, config))
+    assert np.abs(straight.joint_pos - other.joint_pos).max() < 0.02
+    assert np.abs(straight.root_pos_w - other.root_pos_w).max() < 1e-3
+    assert np.abs(rot.angle_between(straight.root_quat_w, other.root_quat_w)).max() < 5e-3
+
+
+@settings(max_examples=12, deadline=None)
+@given(st.integers(0, 10**6), st.integers(2, 6), st.floats(0.1, 3.0), st.sampled_from([OptimizationConfig(iterations=6), replace(PAPER, iterations=6)]))
+def test_limits_always_hold(seed: int, frames: int, wildness: float, config: OptimizationConfig) -> None:
+    random = np.random.default_rng(seed)
+    motion = walk(frames)
+    motion = replace(motion, local_quat=rot.multiply(motion.local_quat, rot.from_rotvec(random.normal(size=(frames, 15, 3)) * wildness)))
+    result = retarget_clip(motion, H1, config)
+    stored = result.joint_pos.astype(np.float32).astype(float)
+    assert (stored >= LIMITS[:, 0]).all() and (stored <= LIMITS[:, 1]).all()
+    assert result.measures["limit_violation"] == 0.0
+    assert all(np.isfinite(value) for value in result.measures.values())
+
+
+def test_walking_feet_stay_in_their_places() -> None:
+    for size in (0.95, 1.05):
+        measures = retarget_clip(walk(40, size), H1).measures
+        assert measures["ankle_error"] < 0.01
+        assert measures["sole_depth"] < 0.01
+        assert measures["sole_tilt"] < 0.12
+        assert measures["velocity_ratio"] < 1.0
+
+
+def test_carries_everything_over_and_is_deterministic(tmp_path: Path) -> None:
+    motion = replace(walk(5), contact_names=("left_foot", "right_foot"), contacts=np.ones((5, 2), bool), style={"speed": 0.5})
+    result = retarget_clip(motion, H1, success=False)
+    assert (result.id, result.task, result.object_id, result.reference_id, result.fps) == (motion.id, motion.task, motion.object_id, motion.id, motion.fps)
+    assert result.style == {"speed": 0.5} and result.contact_names == motion.contact_names and (result.contacts == motion.contacts).all()
+    assert result.robot == "h1" and not result.success
+    result.save(tmp_path / "clip.npz")
+    assert dict(RobotMotion.load(tmp_path / "clip.npz", "h1").measures) == pytest.approx(dict(result.measures))
+    again = pickle.loads(pickle.dumps(retarget_clip))(motion, pickle.loads(pickle.dumps(H1)))  # as it travels to another process
+    assert (again.joint_pos == result.joint_pos).all() and (again.root_pos_w == result.root_pos_w).all()
+
+
+# --- standing on the floor
+
+
+def test_ground_puts_the_stance_sole_on_the_floor() -> None:
+    motion = walk(6)
+    bound = bind(UNIHSI_H1, motion.skeleton, H1)
+    pose = Pose(np.tile([0.0, 0.0, 1.0], (6, 1)), np.tile(rot.IDENTITY, (6, 1)), np.zeros((6, 19)))
+    # straight legs: the ankle is 0.9742 m below the pelvis, the sole 0.07 m below the ankle
+    assert sole_heights(TREE.place(pose), bound) == pytest.approx(1.0 - 1.0442 * np.ones((6, 2)))
+    assert ground(TREE.place(pose), bound, np.ones((6, 2), bool)) == pytest.approx(0.0442)
+    assert ground(TREE.place(pose), bound, np.zeros((6, 2), bool)) == pytest.approx(0.0442)
+    high = pose._replace(root_pos=pose.root_pos + [0, 0, 1.0])
+    assert ground(TREE.place(high), bound, np.zeros((6, 2), bool)) == 0.0  # lies on something: nothing tells where the floor is
+
+
+def test_stance_comes_from_labels_or_from_low_slow_ankles() -> None:
+    motion = walk(4)
+    bound = bind(UNIHSI_H1, motion.skeleton, H1)
+    ankles = np.zeros((4, 2, 3))
+    ankles[:, 0, 2], ankles[:, 1, 2] = 0.05, 0.3
+    assert (stance(motion, bound, ankles) == [True, False]).all()
+    labels = np.array([[True, False, True]] * 4)
+    labeled = replace(motion, contact_names=("right_foot", "left_foot", "pelvis"), contacts=labels)
+    assert (stance(labeled, bound, ankles) == [False, True]).all()
+
+
+def test_frames_per_second_counts() -> None:
+    assert frames_per_second([walk(30)], H1, OptimizationConfig(iterations=3)) > 20
+
+
+@pytest.mark.skipif(not CLIPS.is_dir(), reason="the recorded UniHSI clips are not here")
+def test_real_people_become_robots() -> None:
+    from mimicbench.references.unihsi import import_sitting
+
+    (motion, obj), *_ = import_sitting(CLIPS / "armchair.npy")
+    result = retarget_clip(motion, H1)
+    assert result.measures["limit_violation"] == 0.0
+    assert result.measures["skate"] < result.measures["human_skate"] + 0.03
+    assert result.measures["velocity_ratio"] < 1.0
+    assert 0.18 < result.root_pos_w[-10:, 2].mean() - obj.require_seat() < 0.27
