@@ -84,7 +84,7 @@ def save_checkpoint(folder: Path, kind: str, robot: str, config: Any, tensors: M
         if np.issubdtype(array.dtype, np.floating) and not np.isfinite(array).all():
             raise BadCheckpoint(f"{name!r} of this {kind} is not finite: training diverged, so {folder} keeps what it held; train with a smaller learning rate")
     plain = dataclasses.asdict(config) if dataclasses.is_dataclass(config) and not isinstance(config, type) else config
-    data = safetensors.numpy.save({name: np.ascontiguousarray(array) for name, array in sorted(tensors.items())}, {"kind": kind, "robot": robot})
+    data = safetensors.numpy.save({name: np.asarray(array, order="C") for name, array in tensors.items()})
 
     def write(stream: IO[bytes]) -> None:
         stream.write(data)

@@ -23,5 +23,5 @@ class BadObject(MimicbenchError):
 class UnknownName(MimicbenchError):
     """A task, policy, robot or family that does not exist. The message lists those that do."""
 
-    def __init__(self, what: str, name: str, known: list[str]):
+    def __init__(self, what: str, name: str, known: list[str]) -> None:
         super().__init__(f"unknown {what} {name!r}; known are: {', '.join(sorted(known))}")

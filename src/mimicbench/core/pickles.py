@@ -5,6 +5,7 @@ unpickled with stand-ins in place of every class and function, so that all it ca
 and descriptions of arrays; arrays are made from those only after their sizes were checked.
 """
 
+import ast
 import io
 import math
 import pickle
@@ -20,6 +21,8 @@ from mimicbench.core.errors import BadFile
 
 MAX_OPCODES = 20_000
 """Instructions in one file; the motion files that we know have a few hundred."""
+MAX_HEADER = 1_000
+"""Bytes of an `.npy` file's header."""
 
 _OPCODES = frozenset({
     "PROTO", "FRAME", "STOP", "MARK", "POP", "POP_MARK", "DUP", "NONE", "NEWTRUE", "NEWFALSE", "BININT", "BININT1", "BININT2", "LONG1", "LONG4",
@@ -28,6 +31,11 @@ _OPCODES = frozenset({
     "BINGET", "LONG_BINGET", "GLOBAL", "STACK_GLOBAL", "REDUCE", "BUILD",
 })  # fmt: skip
 _TYPE = re.compile(r"[<>=|]?(b1|[iu][1248]|f[248]|c(8|16)|\?|[SU]\d{1,4}|O8?)")
+
+_MALFORMED = (
+    ValueError, TypeError, EOFError, KeyError, IndexError, AttributeError, OverflowError, MemoryError, RecursionError, SyntaxError, pickle.PickleError
+)  # fmt: skip
+"""What reading a damaged file may raise."""
 
 
 def load_restricted(path: Path, max_bytes: int) -> Any:
@@ -49,7 +57,7 @@ def load_restricted(path: Path, max_bytes: int) -> Any:
         value = _read_npy(raw) if raw.startswith(b"\x93NUMPY") else _unpickle(raw)
     except _RefusedError as error:
         raise BadFile(f"{path} asks for {error}, which a motion file has no need of; nothing was run: get the file from a source you trust") from None
-    except (ValueError, TypeError, EOFError, KeyError, IndexError, AttributeError, OverflowError, MemoryError, RecursionError, pickle.PickleError) as error:
+    except _MALFORMED as error:
         detail = " ".join(str(error).split())[:120]
         raise BadFile(f"{path} cannot be read ({detail}); it is cut off or not an .npy or pickle file: get it again") from None
     if isinstance(value, np.ndarray) and value.dtype == object and value.shape == ():
@@ -198,16 +206,21 @@ def _resolve(value: Any, done: dict[int, tuple[Any, Any]]) -> Any:
 
 
 def _read_npy(raw: bytes) -> Any:
-    """The content of an `.npy` file."""
+    """The content of an `.npy` file, version 1 to 3."""
     stream = io.BytesIO(raw)
-    version = np.lib.format.read_magic(stream)
-    readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
-    if version not in readers:
-        raise ValueError(f".npy version {version}")
-    shape, fortran, dtype = readers[version](stream)
+    stream.seek(6)
+    major = stream.read(2)[0]
+    if major not in (1, 2, 3):
+        raise ValueError(f".npy version {major}")
+    length = int.from_bytes(stream.read(2 if major == 1 else 4), "little")
+    if length > MAX_HEADER:
+        raise ValueError("a header that is too long")
+    header = ast.literal_eval(stream.read(length).decode("latin1" if major < 3 else "utf8").strip())
+    descr, fortran, shape = header["descr"], header["fortran_order"], header["shape"]
+    if not isinstance(descr, str) or not _TYPE.fullmatch(descr):
+        raise ValueError(f"data type {descr!r:.40}")
     rest = raw[stream.tell() :]
+    dtype = np.dtype(descr)
     if dtype.kind == "O":
         return _unpickle(rest)
-    if dtype.hasobject or dtype.fields is not None:
-        raise ValueError("a structured data type")
-    return _make_array(tuple(shape), dtype, fortran, rest[: math.prod(shape) * dtype.itemsize])
+    return _make_array(shape, dtype, fortran is True, rest)

@@ -47,7 +47,7 @@ def conjugate(q: Array) -> Array:
 
 
 def normalize(q: Array) -> Array:
-    """q scaled to unit length."""
+    """The same rotation as a quaternion of unit length."""
     return q / ((q * q).sum(-1)[..., None]) ** 0.5
 
 

@@ -1,1 +1,1 @@
-"""What the robot senses: proprioception, ego cameras, elevation maps."""
+"""What a robot senses of itself and of the scene. Sensors see shapes, never labels."""

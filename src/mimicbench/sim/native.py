@@ -21,7 +21,7 @@ class NativePhysics:
 
     def __init__(
         self, robot: Robot, objects: Sequence[SceneObject], preset: str = "improved", control: str = "position", workers: int = 0, visuals: bool = False
-    ):
+    ) -> None:
         self.robot, self.num_envs, self.device = robot, len(objects), "cpu"
         self._preset, self._control, self._visuals = preset, control, visuals
         self._compiled: dict[str, mujoco.MjModel] = {}

@@ -1,7 +1,7 @@
 """A robot and an object on a floor, as a MuJoCo model.
 
 Every scene of a robot has the same sizes whatever its object, since each reserves SLOTS boxes: so any objects can
-share one batch. Boxes that an object does not need are parked below the floor and switched off.
+share one batch.
 """
 
 import mujoco
@@ -83,15 +83,14 @@ def _add_object(spec: mujoco.MjSpec, obj: SceneObject) -> None:
     for slot in range(SLOTS):
         geom = body.add_geom(name=f"object_{slot}", type=mujoco.mjtGeom.mjGEOM_BOX, group=OBJECT_GROUP)
         geom.friction = FRICTION
-        if slot < len(obj.box_pos):
-            geom.pos, geom.quat, geom.size = obj.box_pos[slot], obj.box_quat[slot], obj.box_half[slot]
-            geom.rgba = [*obj.box_rgb[slot], 1.0]
-            geom.contype = geom.conaffinity = _WORLD_BIT
-            geom.mass = masses[slot]
-        else:
-            geom.pos, geom.size, geom.mass = [0, 0, -5], [0.01, 0.01, 0.01], 0.0
-            geom.rgba = [0, 0, 0, 0]
-            geom.contype = geom.conaffinity = 0
+        # every slot takes part in collision, for MuJoCo lays out its memory by the number that does; a slot to spare
+        # is a grain in the middle of the first box, where nothing touches it
+        used = min(slot, len(obj.box_pos)) % len(obj.box_pos)
+        spare = slot >= len(obj.box_pos)
+        geom.pos, geom.quat, geom.size = obj.box_pos[used], obj.box_quat[used], np.full(3, 0.001) if spare else obj.box_half[used]
+        geom.rgba = [*obj.box_rgb[used], 1.0]
+        geom.contype = geom.conaffinity = _WORLD_BIT
+        geom.mass = 0.0 if spare else masses[slot]
 
 
 def _add_robot(spec: mujoco.MjSpec, robot: Robot, visuals: bool) -> None:

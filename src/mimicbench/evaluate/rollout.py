@@ -1,0 +1,188 @@
+"""Run a policy on the protocol's episodes: unseen objects, unseen starts, nothing but the robot's own senses."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import mujoco
+import numpy as np
+import torch
+
+import mimicbench
+from mimicbench.core import rotations as rot
+from mimicbench.core.motion import RobotMotion
+from mimicbench.evaluate.rows import EpisodeRow
+from mimicbench.imitate.policy import Policy, Senses
+from mimicbench.objects.shape import SceneObject
+from mimicbench.robot.description import Robot
+from mimicbench.sense.elevation import camera_map
+from mimicbench.sense.proprioception import Odometry, body_state, s_current
+from mimicbench.sim.native import NativePhysics
+from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.tasks.judge import Judge
+from mimicbench.tasks.task import Task
+from mimicbench.track.reference import ReferenceBank
+from mimicbench.track.rollout import Rollout
+
+Eyes = Callable[[NativePhysics], torch.Tensor]
+"""Makes the elevation maps (N, 128, 128) of all robots."""
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """How episodes run. The defaults are the benchmark's."""
+
+    batch: int = 128
+    """Episodes side by side. Part of the protocol: networks may round differently in batches of another size."""
+    linger: float = 0.0
+    """[s] that an episode goes on after K is fulfilled, for pictures."""
+    eyes: Eyes = camera_map
+    """The elevation sensor."""
+
+
+@dataclass(frozen=True)
+class PolicyRun:
+    """What a policy did on a list of episodes."""
+
+    judge: Judge
+    start_distance: np.ndarray
+    """(E,) of the root from the object's rectangle [m]."""
+    end_distance: np.ndarray
+    """(E,) the same when the episode ended."""
+    recordings: dict[int, np.ndarray] = field(default_factory=dict)
+    """(T, nq) simulator positions of the episodes that were recorded."""
+
+
+def run_policy(
+    policy: Policy, robot: Robot, task: Task, starts: Sequence[RobotMotion], objects: Mapping[str, SceneObject], preset: str,
+    protocol: Protocol | None = None, workers: int = 0, record: Sequence[int] = (), tick: Callable[[int], None] | None = None,
+) -> list[PolicyRun]:  # fmt: skip
+    """One episode from the first frame of each motion in `starts`, beside that motion's object.
+
+    Everything else of the motions is withheld. Runs in batches of the protocol's size; returns one PolicyRun a batch.
+    `tick(n)` is called when n more episodes are over.
+    """
+    protocol = protocol or Protocol()
+    runs = []
+    for first in range(0, len(starts), protocol.batch):
+        part = starts[first : first + protocol.batch]
+        wanted = [episode - first for episode in record if first <= episode < first + len(part)]
+        runs.append(_run_batch(policy, robot, task, part, objects, preset, protocol, workers, wanted, tick))
+    return runs
+
+
+@torch.no_grad()
+def _run_batch(
+    policy: Policy, robot: Robot, task: Task, starts: Sequence[RobotMotion], objects: Mapping[str, SceneObject], preset: str,
+    protocol: Protocol, workers: int, record: Sequence[int], tick: Callable[[int], None] | None,
+) -> PolicyRun:  # fmt: skip
+    n = len(starts)
+    scene = [objects[motion.object_id] for motion in starts]
+    physics = NativePhysics(robot, scene, preset=preset, workers=workers)
+    place_at_start(physics, starts, task)
+    judge = Judge(task, robot, scene, CONTROL_DT)
+    odometry = Odometry(n)
+    everyone = torch.arange(n)
+    odometry.reset(everyone, physics.state())
+    last_target = torch.zeros(n, len(robot.joints))
+    start_distance = _distances(physics, scene)
+    end_distance = start_distance.copy()
+    limit, linger = round(task.time_limit / CONTROL_DT), round(protocol.linger / CONTROL_DT)
+    running = np.ones(n, bool)
+    tracks: dict[int, list[np.ndarray]] = {episode: [physics.qpos()[episode].copy()] for episode in record}
+    for step in range(limit):
+        senses = _sense(physics, odometry, last_target, step, protocol.eyes)
+        if step == 0:
+            policy.reset(everyone, senses)
+        last_target = policy.act(senses)
+        physics.step(last_target, measure_effort=True)
+        judge.see(physics, running)
+        odometry.update(physics.state(), CONTROL_DT)
+        over = judge.diverged | (judge.success & (judge.steps >= judge.first_success / CONTROL_DT + linger - 0.5))
+        ended = running & over
+        for episode in tracks:
+            if running[episode]:
+                tracks[episode].append(physics.qpos()[episode].copy())
+        if ended.any():
+            end_distance[ended] = _distances(physics, scene)[ended]
+            running &= ~ended
+            if tick:
+                tick(int(ended.sum()))
+        if not running.any():
+            break
+    end_distance[running] = _distances(physics, scene)[running]
+    if tick:
+        tick(int(running.sum()))
+    return PolicyRun(judge, start_distance, end_distance, {episode: np.array(track) for episode, track in tracks.items()})
+
+
+def place_at_start(physics: NativePhysics, starts: Sequence[RobotMotion], task: Task) -> None:
+    """Put each robot into the first pose of its motion, at rest, no farther from the object than the task allows (C.1)."""
+    bank = ReferenceBank(starts, physics.robot)
+    first = bank.frame(torch.arange(len(starts)), torch.zeros(len(starts), dtype=torch.long))
+    pos = first.root_pos_w.numpy().astype(float)
+    if task.max_start_distance is not None:
+        distance = np.linalg.norm(pos[:, :2], axis=-1, keepdims=True)
+        pos[:, :2] *= np.minimum(1.0, task.max_start_distance / np.maximum(distance, 1e-9))
+    quat = rot.normalize(first.root_quat_w.numpy().astype(float))
+    spin = rot.rotate_inverse(quat, first.root_ang_vel_w.numpy().astype(float))
+    physics.reset(np.arange(len(starts)), pos, quat, first.joint_pos.numpy(), first.root_lin_vel_w.numpy(), spin, first.joint_vel.numpy())
+
+
+def _sense(physics: NativePhysics, odometry: Odometry, last_target: torch.Tensor, step: int, eyes: Eyes) -> Senses:
+    state = physics.state()
+    return Senses(
+        state=s_current(state, physics.links(), last_target), proprio=body_state(state), time=torch.full((physics.num_envs,), step * CONTROL_DT),
+        odometry_pos=odometry.pos, odometry_yaw=odometry.yaw, elevation=lambda: eyes(physics),
+    )  # fmt: skip
+
+
+def _distances(physics: NativePhysics, scene: Sequence[SceneObject]) -> np.ndarray:
+    """(N,) horizontal distance of each root from its object's bounding rectangle [m]."""
+    low, high = (np.array(corner)[:, :2] for corner in zip(*(obj.bounds() for obj in scene), strict=True))
+    xy = physics.qpos()[:, :2]
+    return np.linalg.norm(np.maximum(np.maximum(low - xy, xy - high), 0.0), axis=-1)
+
+
+def policy_rows(
+    runs: Sequence[PolicyRun], starts: Sequence[RobotMotion], objects: Mapping[str, SceneObject], task: Task, robot: Robot, policy: str, preset: str, seed: int
+) -> list[EpisodeRow]:
+    """One row per episode of `run_policy`."""
+    rows = []
+    episode = 0
+    for run in runs:
+        for i in range(len(run.start_distance)):
+            distances = float(run.start_distance[i]), float(run.end_distance[i])
+            rows.append(_row(run.judge, i, starts[episode], objects, task, robot, ("imitate", policy, preset), seed, episode, distances))
+            episode += 1
+    return rows
+
+
+def tracker_rows(
+    rollout: Rollout, motions: Sequence[RobotMotion], objects: Mapping[str, SceneObject], task: Task, robot: Robot, tracker: str, preset: str, seed: int
+) -> list[EpisodeRow]:
+    """One row per clip of `track.rollout.track_clips`."""
+    rows = []
+    for i, motion in enumerate(motions):
+        obj = objects[motion.object_id]
+        distances = _distance(obj, motion.root_pos_w[0]), _distance(obj, motion.root_pos_w[-1])
+        rows.append(_row(rollout.judge, i, motion, objects, task, robot, ("track", tracker, preset), seed, i, distances))
+    return rows
+
+
+def _distance(obj: SceneObject, pos: np.ndarray) -> float:
+    low, high = obj.bounds()
+    return float(np.linalg.norm(np.maximum(np.maximum(low[:2] - pos[:2], pos[:2] - high[:2]), 0.0)))
+
+
+def _row(
+    judge: Judge, i: int, motion: RobotMotion, objects: Mapping[str, SceneObject], task: Task, robot: Robot, who: tuple[str, str, str], seed: int,
+    episode: int, distances: tuple[float, float],
+) -> EpisodeRow:  # fmt: skip
+    obj = objects[motion.object_id]
+    stage, policy, preset = who
+    return EpisodeRow(
+        task=task.slug, stage=stage, policy=policy, preset=preset, robot=robot.name, seed=seed, episode=episode, object_id=obj.id, object_kind=obj.kind,
+        split=obj.split, reference_id=motion.id, steps=int(judge.steps[i]), success=bool(judge.success[i]), success_at_end=bool(judge.success_at_end[i]),
+        first_success_time=float(judge.first_success[i]) if judge.success[i] else None, fell=bool(judge.fell[i]), max_energy=float(judge.effort()[i]),
+        seat_height=obj.seat_height, start_distance=distances[0], end_distance=distances[1], mimicbench=mimicbench.__version__, mujoco=mujoco.__version__,
+    )  # fmt: skip

@@ -1,0 +1,70 @@
+"""Judges N running episodes: K as the task defines it, P by mechanical effort, and what went wrong."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+
+from mimicbench.core import rotations as rot
+from mimicbench.objects.shape import SceneObject
+from mimicbench.robot.description import Robot
+from mimicbench.sim.physics import Physics
+from mimicbench.tasks.task import BodyPoints, ObjectFacts, Task
+
+FALLEN_TILT = 1.2
+"""[rad] A robot whose root leans farther than this from upright counts as fallen, where lying is not the task."""
+FALLEN_DROP = 0.15
+"""[m] So does one whose root is this much below the seat."""
+
+
+class Judge:
+    """Sees every control step of N episodes and keeps their verdicts. Policies never see a judge."""
+
+    def __init__(self, task: Task, robot: Robot, objects: Sequence[SceneObject], control_dt: float) -> None:
+        self._task, self._robot, self._dt = task, robot, control_dt
+        self._facts = ObjectFacts.of(objects)
+        self._hold_frames = task.hold_frames(1 / control_dt)
+        n = len(objects)
+        self.run = np.zeros(n, int)
+        """(N,) frames in a row that the condition holds now."""
+        self.success = np.zeros(n, bool)
+        """(N,) K was fulfilled at some time."""
+        self.first_success = np.full(n, np.nan)
+        """(N,) when, [s]."""
+        self.success_at_end = np.zeros(n, bool)
+        """(N,) the condition held for the hold time up to the last frame seen."""
+        self.max_effort = np.zeros(n)
+        """(N,) largest e_i up to now [W^2]."""
+        self.effort_at_success = np.full(n, np.nan)
+        """(N,) largest e_i up to the moment that K was fulfilled."""
+        self.fell = np.zeros(n, bool)
+        """(N,) whether the robot fell."""
+        self.diverged = np.zeros(n, bool)
+        """(N,) whether the physics broke down."""
+        self.steps = np.zeros(n, int)
+        """(N,) control steps seen."""
+
+    def see(self, physics: Physics, active: np.ndarray) -> None:
+        """Look at one control step of the episodes `active` (N,) bool; call it after a step that measured effort."""
+        links = physics.links()
+        points = BodyPoints.of(self._robot, links.pos_w.numpy(), links.quat_w.numpy())
+        diverged = physics.diverged.numpy() & active
+        self.diverged |= diverged
+        active = active & ~self.diverged
+        self.steps += active
+        holds = self._task.holds(points, self._facts)
+        self.run = np.where(active, np.where(holds, self.run + 1, 0), self.run)
+        self.max_effort = np.where(active, np.maximum(self.max_effort, physics.effort.numpy()), self.max_effort)
+        held = self.run >= self._hold_frames
+        new = held & active & ~self.success
+        self.first_success[new] = self.steps[new] * self._dt
+        self.effort_at_success[new] = self.max_effort[new]
+        self.success |= new
+        self.success_at_end = np.where(active, held, self.success_at_end)
+        up = rot.rotate(links.quat_w[:, 0], torch.tensor([0.0, 0.0, 1.0]).expand(len(active), 3))[:, 2].numpy()
+        low = points.pelvis_pos_w[:, 2] < np.where(np.isnan(self._facts.seat_height), 0.3, self._facts.seat_height) - FALLEN_DROP
+        self.fell |= active & ((np.arccos(np.clip(up, -1, 1)) > FALLEN_TILT) | low)
+
+    def effort(self) -> np.ndarray:
+        """(N,) the e that P is judged by: up to the fulfilment of K, where the episode ends, or to the last frame."""
+        return np.where(self.success, self.effort_at_success, self.max_effort)

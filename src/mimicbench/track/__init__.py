@@ -1,0 +1,1 @@
+"""Physics-based motion tracking: from retargeted clips to physically real ones."""

@@ -1,0 +1,122 @@
+"""PPO by rsl-rl. The only file that imports it, since its interface changes often."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from rsl_rl.algorithms import PPO
+from rsl_rl.models import MLPModel
+from rsl_rl.storage import RolloutStorage
+from tensordict import TensorDict
+
+_GROUPS = {"actor": ["obs"], "critic": ["obs"]}
+
+
+@dataclass(frozen=True)
+class PPOConfig:
+    """Proximal policy optimization (Schulman et al. 2017)."""
+
+    hidden: tuple[int, ...] = (384, 256)
+    """Widths of the hidden layers of actor and critic."""
+    steps: int = 24
+    """Control steps of every robot between updates."""
+    epochs: int = 3
+    """Passes over the collected samples."""
+    minibatches: int = 4
+    """Parts that a pass is split into."""
+    gamma: float = 0.97
+    """Discount per control step."""
+    lam: float = 0.95
+    """Decay of generalized advantage estimation."""
+    clip: float = 0.2
+    """Largest change of the probability ratio that counts."""
+    entropy: float = 0.0005
+    """Weight of the entropy bonus."""
+    learning_rate: float = 1e-3
+    """Where Adam starts; adapted to the divergence below."""
+    target_kl: float = 0.01
+    """Divergence per update that the learning rate is adapted to."""
+    initial_std: float = 0.25
+    """Standard deviation of the first actions."""
+
+
+class PPOLearner:
+    """Actor, critic, and their updates."""
+
+    def __init__(self, observations: int, actions: int, num_envs: int, config: PPOConfig, device: str = "cpu") -> None:
+        example = _wrap(torch.zeros(num_envs, observations, device=device))
+        distribution = {"class_name": "GaussianDistribution", "init_std": config.initial_std, "std_type": "log", "std_range": (0.02, 1.0)}
+        shape = {"hidden_dims": config.hidden, "activation": "elu", "obs_normalization": True}
+        actor = MLPModel(example, _GROUPS, "actor", actions, **shape, distribution_cfg=distribution)
+        critic = MLPModel(example, _GROUPS, "critic", 1, **shape)
+        last = [layer for layer in actor.mlp.modules() if isinstance(layer, torch.nn.Linear)][-1]
+        with torch.no_grad():  # the first actions are near zero: the reference itself
+            last.weight *= 0.01
+            last.bias.zero_()
+        self.ppo = PPO(
+            actor, critic, RolloutStorage("rl", num_envs, config.steps, example, [actions], device), num_learning_epochs=config.epochs,
+            num_mini_batches=config.minibatches, clip_param=config.clip, gamma=config.gamma, lam=config.lam, entropy_coef=config.entropy,
+            learning_rate=config.learning_rate, desired_kl=config.target_kl, schedule="adaptive", max_grad_norm=1.0, device=device,
+        )  # fmt: skip
+        self.ppo.train_mode()
+
+    @torch.no_grad()
+    def act(self, obs: torch.Tensor) -> torch.Tensor:
+        """Actions (N, A) with exploration, remembered for the update."""
+        return self.ppo.act(_wrap(obs))
+
+    @torch.no_grad()
+    def record(self, obs: torch.Tensor, reward: torch.Tensor, done: torch.Tensor, time_out: torch.Tensor) -> None:
+        """What the last actions led to."""
+        self.ppo.process_env_step(_wrap(obs), reward, done, {"time_outs": time_out.float()})
+
+    def update(self, obs: torch.Tensor) -> dict[str, float]:
+        """Learn from the recorded steps; `obs` is the observation after the last. Returns losses by name."""
+        with torch.no_grad():
+            self.ppo.compute_returns(_wrap(obs))
+        losses = self.ppo.update()
+        return {**losses, "learning_rate": self.ppo.learning_rate, "std": float(self.ppo.actor.output_std.detach().mean())}
+
+    def network_tensors(self) -> dict[str, np.ndarray]:
+        """The actor's mean as tensors of a TrackerNetwork."""
+        actor = self.ppo.actor
+        tensors = {"obs_mean": actor.obs_normalizer.mean, "obs_std": actor.obs_normalizer.std}
+        for name, value in actor.mlp.state_dict().items():
+            tensors[f"layers.{name}"] = value
+        return {name: value.detach().cpu().numpy() for name, value in tensors.items()}
+
+    def state_tensors(self) -> dict[str, np.ndarray]:
+        """Everything needed to go on learning, without pickles."""
+        tensors = {f"actor/{k}": v for k, v in self.ppo.actor.state_dict().items()}
+        tensors |= {f"critic/{k}": v for k, v in self.ppo.critic.state_dict().items()}
+        for i, moments in self.ppo.optimizer.state_dict()["state"].items():
+            tensors |= {f"optimizer/{i}/{k}": torch.as_tensor(v) for k, v in moments.items()}
+        tensors["learning_rate"] = torch.tensor(self.ppo.learning_rate, dtype=torch.float64)
+        tensors["random"] = torch.get_rng_state()
+        return {name: value.detach().cpu().numpy() for name, value in tensors.items()}
+
+    def load_state_tensors(self, tensors: Mapping[str, np.ndarray]) -> None:
+        """The inverse of state_tensors."""
+        parts: dict[str, dict[str, torch.Tensor]] = {"actor": {}, "critic": {}}
+        moments: dict[int, dict[str, torch.Tensor]] = {}
+        for name, value in tensors.items():
+            tensor = torch.from_numpy(np.array(value))
+            head, _, rest = name.partition("/")
+            if head in parts:
+                parts[head][rest] = tensor
+            elif head == "optimizer":
+                index, _, key = rest.partition("/")
+                moments.setdefault(int(index), {})[key] = tensor
+        self.ppo.actor.load_state_dict(parts["actor"])
+        self.ppo.critic.load_state_dict(parts["critic"])
+        state = self.ppo.optimizer.state_dict()
+        self.ppo.optimizer.load_state_dict({"state": moments, "param_groups": state["param_groups"]})
+        self.ppo.learning_rate = float(tensors["learning_rate"])
+        for group in self.ppo.optimizer.param_groups:
+            group["lr"] = self.ppo.learning_rate
+        torch.set_rng_state(torch.from_numpy(np.array(tensors["random"])))
+
+
+def _wrap(obs: torch.Tensor) -> TensorDict:
+    return TensorDict({"obs": obs}, batch_size=[len(obs)])

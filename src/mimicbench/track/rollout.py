@@ -1,0 +1,82 @@
+"""Run a trained tracker over whole clips, from the first frame, and judge each by K and P."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from mimicbench.core import rotations as rot
+from mimicbench.core.motion import RobotMotion
+from mimicbench.core.seeds import rng
+from mimicbench.objects.shape import SceneObject
+from mimicbench.robot.description import Robot
+from mimicbench.sim.native import NativePhysics
+from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.tasks.judge import Judge
+from mimicbench.tasks.task import Task
+from mimicbench.track.checkpoint import Tracker
+from mimicbench.track.reference import ReferenceBank
+from mimicbench.track.tracker import Moment
+
+SETTLE = 1.0
+"""[s] that an episode goes on, standing on the clip's last frame, after the clip is over."""
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """What happened on C clips."""
+
+    judge: Judge
+    steps: np.ndarray
+    """(C,) control steps until the episode ended."""
+    qpos: list[np.ndarray]
+    """Per clip, (T, nq) simulator positions at every control step, if recorded."""
+    qvel: list[np.ndarray]
+    """Per clip, (T, nv)."""
+    targets: list[np.ndarray]
+    """Per clip, (T, J) joint targets that the tracker chose [rad]."""
+    executed: list[np.ndarray]
+    """Per clip, (T, J) joint targets that were applied: with noise if there was any [rad]."""
+
+
+@torch.no_grad()
+def track_clips(
+    tracker: Tracker, robot: Robot, task: Task, motions: Sequence[RobotMotion], objects: Mapping[str, SceneObject],
+    workers: int = 0, record: bool = False, action_noise: float = 0.0, seed: int = 0, settle: float = SETTLE,
+) -> Rollout:  # fmt: skip
+    """Track every clip from its first frame by the mean action.
+
+    With `record`, keep the states and targets; with `action_noise` [rad], the applied targets are disturbed while the
+    recorded clean ones are not: demonstrations of how to recover.
+    """
+    bank = ReferenceBank(motions, robot)
+    n = len(bank)
+    scene = [objects[object_id] for object_id in bank.object_ids]
+    physics = NativePhysics(robot, scene, preset=tracker.kind.gains, workers=workers)
+    clip, index = torch.arange(n), torch.zeros(n, dtype=torch.long)
+    first = bank.frame(clip, index)
+    quat = first.root_quat_w.numpy().astype(float)
+    spin = rot.rotate_inverse(quat, first.root_ang_vel_w.numpy().astype(float))
+    physics.reset(np.arange(n), first.root_pos_w.numpy(), quat, first.joint_pos.numpy(), first.root_lin_vel_w.numpy(), spin, first.joint_vel.numpy())
+    lengths = torch.clamp(bank.lengths + round(settle / CONTROL_DT), max=round(task.time_limit / CONTROL_DT))
+    judge = Judge(task, robot, scene, CONTROL_DT)
+    action = torch.zeros(n, len(robot.joints))
+    draw = rng(seed, "action noise")
+    qpos, qvel, targets, executed = [], [], [], []
+    for _ in range(int(lengths.max())):
+        moment = Moment(robot, physics.state(), physics.links, lambda k, at=index: bank.frame(clip, at + k), action)
+        action = tracker.network(tracker.kind.observe(moment))
+        target = tracker.kind.target(robot, moment.reference(1), action)
+        applied = target + torch.from_numpy(draw.normal(size=target.shape).astype(np.float32)) * action_noise if action_noise else target
+        if record:
+            qpos.append(physics.qpos().astype(np.float32))
+            qvel.append(physics.qvel().astype(np.float32))
+            targets.append(target.numpy())
+            executed.append(applied.numpy())
+        physics.step(applied, measure_effort=True)
+        index = index + 1
+        judge.see(physics, (index <= lengths).numpy())
+    count = lengths.numpy()
+    per_clip = [[values[:length] for values, length in zip(np.stack(rows, 1), count, strict=True)] if rows else [] for rows in (qpos, qvel, targets, executed)]
+    return Rollout(judge, count, *per_clip)
