@@ -120,7 +120,12 @@ def _depth(motion: HumanMotion, obj: SceneObject, pos: np.ndarray, quat: np.ndar
     """How deep a body part is in any of the object's boxes [m], sampled along its axis."""
     joint = motion.skeleton.index(part.joint)
     samples = np.linspace(part.start, part.end, 1 if part.start == part.end else 7) * scale
-    points = pos[:, joint, None] + rot.rotate(quat[:, joint, None], samples)  # (T, S, 3)
+    low, high = obj.bounds()
+    reach = float(np.linalg.norm(samples, axis=-1).max()) + part.radius * scale
+    near = ((pos[:, joint] > low - reach) & (pos[:, joint] < high + reach)).all(-1)
+    if not near.any():
+        return 0.0
+    points = pos[near, joint, None] + rot.rotate(quat[near, joint, None], samples)  # (T, S, 3)
     local = np.abs(rot.rotate(rot.conjugate(obj.box_quat), points[:, :, None] - obj.box_pos)) - obj.box_half
     distance = np.linalg.norm(np.maximum(local, 0.0), axis=-1) + np.minimum(local.max(-1), 0.0)
     return max(0.0, part.radius * scale - float(distance.min()))
