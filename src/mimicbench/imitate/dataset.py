@@ -1,0 +1,121 @@
+"""Batches of demonstrations: what a learner would have seen in a frame, made again from the simulator's state, and what to do."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from mimicbench.core import rotations as rot
+from mimicbench.core.errors import BadFile
+from mimicbench.core.seeds import digest
+from mimicbench.imitate.inputs import Batch, InputConfig
+from mimicbench.imitate.lerobot import Demos
+from mimicbench.imitate.perception import disturb_seat, seat_in_root, seat_memory, seat_of
+from mimicbench.objects.shape import SceneObject
+from mimicbench.sense.heightmap import ObjectMaps
+
+MAP_NOISE = 0.01
+"""[m] deviation of the heights in the maps that are learned from."""
+MapMaker = Callable[[Tensor, Tensor, Tensor], Tensor]
+"""(object index (N,), root position (N, 3), heading (N,)) -> maps (N, 128, 128) relative to the root [m]."""
+
+
+class DemoFrames:
+    """The frames of demonstrations as a learner with the given inputs sees them.
+
+    A tenth of the episodes, chosen by their reference's id alone, are kept for validation.
+    """
+
+    def __init__(
+        self, demos: Demos, objects: Mapping[str, SceneObject], inputs: InputConfig, chunk: int, maps: MapMaker | None = None, validation: float = 0.1
+    ) -> None:
+        """Prepare everything but the maps, which are made batch by batch.
+
+        Args:
+            demos: The demonstrations.
+            objects: By id, at least those of the demonstrations.
+            inputs: What the learner sees.
+            chunk: Frames of action that it predicts.
+            maps: Makes the elevation maps; by default the objects' surfaces as seen from the root, with noise.
+            validation: Share of the episodes that is kept apart.
+        """
+        self.demos, self.inputs, self.chunk = demos, inputs, chunk
+        missing = sorted(set(demos.object_ids) - set(objects))
+        if missing:
+            raise BadFile(f"object {missing[0]!r} of the demonstrations is missing; make the objects again with the seed that the demonstrations had")
+        if inputs.body == "state" and demos.state is None:
+            raise BadFile("the demonstrations were read without S_current, which this learner sees; read them with it")
+        ids = sorted(set(demos.object_ids))
+        scene = [objects[object_id] for object_id in ids]
+        self.episode = torch.from_numpy(np.repeat(np.arange(demos.episodes), np.diff(demos.starts)))
+        self.starts = torch.from_numpy(demos.starts)
+        self.object_index = torch.tensor([ids.index(object_id) for object_id in demos.object_ids])
+        self.state = None if demos.state is None or inputs.body != "state" else torch.from_numpy(demos.state)
+        self.proprio = torch.from_numpy(proprioception(demos.qpos, demos.qvel))
+        self.action = torch.from_numpy(demos.action.astype(np.float32))
+        self.root_pos = torch.from_numpy(demos.qpos[:, :3].astype(np.float32))
+        self.root_yaw = torch.from_numpy(rot.yaw_of(demos.qpos[:, 3:7]).astype(np.float32))
+        self.time = (torch.arange(demos.frames) - self.starts[self.episode]) / demos.fps
+        self._maps = maps
+        if inputs.elevation and maps is None:
+            self._surfaces = ObjectMaps(scene)
+        if inputs.memory:
+            seats = torch.tensor(np.array([seat_of(obj) for obj in scene]), dtype=torch.float32)[self.object_index]
+            first = self.starts[:-1]
+            self.seat = seat_in_root(seats, self.root_pos[first], self.root_yaw[first])
+        # by the reference's id, so that the same clip is never learned from in one run and validated on in the next
+        apart = np.array([digest(0, "validation", reference) % 1000 < 1000 * validation for reference in demos.reference_ids])
+        if apart.all() or not apart.any():
+            apart[:] = False
+            apart[0] = demos.episodes > 1 and validation > 0
+        held = torch.from_numpy(apart)[self.episode]
+        self.train_frames, self.validation_frames = torch.nonzero(~held)[:, 0], torch.nonzero(held)[:, 0]
+
+    def batch(self, frames: Tensor, generator: torch.Generator | None = None) -> Batch:
+        """What is seen in the given frames (B,) and the actions from there on; without a generator there is no noise."""
+        steps = frames[:, None] + torch.arange(self.chunk)
+        last = self.starts[self.episode[frames] + 1][:, None] - 1
+        elevation = self.elevation(frames, generator)[:, None] if self.inputs.elevation else None
+        return Batch(self.vector(frames, generator), elevation, self.action[torch.minimum(steps, last)], steps > last)
+
+    def vector(self, frames: Tensor, generator: torch.Generator | None = None) -> Tensor:
+        """The input vectors (B, size) of frames (B,)."""
+        memory = None
+        if self.inputs.memory:
+            episode = self.episode[frames]
+            seat = self.seat[episode]
+            if generator is not None:
+                seat = disturb_seat(seat, generator)
+            memory = seat_memory(seat, *odometry(self.root_pos, self.root_yaw, self.starts[episode], frames))
+        state = self.proprio[frames] if self.state is None else self.state[frames]
+        return self.inputs.vector(state, self.proprio[frames], self.time[frames], memory)
+
+    def elevation(self, frames: Tensor, generator: torch.Generator | None = None) -> Tensor:
+        """The maps (B, 128, 128) of frames (B,)."""
+        arguments = self.object_index[self.episode[frames]], self.root_pos[frames], self.root_yaw[frames]
+        if self._maps is not None:
+            return self._maps(*arguments)
+        maps = self._surfaces.sample(*arguments, occlusion=True)
+        return maps if generator is None else maps + MAP_NOISE * torch.randn(maps.shape, generator=generator)
+
+
+def odometry(root_pos: Tensor, root_yaw: Tensor, start: Tensor, now: Tensor) -> tuple[Tensor, Tensor]:
+    """Position (B, 2) [m] and heading (B,) [rad] in frames `now` (B,) relative to frames `start` (B,)."""
+    yaw = root_yaw[start]
+    delta = root_pos[now, :2] - root_pos[start, :2]
+    cos, sin = yaw.cos(), yaw.sin()
+    pos = torch.stack([cos * delta[:, 0] + sin * delta[:, 1], cos * delta[:, 1] - sin * delta[:, 0]], -1)
+    return pos, rot.wrap_angle(root_yaw[now] - yaw)
+
+
+def proprioception(qpos: np.ndarray, qvel: np.ndarray) -> np.ndarray:
+    """What a robot measures of itself (F, 10 + 2 J), from simulator positions (F, 7 + J) and velocities (F, 6 + J).
+
+    Gravity's direction 3, root height 1, root linear velocity 3 and angular velocity 3 in the root frame, joint angles J,
+    joint velocities J.
+    """
+    quat = qpos[:, 3:7]
+    down = np.broadcast_to(np.array([0.0, 0.0, -1.0]), (len(qpos), 3))
+    parts = [rot.rotate_inverse(quat, down), qpos[:, 2:3], rot.rotate_inverse(quat, qvel[:, :3]), qvel[:, 3:6], qpos[:, 7:], qvel[:, 6:]]
+    return np.concatenate(parts, -1).astype(np.float32)

@@ -1,0 +1,88 @@
+"""Checkpoints: round trip, and one clear sentence for everything that can be wrong with one."""
+
+import json
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from mimicbench.core.checkpoint import BadCheckpoint, load_checkpoint, save_checkpoint
+
+
+@dataclass(frozen=True)
+class Config:
+    hidden: tuple[int, ...] = (4, 3)
+    rate: float = 0.5
+
+
+TENSORS = {"weight": np.arange(12, dtype=np.float32).reshape(4, 3), "count": np.array(7)}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    save_checkpoint(tmp_path / "net", "tracker", "h1", Config(hidden=(8, 2)), TENSORS, {"steps": 5})
+    return tmp_path / "net"
+
+
+def test_round_trip(folder):
+    found = load_checkpoint(folder, "tracker", "h1")
+    assert found.config_as(Config) == Config(hidden=(8, 2))
+    assert found.notes["steps"] == 5
+    arrays = found.matching({"weight": (4, 3), "count": ()})
+    assert all((arrays[name] == TENSORS[name]).all() and arrays[name].dtype == TENSORS[name].dtype for name in TENSORS)
+
+
+def test_same_content_same_bytes(folder, tmp_path):
+    save_checkpoint(tmp_path / "other", "tracker", "h1", Config(hidden=(8, 2)), TENSORS, {"steps": 5})
+    for name in ("config.json", "model.safetensors"):
+        assert (folder / name).read_bytes() == (tmp_path / "other" / name).read_bytes()
+
+
+def test_another_robot_or_kind(folder):
+    with pytest.raises(BadCheckpoint, match="a checkpoint of another robot, 'h1'"):
+        load_checkpoint(folder, "tracker", "g1")
+    with pytest.raises(BadCheckpoint, match="of kind 'tracker', not 'act'"):
+        load_checkpoint(folder, "act", "h1")
+
+
+@pytest.mark.parametrize("keep", [0, 4, 100, -3])
+def test_cut_off_model(folder, keep):
+    path = folder / "model.safetensors"
+    path.write_bytes(path.read_bytes()[:keep])
+    with pytest.raises(BadCheckpoint, match="cut off"):
+        load_checkpoint(folder)
+
+
+def test_missing_parts(folder, tmp_path):
+    with pytest.raises(BadCheckpoint, match="no config.json"):
+        load_checkpoint(tmp_path / "nowhere")
+    (folder / "model.safetensors").unlink()
+    with pytest.raises(BadCheckpoint, match="does not exist"):
+        load_checkpoint(folder)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"), [({"format": 99}, "format 99"), ({"robot": 3}, "does not describe"), ({"config": {"hidden": "x"}}, "does not describe")]
+)
+def test_changed_header(folder, change, message):
+    path = folder / "config.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | change))
+    with pytest.raises(BadCheckpoint, match=message):
+        load_checkpoint(folder).config_as(Config)
+
+
+def test_wrong_shapes(folder):
+    found = load_checkpoint(folder)
+    with pytest.raises(BadCheckpoint, match="4 x 3, but the tracker of its config.json needs 4 x 4"):
+        found.matching({"weight": (4, 4), "count": ()})
+    with pytest.raises(BadCheckpoint, match="lacks 'bias'"):
+        found.matching({"weight": (4, 3), "count": (), "bias": (3,)})
+    with pytest.raises(BadCheckpoint, match="holds 'count'"):
+        found.matching({"weight": (4, 3)})
+
+
+def test_not_finite_is_not_written(folder):
+    before = (folder / "model.safetensors").read_bytes()
+    with pytest.raises(BadCheckpoint, match="diverged"):
+        save_checkpoint(folder, "tracker", "h1", Config(), {"weight": np.array([np.nan])})
+    assert (folder / "model.safetensors").read_bytes() == before

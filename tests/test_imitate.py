@@ -1,0 +1,257 @@
+"""Every learner keeps the same contract; clock, memory and perception say what they should."""
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from mimicbench.core import rotations as rot
+from mimicbench.core.checkpoint import BadCheckpoint
+from mimicbench.core.errors import BadFile, MimicbenchError
+from mimicbench.imitate.act import ACTConfig
+from mimicbench.imitate.bc import BCConfig
+from mimicbench.imitate.clock import clock_features
+from mimicbench.imitate.dataset import DemoFrames, odometry, proprioception
+from mimicbench.imitate.encoder import Encoder, EncoderConfig
+from mimicbench.imitate.inputs import LAST_ACTION, Batch, InputConfig
+from mimicbench.imitate.learners import load_learner, make_learner, save_learner
+from mimicbench.imitate.lerobot import Demos
+from mimicbench.imitate.perception import (
+    Perception,
+    PerceptionConfig,
+    SeatMaps,
+    load_perception,
+    save_perception,
+    seat_in_root,
+    seat_memory,
+    seat_of,
+    train_perception,
+    unit_direction,
+)
+from mimicbench.imitate.policy import Senses, VisionPolicy, load_policy
+from mimicbench.imitate.train import TrainConfig, train
+from mimicbench.objects.chairs import make_chair
+
+TINY = EncoderConfig(pool=4, widths=(8, 8, 8, 8), blocks=(1, 1, 1, 1))
+INPUTS = {"paper": InputConfig(), "timed": InputConfig.timed(), "blind": InputConfig(body="state", clock=True, memory=True, elevation=False)}
+
+
+def tiny(kind, inputs):
+    if kind == "act":
+        return replace(ACTConfig.small(inputs), encoder=TINY, hidden=32, feedforward=32, heads=2, chunk=5, latent=4, dropout=0.0)
+    return replace(BCConfig.small(inputs), encoder=TINY, hidden=64, reduce=(8,))
+
+
+@pytest.fixture(scope="module")
+def chairs():
+    return {chair.id: chair for chair in (make_chair(i) for i in range(3))}
+
+
+@pytest.fixture(scope="module")
+def demos(chairs):
+    """Robots that glide past chairs; the action is a function of time and of where the chair is."""
+    random = np.random.default_rng(0)
+    lengths = [20, 25, 30, 15, 18, 22]
+    state, action, qpos, qvel = [], [], [], []
+    for frames in lengths:
+        time = np.arange(frames)[:, None] / 50
+        start, yaw = random.uniform(-1.5, 1.5, 2), random.uniform(-3, 3)
+        positions = np.zeros((frames, 26))
+        positions[:, :2] = start + time * random.normal(size=2)
+        positions[:, 2] = 1.0
+        positions[:, 3:7] = rot.from_yaw(np.full(frames, yaw))
+        qpos.append(positions)
+        qvel.append(random.normal(size=(frames, 25)) * 0.1)
+        state.append(random.normal(size=(frames, 300)).astype(np.float32))
+        action.append((np.sin(2 * time + np.arange(19)) + 0.3 * start[0]).astype(np.float32))
+    actions = np.concatenate(action)
+    return Demos(
+        robot="h1", task="sit-chair", fps=50.0, joint_names=tuple(map(str, range(19))), starts=np.concatenate([[0], np.cumsum(lengths)]),
+        state=np.concatenate(state), action=actions, executed_action=actions, qpos=np.concatenate(qpos), qvel=np.concatenate(qvel),
+        object_ids=tuple(list(chairs) * 2), reference_ids=tuple(f"clip-{i}" for i in range(6)), success=np.ones(6, bool),
+    )  # fmt: skip
+
+
+CASES = [(kind, name) for kind in ("act", "bc") for name in INPUTS]
+
+
+@pytest.mark.parametrize(("kind", "inputs"), CASES)
+def test_learner_contract(kind, inputs, demos, chairs, tmp_path):
+    config = tiny(kind, INPUTS[inputs])
+    torch.manual_seed(0)
+    learner = make_learner(config)
+    data = DemoFrames(demos, chairs, config.inputs, learner.chunk)
+    batch = data.batch(torch.arange(10), torch.Generator().manual_seed(0))
+    assert batch.vector.shape == (10, config.inputs.size) and batch.actions.shape == (10, learner.chunk, 19)
+    assert (batch.elevation is None) == (not config.inputs.elevation)
+    learner.normalize_by(data.vector(torch.arange(demos.frames)), data.action)
+    # the loss falls
+    optimizer = torch.optim.Adam(learner.parameters(), 3e-3)
+    losses = []
+    for _ in range(25):
+        loss = learner.loss(batch, torch.Generator().manual_seed(0))["loss"]
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+        losses.append(float(loss.detach()))
+    assert losses[-1] < 0.7 * losses[0]
+    # every weight takes part
+    assert all(p.grad is not None and bool(p.grad.abs().sum() > 0) for p in learner.parameters())
+    # using it has no randomness, and does not depend on its neighbors in the batch
+    learner.eval()
+    with torch.no_grad():
+        first = learner.predict(batch.vector, batch.elevation)
+        alone = learner.predict(batch.vector[3:4], None if batch.elevation is None else batch.elevation[3:4])
+    assert first.shape == (10, 19)
+    torch.testing.assert_close(first[3:4], alone, atol=1e-5, rtol=1e-4)
+    # saved and loaded, it is the same
+    save_learner(tmp_path, learner, "h1")
+    with torch.no_grad():
+        assert (load_learner(tmp_path, "h1").predict(batch.vector, batch.elevation) == first).all()
+    with pytest.raises(BadCheckpoint, match="another robot"):
+        load_learner(tmp_path, "g1")
+
+
+def test_presets_have_the_published_sizes():
+    with torch.device("meta"):
+        act, bc, resnet = make_learner(ACTConfig.paper()), make_learner(BCConfig.paper()), Encoder(EncoderConfig(channels=3))
+    assert (len(act.decoder_layers), len(act.encoder_layers), act.chunk, act.config.latent) == (7, 4, 100, 32)
+    assert act.inputs.size == 300 and act.map_encoder.config.side == 4
+    # ResNet-18 without its classifier has 11.18 million weights for three channels
+    assert sum(p.numel() for p in resnet.parameters()) == pytest.approx(11.18e6, rel=0.002)
+    assert bc.mlp[0].in_features == 300 + 32 * 16
+
+
+def test_loss_ignores_what_comes_after_the_end(demos, chairs):
+    config = tiny("act", INPUTS["blind"])
+    learner = make_learner(config).eval()
+    data = DemoFrames(demos, chairs, config.inputs, learner.chunk)
+    batch = data.batch(torch.tensor([18, 19]))
+    assert batch.pad.tolist() == [[False, False, True, True, True], [False, True, True, True, True]]
+    other = Batch(batch.vector, None, torch.where(batch.pad[..., None], 9.0, batch.actions), batch.pad)
+    losses = [float(learner.loss(b, torch.Generator().manual_seed(1))["loss"].detach()) for b in (batch, other)]
+    assert losses[0] == losses[1]
+
+
+def test_clock_leaves_the_last_action_out():
+    state = torch.arange(300.0)[None]
+    proprio, time = torch.zeros(1, 48), torch.zeros(1)
+    vector = InputConfig(clock=True).vector(state, proprio, time, None)
+    assert vector.shape == (1, InputConfig(clock=True).size) == (1, 281 + 13)
+    assert not set(range(LAST_ACTION.start, LAST_ACTION.stop)) & set(vector[0, :281].int().tolist())
+    assert InputConfig.timed().size == 48 + 13 + 10
+
+
+def test_clock():
+    found = clock_features(torch.tensor([0.0, 3.6]))
+    assert found[0].tolist() == [0.0] * 7 + [1.0] * 6
+    # 3.6 s: whole turns of the first four hands, half a turn and a quarter turn of the last two
+    torch.testing.assert_close(found[1], torch.tensor([0.25, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, -1, 0]), atol=1e-6, rtol=0)
+
+
+def test_memory_follows_the_robot(chairs):
+    chair = next(iter(chairs.values()))
+    truth = torch.tensor(seat_of(chair), dtype=torch.float32)[None].expand(4, -1)
+    pos, yaw = torch.randn(4, 3), 3 * torch.rand(4)
+    later, later_yaw = torch.randn(4, 3), -3 * torch.rand(4)
+    both, headings = torch.cat([pos, later]), torch.cat([yaw, later_yaw])
+    moved, turned = odometry(both, headings, torch.arange(4), torch.arange(4, 8))
+    memory = seat_memory(seat_in_root(truth, pos, yaw), moved, turned)
+    torch.testing.assert_close(memory[:, :6], seat_in_root(truth, pos, yaw))
+    torch.testing.assert_close(memory[:, 6:], seat_in_root(truth, later, later_yaw)[:, :4], atol=1e-5, rtol=0)
+
+
+def test_proprioception_of_a_turned_robot():
+    qpos, qvel = np.zeros((1, 26)), np.zeros((1, 25))
+    qpos[0, 2:7] = [0.9, *rot.from_yaw(np.array(math.pi / 2))]
+    qpos[0, 7:], qvel[0, :3], qvel[0, 3:6] = np.arange(19), (0, 2, 0), (1, 2, 3)
+    found = proprioception(qpos, qvel)[0]
+    # it moves along world y, which is straight ahead
+    np.testing.assert_allclose(found[:10], [0, 0, -1, 0.9, 2, 0, 0, 1, 2, 3], atol=1e-6)
+    assert found.shape == (48,)
+
+
+SHORT = TrainConfig(steps=6, batch=8, log_steps=2, checkpoint_minutes=1e9, average=0.9)
+
+
+def test_training_is_deterministic_and_survives_a_kill(demos, chairs, tmp_path):
+    config = tiny("act", INPUTS["timed"])
+    config = replace(config, dropout=0.1)
+    data = DemoFrames(demos, chairs, config.inputs, 5)
+    whole = train(config, data, SHORT, tmp_path / "whole", quiet=True).state_dict()
+    # stopped after three batches, then taken up; lines written after the checkpoint are forgotten
+    train(config, data, replace(SHORT, steps=3, schedule="constant"), tmp_path / "constant", quiet=True)
+    train(config, data, replace(SHORT, schedule="constant"), tmp_path / "once", quiet=True)
+    with open(tmp_path / "constant/metrics.jsonl", "a") as stream:
+        stream.write('{"step": 4, "loss": 0}\n{"st')
+    resumed = train(config, data, replace(SHORT, schedule="constant"), tmp_path / "constant", quiet=True).state_dict()
+    once = load_learner(tmp_path / "once", "h1").state_dict()
+    assert all((once[name] == resumed[name]).all() for name in once)
+    steps = [json.loads(line)["step"] for line in (tmp_path / "constant/metrics.jsonl").read_text().splitlines()]
+    assert steps == [2, 3, 4, 6, 6]
+    again = train(config, data, SHORT, tmp_path / "again", quiet=True).state_dict()
+    assert all((whole[name] == again[name]).all() for name in whole)
+    # running a finished training again does nothing
+    before = (tmp_path / "again/metrics.jsonl").read_text()
+    train(config, data, SHORT, tmp_path / "again", quiet=True)
+    assert (tmp_path / "again/metrics.jsonl").read_text() == before
+
+
+def test_training_refuses(demos, chairs, tmp_path):
+    config = tiny("bc", INPUTS["blind"])
+    data = DemoFrames(demos, chairs, config.inputs, 1)
+    train(config, data, SHORT, tmp_path, quiet=True)
+    with pytest.raises(MimicbenchError, match="another configuration"):
+        train(config, data, replace(SHORT, seed=1), tmp_path, quiet=True)
+    with pytest.raises(MimicbenchError, match="how long"):
+        train(config, data, replace(SHORT, steps=None), tmp_path / "other", quiet=True)
+    with pytest.raises(MimicbenchError, match="smaller learning rate"):
+        train(config, data, replace(SHORT, learning_rate=1e30, clip=0.0, warmup=0.0), tmp_path / "wild", quiet=True)
+    assert not (tmp_path / "wild/model.safetensors").exists()
+    with pytest.raises(BadFile, match="is missing"):
+        DemoFrames(demos, {}, config.inputs, 1)
+
+
+SIGHT = PerceptionConfig(steps=60, batch=32, widths=(8, 16, 16), hidden=32, dropout=0.0, root_height=(1.0, 1.0), distance=(1.0, 1.5))
+
+
+def test_perception_learns_a_few_chairs(chairs, tmp_path):
+    net = train_perception(SIGHT, list(chairs.values()))
+    maps, height, seat = SeatMaps(SIGHT, list(chairs.values()), "check").draw(64)
+    found = net.perceive(maps, height)
+    untrained = Perception(SIGHT).eval().perceive(maps, height)
+    error, before = ((x - seat)[:, :2].norm(dim=-1).mean() for x in (found, untrained))
+    assert error < 0.1 and error < before
+    save_perception(tmp_path, net, "h1")
+    assert (load_perception(tmp_path, "h1").perceive(maps, height) == found).all()
+    torch.testing.assert_close(found, unit_direction(found))
+    # a map without anything gives numbers too
+    assert torch.isfinite(net.perceive(-torch.ones(1, 128, 128), torch.ones(1))).all()
+
+
+def test_policy_sees_the_shape_and_nothing_else(demos, chairs, tmp_path):
+    config = tiny("act", INPUTS["timed"])
+    save_learner(tmp_path / "act", make_learner(config), "h1")
+    save_perception(tmp_path / "eyes", Perception(SIGHT), "h1")
+    with pytest.raises(MimicbenchError, match="perception checkpoint"):
+        load_policy(tmp_path / "act", "h1")
+    policy = load_policy(tmp_path / "act", "h1", tmp_path / "eyes")
+    maps, height, _ = SeatMaps(SIGHT, list(chairs.values()), "policy").draw(4)
+    proprio = torch.randn(4, 48)
+    proprio[:, 3] = height
+
+    def senses(elevation):
+        return Senses(torch.randn(4, 300), proprio, torch.full((4,), 0.5), torch.zeros(4, 2), torch.zeros(4), lambda: elevation)
+
+    policy.reset(torch.arange(4), senses(maps))
+    first = policy.act(senses(maps))
+    assert first.shape == (4, 19)
+    assert (policy.act(senses(maps)) == first).all()
+    # only the robot that begins anew forgets what it saw
+    policy.reset(torch.tensor([2]), senses(maps.flip(1)))
+    second = policy.act(senses(maps))
+    assert [bool((first[i] == second[i]).all()) for i in range(4)] == [True, True, False, True]
+    assert isinstance(policy, VisionPolicy)

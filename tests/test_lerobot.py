@@ -1,0 +1,125 @@
+"""Demonstrations as a LeRobotDataset v3: layout, round trip, resumption, damage."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from mimicbench.core.errors import BadFile, MimicbenchError
+from mimicbench.imitate.lerobot import Demonstration, DemoWriter, load_demos, read_tasks
+
+JOINTS = tuple(f"joint_{i}" for i in range(19))
+
+
+def demo(number, frames=7, success=True):
+    random = np.random.default_rng(number)
+    return Demonstration(
+        state=random.normal(size=(frames, 300)).astype(np.float32), action=random.normal(size=(frames, 19)).astype(np.float32),
+        executed_action=random.normal(size=(frames, 19)).astype(np.float32), qpos=random.normal(size=(frames, 26)), qvel=random.normal(size=(frames, 25)),
+        object_id=f"chair-0-{number % 2:05d}", reference_id=f"clip-{number:05d}", success=success, seed=number,
+    )  # fmt: skip
+
+
+def writer(folder, **changes):
+    return DemoWriter(folder, **{"robot": "h1", "task": "sit-chair", "joint_names": JOINTS, "shard_episodes": 2} | changes)
+
+
+def fill(folder, count=5):
+    out = writer(folder)
+    for number in range(count):
+        out.add(demo(number, 5 + number, success=number != 3))
+    out.finish()
+    return folder
+
+
+def test_layout(tmp_path):
+    fill(tmp_path)
+    info = json.loads((tmp_path / "meta/info.json").read_text())
+    assert info["codebase_version"] == "v3.0" and info["robot_type"] == "h1" and info["fps"] == 50
+    assert (info["total_episodes"], info["total_frames"], info["total_tasks"]) == (5, 5 + 6 + 7 + 8 + 9, 1)
+    assert info["splits"] == {"train": "0:5"} and info["video_path"] is None
+    assert info["features"]["action"] == {"dtype": "float32", "shape": [19], "names": list(JOINTS)}
+    assert info["features"]["observation.state"]["shape"] == [300]
+    assert info["features"]["timestamp"] == {"dtype": "float32", "shape": [1], "names": None}
+    files = sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*.parquet"))
+    shards = [f"chunk-000/file-{i:03d}.parquet" for i in range(3)]
+    assert files == [*(f"data/{s}" for s in shards), *(f"meta/episodes/{s}" for s in shards), "meta/tasks.parquet"]
+    assert read_tasks(tmp_path) == ["sit-chair"]
+
+
+def test_frames(tmp_path):
+    fill(tmp_path)
+    info = json.loads((tmp_path / "meta/info.json").read_text())
+    table = pq.read_table(tmp_path / "data/chunk-000/file-001.parquet")
+    # LeRobot casts every file to the features of info.json: the names have to be the same
+    assert set(table.column_names) == set(info["features"])
+    columns = table.select(["timestamp", "frame_index", "episode_index", "index", "task_index", "next.done", "next.success"]).to_pydict()
+    assert columns["episode_index"] == [2] * 7 + [3] * 8
+    assert columns["frame_index"] == [*range(7), *range(8)]
+    assert columns["index"] == list(range(11, 26))
+    assert columns["next.done"] == [i in (6, 14) for i in range(15)]
+    assert columns["next.success"] == [i == 6 for i in range(15)]
+    assert columns["timestamp"][3] == pytest.approx(3 / 50)
+    episode = pq.read_table(tmp_path / "meta/episodes/chunk-000/file-001.parquet").to_pylist()[1]
+    assert (episode["dataset_from_index"], episode["dataset_to_index"], episode["length"]) == (18, 26, 8)
+    assert (episode["data/chunk_index"], episode["data/file_index"], episode["meta/episodes/file_index"]) == (0, 1, 1)
+    assert (episode["tasks"], episode["object_id"], episode["reference_id"]) == (["sit-chair"], "chair-0-00001", "clip-00003")
+
+
+def test_statistics(tmp_path):
+    fill(tmp_path)
+    stats = json.loads((tmp_path / "meta/stats.json").read_text())
+    actions = load_demos(tmp_path, only_success=False).action
+    for key in ("mean", "std", "min", "max"):
+        np.testing.assert_allclose(stats["action"][key], getattr(actions.astype(float), key)(0), atol=1e-6)
+    assert stats["action"]["count"] == [35]
+
+
+def test_round_trip(tmp_path):
+    found = load_demos(fill(tmp_path), "h1")
+    assert found.reference_ids == ("clip-00000", "clip-00001", "clip-00002", "clip-00004")
+    assert found.starts.tolist() == [0, 5, 11, 18, 27]
+    assert (found.robot, found.task, found.fps, found.joint_names) == ("h1", "sit-chair", 50, JOINTS)
+    last = demo(4, 9)
+    assert (found.qpos[18:] == last.qpos).all() and (found.qvel[18:] == last.qvel).all()
+    assert found.state is not None and (found.state[18:] == last.state).all() and (found.executed_action[18:] == last.executed_action).all()
+    everything = load_demos(tmp_path, state=False, only_success=False)
+    assert everything.state is None and everything.success.tolist() == [True, True, True, False, True]
+
+
+def test_killed_and_resumed_gives_the_same_bytes(tmp_path):
+    whole, broken = fill(tmp_path / "whole"), tmp_path / "broken"
+    out = writer(broken)
+    for number in range(3):
+        out.add(demo(number, 5 + number, success=number != 3))
+    # killed with one episode waiting, and after the frames of the second shard but before its episodes
+    (broken / "data/chunk-000/file-001.parquet").write_bytes(b"half")
+    again = writer(broken)
+    assert again.written == ("clip-00000", "clip-00001")
+    for number in range(2, 5):
+        again.add(demo(number, 5 + number, success=number != 3))
+    again.finish()
+    files = [path.relative_to(whole) for path in whole.rglob("*") if path.is_file()]
+    assert all((whole / path).read_bytes() == (broken / path).read_bytes() for path in files)
+
+
+def test_cut_off_shard(tmp_path):
+    fill(tmp_path)
+    path = tmp_path / "data/chunk-000/file-001.parquet"
+    path.write_bytes(path.read_bytes()[:-50])
+    with pytest.raises(BadFile, match="file-001.parquet cannot be read"):
+        load_demos(tmp_path)
+
+
+def test_wrong_use(tmp_path):
+    with pytest.raises(BadFile, match="run `mimicbench demos` first"):
+        load_demos(tmp_path)
+    fill(tmp_path)
+    with pytest.raises(BadFile, match="of robot 'h1', not of 'g1'"):
+        load_demos(tmp_path, "g1")
+    with pytest.raises(MimicbenchError, match="another robot, task or rate"):
+        writer(tmp_path, task="lift-box")
+    with pytest.raises(MimicbenchError, match="clip-00000 is not usable: qvel"):
+        writer(tmp_path / "new").add(replace(demo(0), qvel=np.full((7, 25), np.nan)))
