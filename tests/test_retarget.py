@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -197,10 +196,16 @@ def test_banded_solution_with_held_variables_is_the_dense_one() -> None:
 def test_recovers_a_motion_that_the_robot_made() -> None:
     t = np.linspace(0, 1, 20)[:, None]
     middle = LIMITS.mean(1)
-    truth = Pose(np.hstack([t, 0.1 * t, 1.0 + 0 * t]), rot.from_rotvec(np.hstack([0.1 * t, 0.2 * t, t])), middle + 0.4 * np.sin(3 * t + np.arange(19)) * (LIMITS[:, 1] - middle))
+    truth = Pose(
+        np.hstack([t, 0.1 * t, 1.0 + 0 * t]),
+        rot.from_rotvec(np.hstack([0.1 * t, 0.2 * t, t])),
+        middle + 0.4 * np.sin(3 * t + np.arange(19)) * (LIMITS[:, 1] - middle),
+    )
     links = TREE.place(truth)
     everything, identity = np.arange(20), np.tile(rot.IDENTITY, (20, 1))
-    bound = Bound(everything, everything, np.zeros((20, 3)), everything, np.ones(20), everything, everything, identity, (), identity[:0], (), (), np.zeros((0, 3)))
+    bound = Bound(
+        everything, everything, np.zeros((20, 3)), everything, np.ones(20), everything, everything, identity, (), identity[:0], (), (), np.zeros((0, 3))
+    )
     problem = opt.make_problem(bound, TREE, LIMITS, links.pos, links.quat, 30.0, replace(PAPER, acceleration=1e-9))
     found, losses = opt.solve(problem, truth._replace(joints=np.tile(middle, (20, 1))), 60, 1e-9)
     assert np.abs(found.joints - truth.joints).max() < 1e-3
@@ -212,45 +217,24 @@ def test_at_least_as_good_as_the_papers_adam() -> None:
     problem, start = example(PAPER, 6)
     problem = problem._replace(softness=1e-3, acceleration_softness=0.1 * problem.acceleration_softness)
     ours, _ = opt.solve(problem, start, 100, 1e-7)
-    adams = adam(problem, start, 200)
-    assert opt.loss(problem, ours, TREE.place(ours), softened=False) <= opt.loss(problem, adams, TREE.place(adams), softened=False) * 1.001
+    adams = adam(problem, start, 500)
+    assert opt.loss(problem, ours, TREE.place(ours), softened=False) <= opt.loss(problem, adams, TREE.place(adams), softened=False)
 
 
 def adam(problem: opt.Problem, start: Pose, steps: int) -> Pose:
-    """The appendix's optimizer on the same loss, with rotation vectors for the root."""
-    torch.set_num_threads(1)
-    root, joints = torch.tensor(start.root_pos), torch.tensor(start.joints)
-    spin = torch.tensor(rot.to_rotvec(start.root_quat))
-    low, high = torch.tensor(LIMITS[:, 0]), torch.tensor(LIMITS[:, 1])
-    axes, fixed, offsets = torch.tensor(H1.joint_axis), torch.tensor(H1.link_quat[1:]), torch.tensor(H1.link_pos)
-    targets, turns = torch.tensor(problem.point_targets), torch.tensor(problem.turn_targets)
-    weights, turn_weights = torch.tensor(problem.point_weights), torch.tensor(problem.turn_weights)
-    variables = [x.requires_grad_() for x in (root, spin, joints)]
-    optimizer = torch.optim.Adam(variables, lr=0.02)
-    for step in range(steps):
-        for group in optimizer.param_groups:
-            group["lr"] = 0.02 * (1 - step / steps)  # kinder to Adam than the constant rate
-        half = 0.5 * joints[..., None]
-        local = rot.multiply(fixed, torch.cat([torch.cos(half), torch.sin(half) * axes], -1))
-        pos, quat = {0: root}, {0: rot.from_rotvec(spin)}
-        for links, parents in TREE.levels:  # as Tree.place, whose results are tested above, but without writing in place
-            up = torch.stack([quat[parent] for parent in parents], 1)
-            at = torch.stack([pos[parent] for parent in parents], 1) + rot.rotate(up, offsets[links].expand(len(root), -1, 3))
-            turned = rot.multiply(up, local[:, links - 1])
-            for i, link in enumerate(links):
-                pos[int(link)], quat[int(link)] = at[:, i], turned[:, i]
-        points = torch.stack([pos[int(link)] for link in problem.point_links], 1)
-        turned = torch.stack([quat[int(link)] for link in problem.turn_links], 1)
-        between = rot.multiply(rot.conjugate(turns), turned)
-        angle = 2 * torch.atan2(torch.sqrt((between[..., 1:] ** 2).sum(-1) + 1e-12), between[..., 0].abs())
-        value = (((points - targets) ** 2).sum(-1) * weights).sum() + (angle * turn_weights).sum()
-        value = value + (torch.diff(joints, n=2, dim=0).abs() * problem.fps**2 * torch.tensor(problem.acceleration_weights[3:])).sum()
-        optimizer.zero_grad()
-        value.backward()
-        optimizer.step()
-        with torch.no_grad():
-            joints.clamp_(low, high)
-    return Pose(root.detach().numpy(), rot.from_rotvec(spin.detach().numpy()), joints.detach().numpy())
+    """The appendix's optimizer on the same loss. Its gradient is the one compared with finite differences above, which is 30 times faster than autograd."""
+    frames, pose, best = len(start.joints), start, (np.inf, start)
+    jacobian = Jacobian(TREE, problem.point_links, problem.turn_links, frames)
+    mean, square = np.zeros((frames, 25)), np.zeros((frames, 25))
+    for i in range(1, steps + 1):
+        links = TREE.place(pose)
+        best = min(best, (opt.loss(problem, pose, links, softened=False), pose), key=lambda pair: pair[0])
+        gradient = opt._normal_equations(problem, pose, links, jacobian)[1].reshape(frames, 25)
+        mean, square = 0.9 * mean + 0.1 * gradient, 0.999 * square + 0.001 * gradient**2
+        rate = 0.02 * (1 - i / steps)  # kinder to Adam than the constant rate of the appendix
+        step = -rate * (mean / (1 - 0.9**i)) / (np.sqrt(square / (1 - 0.999**i)) + 1e-8)
+        pose = opt._move(pose, step, LIMITS)
+    return best[1]
 
 
 def test_mirrored_in_mirrored_out() -> None:

@@ -19,7 +19,7 @@ from mimicbench.core.errors import BadFile
 MAX_UNPACKED = 2 << 30  # bytes; the largest artefact we write is far below
 
 
-def write_atomic(path: Path, write: Callable[[IO[bytes]], None]) -> None:
+def write_atomic(path: Path, write: Callable[[IO[bytes]], object]) -> None:
     """Call `write` with a temporary file, then rename it to `path`."""
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
@@ -34,7 +34,7 @@ def write_atomic(path: Path, write: Callable[[IO[bytes]], None]) -> None:
 def write_json(path: Path, data: Any) -> None:
     """Write JSON with sorted keys, atomically."""
     text = json.dumps(data, indent=1, sort_keys=True) + "\n"
-    write_atomic(path, lambda stream: stream.write(text.encode()) and None)
+    write_atomic(path, lambda stream: stream.write(text.encode()))
 
 
 def read_json(path: Path, max_bytes: int = 64 << 20) -> Any:

@@ -307,7 +307,7 @@ def _save(folder: Path, network: PlannerNetwork, optimizer: torch.optim.Optimize
     for i, moments in optimizer.state_dict()["state"].items():
         tensors |= {f"optimizer/{i}/{name}": np.asarray(value) for name, value in moments.items()}
     data = safetensors.numpy.save(tensors)
-    write_atomic(folder / "training.safetensors", lambda stream: stream.write(data) and None)
+    write_atomic(folder / "training.safetensors", lambda stream: stream.write(data))
     write_json(folder / "training.json", dict(progress))
 
 

@@ -67,7 +67,7 @@ class SceneObject:
     def contains_xy(self, points: np.ndarray) -> np.ndarray:
         """Whether points (..., 2+) lie in the object's interior in the bird-eye view: its bounding rectangle (appendix D.1)."""
         low, high = self.bounds()
-        return ((points[..., :2] >= low[:2]) & (points[..., :2] <= high[:2])).all(-1)
+        return np.all((points[..., :2] >= low[:2]) & (points[..., :2] <= high[:2]), axis=-1)
 
     def require_seat(self) -> float:
         """The seat's height. Raises BadObject if there is none."""

@@ -72,24 +72,25 @@ def fit_chair(object_id: str, motion: HumanMotion, seated: slice, candidates: in
         raise BadMotion(f"clip {motion.id}: the seat would be {seat_height:.2f} m high, no chair's height (0.25 to 0.65); is the floor at z = 0?")
     body = _body(pos, quat, motion)
     index = np.arange(motion.frames)[seated]
-    ranked = [(_cost(obj, slide, body, index[::6], index)[0], number, slide, obj) for number, slide, obj in _candidates(object_id, seat_height, candidates)]
+    ranked = []
+    for number, obj, slides in _candidates(object_id, seat_height, candidates):
+        costs, _, _ = _judge(obj, slides, body, index[::8], index)
+        ranked += [(cost, number, slide, obj) for cost, slide in zip(costs, slides, strict=True)]
     ranked.sort(key=lambda entry: entry[:3])
     # the few that suit the seated pose are judged over the whole clip
     whole = np.arange(0, motion.frames, 2)
-    best = min(
-        ((_cost(obj, slide, body, whole, index)[0], number, slide, obj) for _, number, slide, obj in ranked[:30]), key=lambda entry: entry[:3], default=None
-    )
-    if best is None:
+    again = [(_judge(obj, np.array([slide]), body, whole, index)[0][0], number, slide, obj) for _, number, slide, obj in ranked[:24]]
+    if not again:
         raise BadMotion(f"clip {motion.id}: no chair fits under this person; leave the clip out")
-    _, _, slide, obj = best
-    _, depth, gap = _cost(obj, slide, body, np.arange(motion.frames), index)
+    _, _, slide, obj = min(again, key=lambda entry: entry[:3])
+    _, (depth,), (gap,) = _judge(obj, np.array([slide]), body, np.arange(motion.frames), index)
     if depth > DEEPEST:
         raise BadMotion(f"clip {motion.id}: in every chair some body part would be {depth:.2f} m deep; leave the clip out")
-    return ChairFit(obj, np.array([slide, 0.0]), depth, gap)
+    return ChairFit(obj, np.array([slide, 0.0]), float(depth), float(gap))
 
 
-def _candidates(object_id: str, seat_height: float, count: int) -> Iterator[tuple[int, float, SceneObject]]:
-    """Chairs of the family with the given seat height, each at several places under a pelvis at the origin."""
+def _candidates(object_id: str, seat_height: float, count: int) -> Iterator[tuple[int, SceneObject, np.ndarray]]:
+    """Chairs of the family with the given seat height, and where (K,) each may stand in x under a pelvis at the origin [m]."""
     for number in range(count):
         shape = draw_shape(rng(0, "fitted", object_id, number), KINDS[number % len(KINDS)])
         shape = replace(shape, seat_height=seat_height, height=shape.height - shape.seat_height + seat_height)
@@ -99,8 +100,7 @@ def _candidates(object_id: str, seat_height: float, count: int) -> Iterator[tupl
             continue
         back, front = obj.seat_polygon[:, 0].min(), obj.seat_polygon[:, 0].max()
         # the pelvis sits at least a buttock in front of the back, and with enough seat in front of it
-        for pelvis_x in np.arange(back + 0.08, min(back + 0.34, front - 0.12), 0.025):
-            yield number, -float(pelvis_x), obj
+        yield number, obj, -np.arange(back + 0.08, min(back + 0.34, front - 0.12), 0.025)
 
 
 def _body(pos: np.ndarray, quat: np.ndarray, motion: HumanMotion) -> _Body:
@@ -119,28 +119,32 @@ def _body(pos: np.ndarray, quat: np.ndarray, motion: HumanMotion) -> _Body:
     return _Body(path, np.array(radii), trunk, resting, np.isin(joints, ("left_shin", "right_shin", "left_foot", "right_foot")))
 
 
-def _cost(obj: SceneObject, slide: float, body: _Body, frames: np.ndarray, seated: np.ndarray) -> tuple[float, float, float]:
-    """How badly a chair at x = slide suits the given frames: cost, deepest penetration [m], gap behind the trunk [m]."""
-    shift = np.array([slide, 0.0, 0.0])
-    clearance = _distance(obj, body.points[frames] - shift) - body.radii
-    depth = max(0.0, -float(clearance.min()))
-    cost = 10 * max(0.0, depth - 0.01) + 30 * max(0.0, depth - 0.03)
+def _judge(obj: SceneObject, slides: np.ndarray, body: _Body, frames: np.ndarray, seated: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """How badly a chair suits the given frames, standing at each x of slides (K,).
+
+    Returns:
+        (K,) costs, (K,) deepest penetration [m], (K,) gap behind the trunk in the last frame [m].
+    """
+    shifts = np.stack([slides, 0 * slides, 0 * slides], -1)[:, None]  # (K, 1, 3)
+    clearance = _distance(obj, body.points[frames] - shifts[:, None]) - body.radii  # (K, F, S)
+    depth = np.maximum(0.0, -clearance.min((1, 2)))
+    cost = 10 * np.maximum(0.0, depth - 0.01) + 30 * np.maximum(0.0, depth - 0.03)
     # a robot is wider than a person: on the way to the chair, and in front of it, there should be some room
-    cost += max(0.0, 0.04 - float(clearance[frames < seated[0] - 15].min(initial=1.0)))
-    cost += max(0.0, 0.04 - float(clearance[:, body.lower_legs].min()))
-    cost += max(0.0, 0.2 - (obj.seat_polygon[:, 0].max() + slide))
-    end = body.points[seated[-1]] - shift
-    trunk, hands = end[body.trunk], end[body.resting]
-    gap = 0.0
+    cost += np.maximum(0.0, 0.04 - clearance[:, frames < seated[0] - 15].min((1, 2), initial=1.0))
+    cost += np.maximum(0.0, 0.04 - clearance[:, :, body.lower_legs].min((1, 2)))
+    cost += np.maximum(0.0, 0.2 - (obj.seat_polygon[:, 0].max() + slides))
+    end = body.points[seated[-1]] - shifts
+    trunk, hands = end[:, body.trunk], end[:, body.resting]
+    gap = np.zeros(len(slides))
     if obj.kind == "stool":
-        cost += 3 * max(0.0, float(np.ptp(trunk[:, 0])) - 0.12)  # who leans back has something to lean on
+        cost += 3 * max(0.0, float(np.ptp(trunk[0, :, 0])) - 0.12)  # who leans back has something to lean on
     else:
         behind = (obj.box_pos + obj.box_half)[:, 2] > obj.require_seat() + 0.1
         behind &= obj.box_pos[:, 0] < obj.seat_polygon[:, 0].min()
-        gap = max(0.0, float((_distance(obj, trunk, behind) - body.radii[body.trunk]).min()))
-        cost += 2 * max(0.0, gap - 0.02)
+        gap = np.maximum(0.0, (_distance(obj, trunk, behind) - body.radii[body.trunk]).min(-1))
+        cost += 2 * np.maximum(0.0, gap - 0.02)
     floating = _distance(obj, hands) - body.radii[body.resting]
-    cost += float(np.clip(floating - 0.02, 0.0, 0.15)[np.abs(hands[:, 1]) > 0.22].sum())
+    cost += np.where(np.abs(hands[..., 1]) > 0.22, np.clip(floating - 0.02, 0.0, 0.15), 0.0).sum(-1)
     return cost, depth, gap
 
 

@@ -39,7 +39,8 @@ def results_table(found: Sequence[Summary]) -> Table:
     return Table(
         "results", "Results", ("Stage", "Policy", "K", "K and P", "K in the last frame", "Fell"), tuple(rows),
         note="Rates with 95 % Wilson intervals in brackets and k/n in parentheses. K: the task's kinematic metric, fulfilled within the time limit. "
-        "K and P: the energy-averaged rate, the mean over four limits of the rate of K with every e_i below the limit; its interval is Wilson's at the mean count.",
+        "K and P: the energy-averaged rate, the mean over four limits of the rate of K with every e_i below the limit; "
+        "its interval is Wilson's at the mean count.",
     )  # fmt: skip
 
 

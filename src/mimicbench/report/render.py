@@ -197,6 +197,7 @@ def _dressed(model: mujoco.MjModel, picture: Picture, camera: Camera) -> mujoco.
     visual.global_.offwidth, visual.global_.offheight = picture.width, picture.height
     visual.global_.fovy = float(np.degrees(FIELD_OF_VIEW))
     visual.quality.shadowsize, visual.quality.offsamples = max(picture.shadow, 1), picture.samples
+    visual.quality.numslices, visual.quality.numstacks = 20, 12  # round enough at this size
     visual.headlight.ambient[:], visual.headlight.diffuse[:], visual.headlight.specular[:] = 0.47, 0.24, 0.0
     visual.rgba.fog[:3] = _BACKDROP
     # distances of the view are in units of the extent

@@ -65,6 +65,48 @@ def surface_height(obj: SceneObject, xy: np.ndarray) -> np.ndarray:
     return height
 
 
+class BoxTable:
+    """The boxes of many objects, each object at the origin, for casting rays at them."""
+
+    def __init__(self, objects: Sequence[SceneObject], device: torch.device) -> None:
+        most = max(len(obj.box_pos) for obj in objects)
+
+        def table(arrays: Sequence[np.ndarray], shape: tuple[int, ...]) -> Tensor:
+            # objects with fewer boxes are filled up with boxes of no size
+            filled = np.zeros((len(arrays), most, *shape), np.float32)
+            for row, array in zip(filled, arrays, strict=True):
+                row[: len(array)] = array
+            return torch.from_numpy(filled).to(device)
+
+        self.pos = table([obj.box_pos for obj in objects], (3,))
+        self.axes = table([rot.to_matrix(obj.box_quat) for obj in objects], (3, 3))
+        self.half = table([obj.box_half for obj in objects], (3,))
+
+    def first_hit(self, object_index: Tensor, eye: Tensor, direction: Tensor, n: Tensor) -> Tensor:
+        """How many lengths of its direction each ray goes before it meets the object; infinity if it never does.
+
+        Args:
+            object_index: (N,) the object beside each robot.
+            eye: (N, 3) where the robot's rays start, in the world.
+            direction: (M, 3) of the rays, in the world.
+            n: (M,) the robot that each ray belongs to.
+        """
+        nearest = direction.new_full((len(n),), torch.inf)
+        for box in range(self.pos.shape[1]):
+            used = self.half[object_index, box, 0] > 0
+            if not used.any():
+                continue
+            axes, half = self.axes[object_index, box], self.half[object_index, box][n]
+            start = torch.einsum("nij,ni->nj", axes, eye - self.pos[object_index, box])[n]
+            along = torch.einsum("nij,ni->nj", axes[n], direction)
+            inverse = 1 / torch.where(along.abs() < 1e-7, 1e-7, along)
+            middle, reach = -start * inverse, half * inverse.abs()
+            enter, leave = (middle - reach).amax(-1), (middle + reach).amin(-1)
+            hit = (enter <= leave) & (leave > 0) & used[n]
+            nearest = torch.where(hit, torch.minimum(nearest, enter.clamp(min=0)), nearest)
+        return nearest
+
+
 class ObjectMaps:
     """Many maps of many objects, fast: each object's surface is kept at 1 cm and looked up under the cells.
 
@@ -97,7 +139,6 @@ class ObjectMaps:
             lows.append(low)
             sizes.append(size)
             radii.append(np.hypot(*np.maximum(abs(low), abs(low + size * fine))))
-        boxes = max(len(obj.box_pos) for obj in objects)
         self.fine = fine
         self.device = torch.device(device)
         self._surface = torch.from_numpy(np.concatenate(surfaces)).to(self.device)
@@ -105,16 +146,7 @@ class ObjectMaps:
         self._low = torch.tensor(np.array(lows), dtype=torch.float32, device=self.device)
         self._size = torch.tensor(np.array(sizes), device=self.device)
         self._radius = float(max(radii))
-        self._box_pos = self._boxes([obj.box_pos for obj in objects], boxes, (3,))
-        self._box_axes = self._boxes([rot.to_matrix(obj.box_quat) for obj in objects], boxes, (3, 3))
-        self._box_half = self._boxes([obj.box_half for obj in objects], boxes, (3,))
-
-    def _boxes(self, arrays: Sequence[np.ndarray], boxes: int, shape: tuple[int, ...]) -> Tensor:
-        """Arrays with a row per box, filled up with boxes of no size."""
-        filled = np.zeros((len(arrays), boxes, *shape), np.float32)
-        for row, array in zip(filled, arrays, strict=True):
-            row[: len(array)] = array
-        return torch.from_numpy(filled).to(self.device)
+        self._boxes = BoxTable(objects, self.device)
 
     def sample(
         self, object_index: Tensor, root_pos: Tensor, root_yaw: Tensor, cells: int = CELLS, cell: float = CELL, occlusion: bool | Tensor = False
@@ -148,7 +180,8 @@ class ObjectMaps:
         n, i, j = torch.nonzero((height > 0) & inside, as_tuple=True)
         height, world_x, world_y = height[n, i, j], world_x[n, i, j], world_y[n, i, j]
         if occlusion is not False:
-            seen = self._seen(object_index, root_pos, torch.stack([world_x, world_y, height], -1), n)
+            ray = torch.stack([world_x, world_y, height], -1) - root_pos[n]
+            seen = self._boxes.first_hit(object_index, root_pos, ray, n) > 1 - BLIND / ray.norm(dim=-1).clamp(min=2 * BLIND)
             if isinstance(occlusion, Tensor):
                 seen |= ~occlusion[n]
             n, i, j, height = n[seen], i[seen], j[seen], height[seen]
@@ -164,19 +197,3 @@ class ObjectMaps:
         inside = (i >= 0) & (i < lengths) & (j >= 0) & (j < widths)
         flat = start[:, None, None] + i * widths + j
         return torch.where(inside, self._surface[torch.where(inside, flat, 0)], 0.0)
-
-    def _seen(self, object_index: Tensor, eye: Tensor, points: Tensor, n: Tensor) -> Tensor:
-        """Whether the straight line from eye (N, 3) of robot n (M,) to each point (M, 3) misses all boxes, but for its last BLIND metres."""
-        ray = points - eye[n]
-        end = 1 - BLIND / ray.norm(dim=-1).clamp(min=2 * BLIND)
-        seen = torch.ones(len(n), dtype=torch.bool, device=self.device)
-        which = object_index[n]
-        for box in range(self._box_pos.shape[1]):
-            axes, half = self._box_axes[:, box], self._box_half[:, box]
-            origin = torch.einsum("nij,ni->nj", axes[object_index], eye - self._box_pos[object_index, box])[n]
-            direction = torch.einsum("nij,ni->nj", axes[which], ray)
-            direction = torch.where(direction.abs() < 1e-6, 1e-6, direction)
-            a, b = (-half[which] - origin) / direction, (half[which] - origin) / direction
-            enter, leave = torch.minimum(a, b).amax(-1).clamp(min=0), torch.maximum(a, b).amin(-1)
-            seen &= (half[which, 0] == 0) | (enter > leave) | (enter > end)
-        return seen

@@ -25,7 +25,7 @@ class NativePhysics:
         self.robot, self.num_envs, self.device = robot, len(objects), "cpu"
         self._preset, self._control, self._visuals = preset, control, visuals
         self._compiled: dict[str, mujoco.MjModel] = {}
-        self.objects = list(objects)
+        self.objects: Sequence[SceneObject] = list(objects)
         models = [self._model(obj) for obj in objects]
         self.batch = Batch(models[0], self.num_envs, min(workers or cpu_count(), self.num_envs))
         self._models = models
@@ -57,9 +57,11 @@ class NativePhysics:
 
     def set_objects(self, objects: Sequence[SceneObject], ids: np.ndarray | None = None) -> None:
         """Exchange the objects of scenes `ids` (None: all). Scenes of movable and fixed objects cannot share a batch."""
+        scene = list(self.objects)
         for env, obj in zip(range(self.num_envs) if ids is None else ids, objects, strict=True):
             self._models[env] = self._model(obj)
-            self.objects[env] = obj
+            scene[env] = obj
+        self.objects = scene
         self.batch.set_models(self._models)
 
     def reset(self, ids: np.ndarray, root_pos_w: np.ndarray, root_quat_w: np.ndarray, joint_pos: np.ndarray,

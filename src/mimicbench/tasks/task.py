@@ -30,7 +30,7 @@ class ObjectFacts:
 
     def interior_xy(self, pos_w: np.ndarray) -> np.ndarray:
         """(N,) whether positions (N, 3) lie in the object's interior in the bird-eye view (appendix D.1)."""
-        return ((pos_w[:, :2] >= self.low[:, :2]) & (pos_w[:, :2] <= self.high[:, :2])).all(-1)
+        return np.all((pos_w[:, :2] >= self.low[:, :2]) & (pos_w[:, :2] <= self.high[:, :2]), axis=-1)
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,8 @@ class TrackerNetwork(nn.Module):
 
     def __init__(self, observations: int, actions: int, hidden: tuple[int, ...]) -> None:
         super().__init__()
+        self.obs_mean: torch.Tensor
+        self.obs_std: torch.Tensor
         self.register_buffer("obs_mean", torch.zeros(observations))
         self.register_buffer("obs_std", torch.ones(observations))
         layers: list[nn.Module] = []

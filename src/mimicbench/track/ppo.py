@@ -82,8 +82,8 @@ class PPOLearner:
         """The actor's mean as tensors of a TrackerNetwork."""
         actor = self.ppo.actor
         tensors = {"obs_mean": actor.obs_normalizer.mean, "obs_std": actor.obs_normalizer.std}
-        for name, value in actor.mlp.state_dict().items():
-            tensors[f"layers.{name}"] = value
+        weights = {name: value for name, value in actor.state_dict().items() if name.startswith("mlp.")}
+        tensors |= {f"layers.{name.removeprefix('mlp.')}": value for name, value in weights.items()}
         return {name: value.detach().cpu().numpy() for name, value in tensors.items()}
 
     def state_tensors(self) -> dict[str, np.ndarray]:

@@ -100,7 +100,7 @@ def train_tracker(
 
 def _save(folder: Path, learner: PPOLearner, progress: Mapping[str, float]) -> None:
     data = safetensors.numpy.save(learner.state_tensors(), {"progress": json.dumps(dict(progress))})
-    write_atomic(folder / "training.safetensors", lambda stream: stream.write(data) and None)
+    write_atomic(folder / "training.safetensors", lambda stream: stream.write(data))
     write_json(folder / "training.json", dict(progress))
 
 

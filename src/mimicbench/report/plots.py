@@ -1,0 +1,180 @@
+"""Plots as SVG, the same bytes for the same numbers. They stand alone, and can be put into a page that has its own colors."""
+
+import io
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from mimicbench.core.errors import MimicbenchError
+from mimicbench.evaluate.intervals import Rate
+from mimicbench.report.compare import Breakdown
+from mimicbench.report.curves import Curve
+
+INK, MUTED, LINE = "#1c2126", "#68727d", "#d9dee3"
+SERIES = ("#0b7285", "#c2410c", "#6741d9", "#2b8a3e", "#a61e4d", "#5c940d")
+"""Told apart by people who do not see all colors, and on light and dark ground."""
+VARIABLES = {INK: "--ink", MUTED: "--muted", LINE: "--line", **{color: f"--series-{i}" for i, color in enumerate(SERIES)}}
+"""Color of a plot -> the page's variable that takes its place."""
+
+_STYLE: Any = {
+    "svg.fonttype": "none", "font.family": "DejaVu Sans", "font.size": 9.0, "text.color": INK, "axes.labelcolor": MUTED,
+    "axes.edgecolor": LINE, "axes.titlesize": 10.0, "axes.titleweight": "bold", "axes.titlelocation": "left", "axes.spines.top": False,
+    "axes.spines.right": False, "axes.grid": True, "axes.axisbelow": True, "grid.color": LINE, "grid.linewidth": 0.7, "xtick.color": MUTED,
+    "ytick.color": MUTED, "xtick.major.size": 0, "ytick.major.size": 0, "legend.frameon": False, "lines.linewidth": 1.8, "figure.facecolor": "none",
+    "axes.facecolor": "none", "savefig.facecolor": "none",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Mark:
+    """One dot."""
+
+    rate: Rate | float
+    """Ours with its interval, or a published one in percent, drawn hollow."""
+    color: int = 0
+    """Index into SERIES."""
+
+
+def svg(figure: Figure, name: str) -> str:
+    """A figure as SVG without date and metadata; `name` keeps its inner ids apart from other plots'."""
+    stream = io.StringIO()
+    with mpl.rc_context(_STYLE | {"svg.hashsalt": name}):
+        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None}, bbox_inches="tight", pad_inches=0.04)
+    text = stream.getvalue()
+    # matplotlib numbers its groups from 1 in every file; two plots in one page need different names
+    return re.sub(r'\b(id="|href="#|url\(#)', rf"\g<1>{name}-", text)
+
+
+def inline(plot: str) -> str:
+    """The SVG as an element of an HTML page, in the page's colors."""
+    body = plot[plot.index("<svg") :]
+    body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL)
+    body = re.sub(r'\sxmlns(:\w+)?="[^"]*"', "", body)
+    body = re.sub(r'(<svg[^>]*?)\swidth="[^"]*"', r"\1", body, count=1)
+    body = re.sub(r'(<svg[^>]*?)\sheight="([\d.]+)pt"', r'\1 role="img"', body, count=1)
+    for color, variable in VARIABLES.items():
+        body = body.replace(color, f"var({variable})")
+    return body
+
+
+def rates_plot(name: str, panels: Mapping[str, Sequence[tuple[str, Mark]]]) -> str:
+    """Dots with intervals beside each other.
+
+    Args:
+        name: of the plot.
+        panels: title -> lines (label, mark); all panels have the same labels in the same order.
+    """
+    with mpl.rc_context(_STYLE):
+        count = max(len(lines) for lines in panels.values())
+        figure = Figure(figsize=(9.2, 0.55 + 0.27 * count))
+        axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
+        for axis, (title, lines) in zip(axes, panels.items(), strict=True):
+            for y, (_, mark) in enumerate(lines):
+                rate, color = mark.rate, SERIES[mark.color % len(SERIES)]
+                if isinstance(rate, Rate):
+                    axis.plot([100 * rate.low, 100 * rate.high], [y, y], color=color, linewidth=2.6, alpha=0.45, solid_capstyle="butt")
+                    axis.plot([100 * rate.rate], [y], "o", color=color, markersize=6)
+                else:
+                    axis.plot([rate], [y], "o", markersize=5.5, markerfacecolor="none", markeredgecolor=color, markeredgewidth=1.2)
+            _percent(axis, title)
+            axis.grid(axis="y", visible=False)
+        lines = next(iter(panels.values()))
+        axes[0].set_yticks(range(count), [words for words, _ in lines])
+        axes[0].set_ylim(count - 0.4, -0.6)
+        for tick, (_, mark) in zip(axes[0].get_yticklabels(), lines, strict=True):
+            tick.set_color(INK if isinstance(mark.rate, Rate) else MUTED)
+        figure.subplots_adjust(wspace=0.06)
+        return svg(figure, name)
+
+
+def breakdown_plot(name: str, by_policy: Mapping[str, Sequence[Breakdown]]) -> str:
+    """K over parts of the episodes: one panel per breakdown, one color per policy."""
+    titles = list(dict.fromkeys(breakdown.title for breakdowns in by_policy.values() for breakdown in breakdowns))
+    if not titles:
+        raise MimicbenchError("there is nothing to break down: all episodes are alike")
+    with mpl.rc_context(_STYLE):
+        most = max(len(b.parts) for breakdowns in by_policy.values() for b in breakdowns)
+        figure = Figure(figsize=(9.2, 0.8 + most * (0.20 + 0.12 * len(by_policy))))
+        for axis, title in zip(figure.subplots(1, len(titles), squeeze=False)[0], titles, strict=True):
+            parts = list(dict.fromkeys(p for bs in by_policy.values() for b in bs if b.title == title for p in b.parts))
+            for i, (policy, breakdowns) in enumerate(by_policy.items()):
+                offset = (i - 0.5 * (len(by_policy) - 1)) * 0.7 / len(by_policy)
+                rates = {p: r for b in breakdowns if b.title == title for p, r in b.parts.items()}
+                color = SERIES[i % len(SERIES)]
+                for y, part in enumerate(parts):
+                    if part in rates:
+                        rate = rates[part]
+                        axis.plot([100 * rate.low, 100 * rate.high], [y + offset] * 2, color=color, linewidth=2.2, alpha=0.45, solid_capstyle="butt")
+                        axis.plot([100 * rate.rate], [y + offset], "o", color=color, markersize=4.5, label=policy if y == 0 else None)
+            _percent(axis, title)
+            axis.set_yticks(range(len(parts)), parts)
+            axis.set_ylim(len(parts) - 0.4, -0.6)
+            axis.grid(axis="y", visible=False)
+        handles, labels = figure.axes[0].get_legend_handles_labels()
+        if len(by_policy) > 1:
+            figure.legend(handles, labels, loc="lower left", bbox_to_anchor=(0.06, 0.97), ncols=len(by_policy), borderaxespad=0)
+        figure.subplots_adjust(wspace=0.55)
+        return svg(figure, name)
+
+
+def failures_plot(name: str, by_policy: Mapping[str, Mapping[str, Rate]]) -> str:
+    """Stacked bars: the share of each way to fail, per policy."""
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(9.2, 0.75 + 0.3 * len(by_policy)))
+        axis = figure.subplots()
+        kinds = list(dict.fromkeys(kind for failures in by_policy.values() for kind in failures))
+        left = [0.0] * len(by_policy)
+        for i, kind in enumerate(kinds):
+            shares = [100 * failures[kind].rate if kind in failures else 0.0 for failures in by_policy.values()]
+            axis.barh(range(len(by_policy)), shares, left=left, height=0.55, color=SERIES[(1, 2, 0)[i % 3]], label=kind)
+            left = [a + b for a, b in zip(left, shares, strict=True)]
+        for y, total in enumerate(left):
+            axis.text(total, y, f"  {total:.1f} %", va="center", color=MUTED)
+        axis.set_yticks(range(len(by_policy)), list(by_policy))
+        axis.set_ylim(len(by_policy) - 0.5, -0.5)
+        axis.set_xlim(0, max(1.0, 1.15 * max(left, default=0)))
+        axis.set_xlabel("% of all episodes")
+        axis.grid(axis="y", visible=False)
+        axis.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=len(kinds), borderaxespad=0)
+        return svg(figure, name)
+
+
+def curve_plot(name: str, curve: Curve) -> str:
+    """A learning curve: success beside reward or loss, as far as the training recorded them."""
+    success = {key: points for key, points in curve.series.items() if key == "k" or key.startswith("k_")}
+    other = {key: points for key, points in curve.series.items() if key in ("reward", "loss", "validation_loss", "value_loss")}
+    if "reward" in other:
+        other = {"reward": other["reward"]}
+    panels = [(title, series) for title, series in (("Success (K)", success), ("Reward" if "reward" in other else "Loss", other)) if series]
+    if not panels:
+        raise MimicbenchError(f"the training {curve.name} recorded neither success nor reward nor loss")
+    names = {"k": "K", "k_train": "training objects", "k_held_out": "unseen objects"}
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(9.2, 2.3))
+        for axis, (title, series) in zip(figure.subplots(1, 2, squeeze=False)[0], panels, strict=False):
+            for i, (key, points) in enumerate(series.items()):
+                scale = 100 if title.startswith("Success") else 1
+                axis.plot([x for x, _ in points], [scale * y for _, y in points], color=SERIES[i], label=names.get(key, key.replace("_", " ")))
+            axis.set_title(title)
+            axis.set_xlabel(curve.x)
+            axis.xaxis.set_major_formatter(lambda value, _: f"{value / 1e6:g}M" if value >= 1e6 else f"{value / 1e3:g}k" if value >= 1e4 else f"{value:g}")
+            axis.set_xlim(left=0)
+            if title.startswith("Success"):
+                axis.set_ylim(0, 102)
+                axis.yaxis.set_major_formatter(lambda value, _: f"{value:g} %")
+            if len(series) > 1:
+                axis.legend(loc="lower right")
+        for axis in figure.axes[len(panels) :]:
+            axis.remove()
+        return svg(figure, name)
+
+
+def _percent(axis: Axes, title: str) -> None:
+    axis.set_title(title)
+    axis.set_xlim(-2, 102)
+    axis.set_xticks([0, 25, 50, 75, 100], ["0", "25", "50", "75", "100 %"])

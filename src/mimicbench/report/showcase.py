@@ -1,0 +1,167 @@
+"""One chair, four stages: a strip of pictures and a video of the human, the retargeted, the tracked and the learned motion."""
+
+import hashlib
+import json
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from mimicbench.core import rotations as rot
+from mimicbench.core.errors import BadMotion
+from mimicbench.core.motion import HumanMotion, RobotMotion
+from mimicbench.objects.shape import SceneObject
+from mimicbench.report.render import Camera, Picture, frame_all, human_frames, robot_frames
+from mimicbench.report.video import strip, write_jpeg, write_video
+from mimicbench.robot.description import load_robot
+from mimicbench.sim.scene import build_model
+
+VERSION = 1
+"""Of the drawing; raising it makes all pictures again."""
+MAX_SECONDS = 20.0
+"""Longest video."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What a simulation ran through."""
+
+    qpos: np.ndarray
+    """(T, nq) simulator positions of the robot's scene."""
+    fps: float
+
+
+@dataclass(frozen=True)
+class Clip:
+    """One stage's motion."""
+
+    title: str
+    """Such as `Human`."""
+    note: str
+    """One sentence under it."""
+    motion: HumanMotion | RobotMotion | Recording
+
+
+@dataclass(frozen=True)
+class Showcase:
+    """Clips beside one object."""
+
+    obj: SceneObject
+    robot: str
+    """Whose name `load_robot` knows."""
+    clips: tuple[Clip, ...]
+
+
+@dataclass(frozen=True)
+class ShowConfig:
+    """How a showcase is drawn."""
+
+    moments: int = 5
+    """Pictures of a strip."""
+    still: Picture = Picture(460, 380, 2048)
+    video: Picture = Picture(560, 350, 1024, samples=0)
+    """Without smoothing: it would double the time, and motion hides the edges."""
+    fps: float = 15.0
+    """Of the videos."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """The files of one clip."""
+
+    clip: Clip
+    strip: Path
+    """JPEG."""
+    video: Path
+    """MP4."""
+    seconds: float
+
+
+def draw(showcase: Showcase, folder: Path, config: ShowConfig | None = None, say: Callable[[str], None] | None = None) -> list[Shown]:
+    """Draw what is not there yet into `folder`; the names of the files tell what they show. Raises NoPictures without OpenGL."""
+    config = config or ShowConfig()
+    model = build_model(load_robot(showcase.robot), showcase.obj, visuals=True)
+    tracks = [_track(clip.motion, model) for clip in showcase.clips]
+    paths = np.concatenate([track.root_pos_w for track in tracks])
+    shown = []
+    for i, (clip, track) in enumerate(zip(showcase.clips, tracks, strict=True)):
+        cameras = [frame_all(showcase.obj, paths, picture.width / picture.height) for picture in (config.still, config.video)]
+        stem = f"{i}-{_slug(clip.title)}-{_digest(showcase.obj, track, cameras, config)}"
+        still, video = folder / f"{stem}.jpg", folder / f"{stem}.mp4"
+        seconds = min(MAX_SECONDS, (len(track.root_pos_w) - 1) / track.fps)
+        if not still.exists():
+            times = moments(track.root_pos_w, track.root_quat_w, config.moments) / track.fps
+            frames = list(_frames(clip.motion, track, model, times, cameras[0], config.still))
+            write_jpeg(still, strip(frames, [f"{time:.1f} s" for time in times]))
+        if not video.exists():
+            if say:
+                say(f"drawing {clip.title.lower()}: {seconds:.1f} s of video")
+            times = np.arange(int(seconds * config.fps) + 1) / config.fps
+            write_video(video, _frames(clip.motion, track, model, times, cameras[1], config.video), config.fps)
+        shown.append(Shown(clip, still, video, seconds))
+    return shown
+
+
+def moments(root_pos_w: np.ndarray, root_quat_w: np.ndarray, count: int) -> np.ndarray:
+    """(count,) frames at which as much has happened since the last one: by meters gone, and turns at a quarter meter per radian."""
+    gone = np.linalg.norm(np.diff(root_pos_w, axis=0), axis=1) + 0.25 * rot.angle_between(root_quat_w[:-1], root_quat_w[1:])
+    progress = np.concatenate([[0.0], np.cumsum(gone)])
+    wanted = np.linspace(0.0, progress[-1], count)
+    return np.clip(np.searchsorted(progress, wanted - 1e-9), 0, len(root_pos_w) - 1)
+
+
+@dataclass(frozen=True)
+class _Track:
+    """Any motion as the camera sees it."""
+
+    fps: float
+    root_pos_w: np.ndarray
+    root_quat_w: np.ndarray
+    qpos: np.ndarray | None
+    """(T, nq); None for a human."""
+    content: np.ndarray
+    """All that tells it from another motion."""
+
+
+def _track(motion: HumanMotion | RobotMotion | Recording, model: mujoco.MjModel) -> _Track:
+    if isinstance(motion, HumanMotion):
+        content = np.concatenate([motion.root_pos_w, motion.local_quat.reshape(motion.frames, -1)], 1)
+        return _Track(motion.fps, motion.root_pos_w, motion.local_quat[:, motion.skeleton.parents.index(-1)], None, content)
+    if isinstance(motion, RobotMotion):
+        motion = Recording(positions(motion, model), motion.fps)
+    root = int(model.joint("root").qposadr[0])
+    return _Track(motion.fps, motion.qpos[:, root : root + 3], motion.qpos[:, root + 3 : root + 7], motion.qpos, motion.qpos)
+
+
+def positions(motion: RobotMotion, model: mujoco.MjModel) -> np.ndarray:
+    """(T, nq) a robot clip as positions of a scene's model; what else can move stays where it starts."""
+    qpos = np.tile(model.qpos0, (motion.frames, 1))
+    root = int(model.joint("root").qposadr[0])
+    qpos[:, root : root + 3], qpos[:, root + 3 : root + 7] = motion.root_pos_w, motion.root_quat_w
+    for j, name in enumerate(motion.joint_names):
+        try:
+            qpos[:, int(model.joint(name).qposadr[0])] = motion.joint_pos[:, j]
+        except KeyError:
+            raise BadMotion(f"{motion.id}: the robot of this scene has no joint {name!r}; the clip is of robot {motion.robot!r}") from None
+    return qpos
+
+
+def _frames(
+    motion: HumanMotion | RobotMotion | Recording, track: _Track, model: mujoco.MjModel, times: np.ndarray, camera: Camera, picture: Picture
+) -> Iterable[np.ndarray]:
+    if isinstance(motion, HumanMotion):
+        return human_frames(model, motion, times, camera, picture)
+    assert track.qpos is not None
+    index = np.clip(np.round(times * track.fps).astype(int), 0, len(track.qpos) - 1)
+    return robot_frames(model, track.qpos[index], camera, picture)
+
+
+def _digest(obj: SceneObject, track: _Track, cameras: Sequence[Camera], config: ShowConfig) -> str:
+    plain = json.dumps([VERSION, obj.to_dict(), track.fps, [asdict(camera) for camera in cameras], asdict(config)], sort_keys=True)
+    return hashlib.blake2b(plain.encode() + np.ascontiguousarray(track.content, np.float32).tobytes(), digest_size=6).hexdigest()
+
+
+def _slug(title: str) -> str:
+    return "".join(character if character.isalnum() else "-" for character in title.lower())
