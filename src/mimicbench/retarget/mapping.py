@@ -68,7 +68,8 @@ class Mapping:
 _ANKLE_OUT, _KNEE_OUT = 0.06, 0.09
 # Down to the sole from the ankles, and down to the underside of the buttocks from the hips and from the pelvis frame: of the H1, of the human
 # at size 1. The H1's pelvis frame is 0.174 m above its hips, the human's between them: without this every walk would be a crouch.
-_SOLE, _HIP_SEAT, _PELVIS_SEAT = (0.07, 0.05), (0.061, 0.09), (0.235, 0.09)
+# One centimeter is added at the seat: thighs that slope down to the knees meet its front edge before the buttocks meet the seat.
+_SOLE, _HIP_SEAT, _PELVIS_SEAT = (0.07, 0.05), (0.071, 0.09), (0.245, 0.09)
 # A foot beside its place skates, a pelvis beside its place does not; and the H1 must reach the floor with legs that may be too short.
 _ANKLE_WEIGHT = 100.0
 # Where the pelvis frame comes to lie depends on how the one trunk of the H1 settles between the human's two; where the hips lie does not.
