@@ -5,7 +5,8 @@ origin facing +x; `_w` world frame; T frames at `fps`. The files are `.npz` with
 themselves: names, orders, frame and rate travel inside (see docs/formats.md).
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -29,6 +30,13 @@ class Skeleton:
     """Index of each joint's parent, -1 for the root."""
     offsets: np.ndarray
     """(J, 3) rest position of each joint in its parent's frame [m]; x forward, y left, z up in the rest pose."""
+
+    def __post_init__(self) -> None:
+        joints = len(self.joint_names)
+        if len(self.parents) != joints or self.offsets.shape != (joints, 3) or not np.isfinite(self.offsets).all():
+            raise BadMotion(f"skeleton {self.name} needs a parent and three finite offsets for each of its {joints} joints")
+        if any(not -1 <= parent < i for i, parent in enumerate(self.parents)):
+            raise BadMotion(f"skeleton {self.name}: parents must come before their children; sort its joints")
 
     def scaled(self, factor: float) -> "Skeleton":
         """The same tree with every bone `factor` times as long."""
@@ -67,6 +75,7 @@ class HumanMotion:
         joints = len(self.skeleton.joint_names)
         _check_frames(self.id, self.fps, {"root_pos_w": (self.root_pos_w, (3,)), "local_quat": (self.local_quat, (joints, 4))})
         _check_unit(self.id, "local_quat", self.local_quat)
+        _check_contacts(self.id, self.frames, self.contact_names, self.contacts)
 
     @property
     def frames(self) -> int:
@@ -99,12 +108,13 @@ class HumanMotion:
     def load(path: Path) -> "HumanMotion":
         """Read a file that `save` wrote. Raises BadFile or BadMotion."""
         header, data = read_npz(path, "human_motion")
-        _check_order(path, header)
-        skeleton = Skeleton(header["skeleton"], tuple(header["joint_names"]), tuple(header["parents"]), data["offsets"].astype(float))
-        return HumanMotion(
-            header["id"], header["task"], skeleton, header["fps"], data["root_pos_w"].astype(float), rot.normalize(data["local_quat"].astype(float)),
-            header["object_id"], tuple(header["contact_names"]), data["contacts"], header["style"], header["source"],
-        )  # fmt: skip
+        _check_conventions(path, header)
+        with _documented(path):
+            skeleton = Skeleton(header["skeleton"], tuple(header["joint_names"]), tuple(header["parents"]), data["offsets"].astype(float))
+            return HumanMotion(
+                header["id"], header["task"], skeleton, header["fps"], data["root_pos_w"].astype(float), _read_quat(data["local_quat"]),
+                header["object_id"], tuple(header["contact_names"]), data["contacts"], header["style"], header["source"],
+            )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -139,6 +149,7 @@ class RobotMotion:
         arrays = {"root_pos_w": (self.root_pos_w, (3,)), "root_quat_w": (self.root_quat_w, (4,)), "joint_pos": (self.joint_pos, (n,))}
         _check_frames(self.id, self.fps, arrays)
         _check_unit(self.id, "root_quat_w", self.root_quat_w)
+        _check_contacts(self.id, self.frames, self.contact_names, self.contacts)
 
     @property
     def frames(self) -> int:
@@ -179,14 +190,15 @@ class RobotMotion:
     def load(path: Path, robot: str | None = None) -> "RobotMotion":
         """Read a file that `save` wrote; `robot` is the one it must be for. Raises BadFile or BadMotion."""
         header, data = read_npz(path, "robot_motion")
-        _check_order(path, header)
-        if robot is not None and header["robot"] != robot:
-            raise BadMotion(f"{path} is a motion of robot {header['robot']!r}, not of {robot!r}; retarget its reference to {robot!r} first")
-        return RobotMotion(
-            header["id"], header["task"], header["robot"], tuple(header["joint_names"]), header["fps"], data["root_pos_w"].astype(float),
-            rot.normalize(data["root_quat_w"].astype(float)), data["joint_pos"].astype(float), header["object_id"], header["reference_id"],
-            tuple(header["contact_names"]), data["contacts"], header["style"], header["measures"], header["success"],
-        )  # fmt: skip
+        _check_conventions(path, header)
+        with _documented(path):
+            if robot is not None and header["robot"] != robot:
+                raise BadMotion(f"{path} is a motion of robot {header['robot']!r}, not of {robot!r}; retarget its reference to {robot!r} first")
+            return RobotMotion(
+                header["id"], header["task"], header["robot"], tuple(header["joint_names"]), header["fps"], data["root_pos_w"].astype(float),
+                _read_quat(data["root_quat_w"]), data["joint_pos"].astype(float), header["object_id"], header["reference_id"],
+                tuple(header["contact_names"]), data["contacts"], header["style"], header["measures"], header["success"],
+            )  # fmt: skip
 
 
 def forward_kinematics(skeleton: Skeleton, root_pos_w: np.ndarray, local_quat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -224,7 +236,30 @@ def _check_unit(clip: str, name: str, quat: np.ndarray) -> None:
         raise BadMotion(f"clip {clip}: {name} is not of unit length (off by {worst:.2g}); are these quaternions in the order wxyz?")
 
 
-def _check_order(path: Path, header: dict) -> None:
+def _check_contacts(clip: str, frames: int, names: tuple[str, ...], contacts: np.ndarray) -> None:
+    if names and contacts.shape != (frames, len(names)):
+        raise BadMotion(f"clip {clip}: contacts has shape {contacts.shape}, expected {(frames, len(names))}")
+
+
+def _check_conventions(path: Path, header: dict) -> None:
     order = header.get("quaternion_order")
     if order != "wxyz":
         raise BadMotion(f"{path} does not say that its quaternions are wxyz (it says {order!r}); convert it and set quaternion_order")
+    if header.get("schema") != SCHEMA:
+        raise BadMotion(f"{path} has schema {header.get('schema')!r}, this version reads {SCHEMA}; make it again")
+
+
+@contextmanager
+def _documented(path: Path) -> Iterator[None]:
+    """Turn what goes wrong while reading a file of other content than documented into one sentence."""
+    try:
+        yield
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise BadMotion(f"{path} is not a motion as docs/formats.md describes it ({error!r}); make it again or convert it") from None
+
+
+def _read_quat(stored: np.ndarray) -> np.ndarray:
+    """Stored quaternions in double precision, of unit length if they nearly were; what is farther off stays, to be refused."""
+    quat = stored.astype(float)
+    length = np.sqrt((quat**2).sum(-1, keepdims=True))
+    return np.where(abs(length - 1) < 5e-3, quat / np.where(length > 0, length, 1.0), quat)

@@ -18,6 +18,7 @@ from mimicbench.core.files import read_json, write_json
 
 SCHEMA = 1
 HEADER = "header.json"
+_DETERMINES = ("schema", "stage", "task", "seed", "config", "made_from")
 
 
 @dataclass(frozen=True)
@@ -46,8 +47,7 @@ class Stage:
 
 def fingerprint(header: Mapping[str, Any]) -> str:
     """A short hash of what determines a stage's content: stage, task, seed, configuration, inputs, schema."""
-    keys = ("schema", "stage", "task", "seed", "config", "made_from")
-    text = json.dumps({key: header[key] for key in keys}, sort_keys=True)
+    text = json.dumps({key: header[key] for key in _DETERMINES}, sort_keys=True)
     return hashlib.blake2b(text.encode(), digest_size=8).hexdigest()
 
 
@@ -63,8 +63,8 @@ def open_stage(folder: Path, stage: str, task: str, seed: int, config: Mapping[s
     }  # fmt: skip
     path = folder / HEADER
     if path.exists():
-        found = read_json(path)
-        differs = [key for key in ("schema", "stage", "task", "seed", "config", "made_from") if found.get(key) != json.loads(json.dumps(header[key]))]
+        found = _read_header(path)
+        differs = [key for key in _DETERMINES if found[key] != json.loads(json.dumps(header[key]))]
         if differs:
             raise MimicbenchError(f"{folder} was made with another {' and '.join(differs)}; use another --workdir, or delete that folder to make it again")
         return Stage(folder, found)
@@ -77,7 +77,14 @@ def read_stage(folder: Path, command: str) -> Stage:
     path = folder / HEADER
     if not path.exists():
         raise BadFile(f"{folder} does not exist; run `{command}` first")
-    header = read_json(path)
-    if not header.get("complete"):
+    header = _read_header(path)
+    if not header["complete"]:
         raise BadFile(f"{folder} is unfinished; run `{command}` again, it goes on where it stopped")
     return Stage(folder, header)
+
+
+def _read_header(path: Path) -> dict[str, Any]:
+    header = read_json(path)
+    if not isinstance(header, dict) or not {*_DETERMINES, "complete"} <= header.keys():
+        raise BadFile(f"{path} is not the header of a stage; delete {path.parent} and make it again")
+    return header
