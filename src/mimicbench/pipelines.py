@@ -6,13 +6,15 @@ finished. Running a finished stage again does nothing; a killed one goes on wher
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mimicbench.core.motion import RobotMotion
+from mimicbench.core.errors import UnknownName
+from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.core.stage import Stage, open_stage, read_stage
 from mimicbench.objects.make import ObjectsConfig, make_objects, read_objects
 from mimicbench.objects.shape import SceneObject
@@ -23,7 +25,12 @@ from mimicbench.tasks.registry import get_task
 from mimicbench.tasks.task import Task
 
 if TYPE_CHECKING:  # these bring torch, which the earlier stages do without
+    import numpy as np
+
     from mimicbench.evaluate.rows import EpisodeRow
+    from mimicbench.imitate.demos import DemosConfig
+    from mimicbench.imitate.make import ImitateConfig
+    from mimicbench.report.showcase import Showcase
     from mimicbench.track.train import TrackConfig
 
 Say = Callable[[str], None]
@@ -116,3 +123,200 @@ def evaluate_tracker(ws: Workspace, checkpoint: Path, episodes: int, split: str)
     motions, objects = ws.motions(split)[:episodes], ws.objects()
     rollout = track_clips(tracker, ws.robot, ws.task, motions, objects, ws.workers)
     return tracker_rows(rollout, motions, objects, ws.task, ws.robot, "tracker", tracker.kind.name, ws.seed)
+
+
+def demos_stage(ws: Workspace, config: DemosConfig) -> Stage:
+    """Let the tracker turn the training clips into demonstrations."""
+    from mimicbench.imitate.demos import make_demos
+    from mimicbench.track.checkpoint import load_tracker
+
+    track = ws.finished("track")
+    tracker = load_tracker(track.folder / "checkpoint", ws.robot)
+    return make_demos(
+        ws.folder("demos"), ws.finished("retarget"), ws.robot, ws.task, tracker, track.fingerprint, ws.motions("train"), ws.objects(), config,
+        ws.seed, ws.workers, ws.quiet,
+    )  # fmt: skip
+
+
+def imitate_stage(ws: Workspace, name: str, config: ImitateConfig, say: Say = print) -> Stage:
+    """Learn the policy `name`, and before it what it needs: the tracker's copy, the eyes, the demonstrations."""
+    from mimicbench.imitate import make
+
+    track, folder, objects = ws.finished("track"), ws.folder("imitate"), ws.objects()
+    if not (folder / "tracker" / "config.json").exists():
+        copy_checkpoint(track.folder / "checkpoint", folder / "tracker")
+    train = [obj for obj in objects.values() if obj.split == "train"]
+    test = [obj for obj in objects.values() if obj.split == "test"]
+    eyes = make.make_perception(folder / "perception", ws.slug, ws.robot, train, test, config.perception, ws.quiet)
+    if name == "planner":
+        made_from = {"track": track.fingerprint, "perception": eyes.fingerprint}
+        return make.make_planner(folder / name, ws.robot, ws.task, ws.motions("train"), objects, made_from, config.planner, ws.seed, ws.workers, say)
+    demos = demos_stage(ws, config.demos)
+    made_from = {"demos": demos.fingerprint, "perception": eyes.fingerprint}
+    return make.make_clone(folder / name, ws.robot, ws.task, name, demos.folder / "dataset", objects, made_from, config.clone, ws.seed, ws.quiet)
+
+
+def copy_checkpoint(source: Path, target: Path) -> None:
+    """Copy a checkpoint's two files, whole or not at all."""
+    from mimicbench.core.checkpoint import CONFIG, MODEL
+    from mimicbench.core.files import write_atomic
+
+    for name in (MODEL, CONFIG):  # config.json last: a folder with it is whole
+        data = (source / name).read_bytes()
+        write_atomic(target / name, lambda stream, data=data: stream.write(data))
+
+
+BEST = {"sit-chair": "planner"}
+"""The policy that we ship as our best, by task."""
+SHIPPED = Path(__file__).parent / "checkpoints"
+"""Checkpoints that come with the package, laid out as an `imitate` folder is, by task."""
+
+
+def policy_folder(ws: Workspace, policy: str) -> Path:
+    """Where a policy is: `best`, a name, or a path. A workdir's own comes before the shipped one. Raises UnknownName."""
+    name = BEST.get(ws.slug, "planner") if policy == "best" else policy
+    places = [ws.folder("imitate") / name, SHIPPED / ws.slug / name]
+    if "/" in policy or policy.startswith("."):
+        return Path(policy)
+    for place in places:
+        if (place / "config.json").exists():
+            return place
+    known = {path.parent.name for root in (ws.folder("imitate"), SHIPPED / ws.slug) for path in root.glob("*/config.json")}
+    raise UnknownName("policy", policy, ["best", *sorted(known - {"tracker", "perception"})])
+
+
+def tracker_folder(ws: Workspace) -> Path:
+    """The workdir's own tracker, or the shipped one."""
+    own = ws.folder("track") / "checkpoint"
+    return own if (own / "config.json").exists() else SHIPPED / ws.slug / "tracker"
+
+
+def evaluate_policy(
+    ws: Workspace, policy: str, episodes: int, record: Sequence[int] = (), linger: float = 0.0
+) -> tuple[list[EpisodeRow], dict[int, np.ndarray]]:
+    """One row per episode on unseen objects from unseen starts, and the states of the episodes in `record`.
+
+    The same episodes for every policy: the first `episodes` clips of the test split.
+    """
+    from mimicbench.core.parallel import counter
+    from mimicbench.evaluate.rollout import Protocol, policy_rows, run_policy
+    from mimicbench.imitate.make import load_any
+
+    folder = policy_folder(ws, policy)
+    driver = load_any(folder, ws.robot)
+    starts, objects = ws.motions("test")[:episodes], ws.objects()
+    with counter(len(starts), f"evaluating {folder.name}", ws.quiet) as tick:
+        runs = run_policy(driver, ws.robot, ws.task, starts, objects, driver.gains, Protocol(linger=linger), ws.workers, record, tick)
+    rows = policy_rows(runs, starts, objects, ws.task, ws.robot, folder.name, driver.gains, ws.seed)
+    recordings = {}
+    for number, run in enumerate(runs):
+        recordings |= {number * Protocol().batch + episode: track for episode, track in run.recordings.items()}
+    return rows, recordings
+
+
+@dataclass(frozen=True)
+class Profile:
+    """How large a run is."""
+
+    objects: int
+    """Objects to make; a quarter are of the test split."""
+    clips: int
+    """Human clips to make."""
+    tracked: int
+    """Clips that the tracker is judged on."""
+    episodes: int
+    """Episodes that each policy is judged on."""
+    policies: tuple[str, ...]
+    """Which policies; the first is shown in pictures."""
+
+
+PROFILES = {
+    "smoke": Profile(objects=16, clips=16, tracked=16, episodes=16, policies=("planner",)),
+    "default": Profile(objects=120, clips=128, tracked=128, episodes=128, policies=("planner", "act-clock")),
+    "full": Profile(objects=400, clips=2000, tracked=256, episodes=400, policies=("planner", "act", "bc", "act-clock", "bc-clock")),
+}
+
+
+def run_shipped(ws: Workspace, profile: Profile, say: Say) -> Path:
+    """New objects and clips, retargeted, tracked and done by the shipped policies: no training. Returns the report's page."""
+    objects_stage(ws, ObjectsConfig(profile.objects))
+    references_stage(ws, ReferencesConfig(profile.clips, test_only=True))
+    retarget_stage(ws, RetargetConfig())
+    return judge_and_report(ws, profile, say)
+
+
+def run_training(ws: Workspace, profile: Profile, track: TrackConfig, imitate: ImitateConfig, say: Say) -> Path:
+    """Everything from nothing: objects, clips, tracker, demonstrations, policies, report."""
+    objects_stage(ws, ObjectsConfig(profile.objects))
+    references_stage(ws, ReferencesConfig(profile.clips))
+    retarget_stage(ws, RetargetConfig())
+    track_stage(ws, track, say)
+    for policy in profile.policies:
+        say(f"learning {policy}")
+        imitate_stage(ws, policy, imitate, say)
+    return judge_and_report(ws, profile, say)
+
+
+def judge_and_report(ws: Workspace, profile: Profile, say: Say) -> Path:
+    """Judge tracker and policies on the test split and write the report. What is judged already is not run again."""
+    rows = evaluated_rows(ws, "tracker", profile.tracked, lambda: evaluate_tracker(ws, tracker_folder(ws), profile.tracked, "test"))
+    for policy in profile.policies:
+        rows += evaluated_rows(ws, policy, profile.episodes, lambda policy=policy: evaluate_policy(ws, policy, profile.episodes)[0])
+    return report_stage(ws, rows, profile.policies[0], say)
+
+
+def evaluated_rows(ws: Workspace, name: str, episodes: int, run: Callable[[], list[EpisodeRow]]) -> list[EpisodeRow]:
+    """The rows of `<evaluate>/<name>.parquet`, made by `run` if they are not there or are fewer than asked for."""
+    from mimicbench.evaluate.rows import read_rows, write_rows
+
+    path = ws.folder("evaluate") / f"{name}.parquet"
+    if path.exists():
+        rows = read_rows(path)
+        if len(rows) >= min(episodes, len(ws.motions("test"))):
+            return rows
+    rows = run()
+    write_rows(path, rows)
+    return rows
+
+
+def report_stage(ws: Workspace, rows: Sequence[EpisodeRow], policy: str, say: Say) -> Path:
+    """Write the report on these rows, with one chair shown from the human to the policy."""
+    from mimicbench.report.curves import read_curve
+    from mimicbench.report.provenance import Provenance, package_versions, this_machine
+    from mimicbench.report.write import ReportInputs, write_report
+
+    made_from, config = {}, {}
+    for stage in ("objects", "references", "retarget"):
+        finished = ws.finished(stage)
+        made_from[stage], config[stage] = finished.fingerprint, {**finished.header["config"], **finished.header["summary"]}
+    curves = [read_curve(path, name) for name in ("track", "imitate/planner") if (path := ws.folder(name) / "metrics.jsonl").exists()]
+    provenance = Provenance(ws.seed, (" ".join(["mimicbench", *sys.argv[1:]]),), config, made_from, package_versions(), this_machine())
+    inputs = ReportInputs(ws.slug, tuple(rows), provenance, tuple(curves), showcase(ws, rows, policy))
+    return write_report(ws.folder("report"), inputs, say)
+
+
+def showcase(ws: Workspace, rows: Sequence[EpisodeRow], policy: str) -> Showcase:
+    """One clip of the test split through all stages: the first of the first batch on which the policy succeeded, or the very first."""
+    from mimicbench.evaluate.rollout import Protocol
+    from mimicbench.report.showcase import Clip, Recording, Showcase
+    from mimicbench.sim.scene import CONTROL_DT
+    from mimicbench.track.checkpoint import load_tracker
+    from mimicbench.track.rollout import track_clips
+
+    folder = policy_folder(ws, policy)
+    of_policy = [row for row in rows if row.policy == folder.name]
+    chosen = next((row for row in of_policy[: Protocol().batch] if row.success), of_policy[0])
+    motion = next(m for m in ws.motions("test") if m.id == chosen.reference_id)
+    obj = ws.objects()[motion.object_id]
+    human = HumanMotion.load(ws.folder("references") / f"{motion.id}.npz")
+    tracked = track_clips(load_tracker(tracker_folder(ws), ws.robot), ws.robot, ws.task, [motion], {obj.id: obj}, ws.workers, record=True)
+    # the whole first batch again, so that the episode runs exactly as it was judged
+    _, recordings = evaluate_policy(ws, policy, min(len(of_policy), Protocol().batch), [chosen.episode], linger=1.5)
+    fps = 1 / CONTROL_DT
+    clips = (
+        Clip("Human", "The reference, made on this object.", human),
+        Clip("Retargeted", "The same motion on the H1, before physics.", motion),
+        Clip("Tracked", "The tracker follows it under physics.", Recording(tracked.qpos[0], fps)),
+        Clip("Policy", f"{folder.name} does it from its own senses, without a reference.", Recording(recordings[chosen.episode], fps)),
+    )
+    return Showcase(obj, ws.robot.name, clips)

@@ -4,6 +4,7 @@ import multiprocessing
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from typing import TypeVar
 
 Item = TypeVar("Item")
@@ -31,18 +32,25 @@ def map_items(function: Callable[[Item], Result], items: Sequence[Item], workers
 
 def progress(items: Iterable[Item], total: int, label: str, quiet: bool = False) -> Iterator[Item]:
     """Pass items through with a progress bar and the time left, on stderr."""
+    with counter(total, label, quiet) as tick:
+        for item in items:
+            yield item
+            tick(1)
+
+
+@contextmanager
+def counter(total: int, label: str, quiet: bool = False) -> Iterator[Callable[[int], None]]:
+    """A progress bar with the time left, on stderr; call what it gives with how many more are done."""
     if quiet:
-        yield from items
+        yield lambda count: None
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-    columns = [TextColumn("{task.description:<28}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn()]
+    columns = [TextColumn("{task.description:<24}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn()]
     with Progress(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task(label, total=total)
-        for item in items:
-            yield item
-            bar.advance(task)
+        yield lambda count: bar.advance(task, count)
 
 
 def _one_thread() -> None:

@@ -69,8 +69,8 @@ class Rate:
         return f"{100 * self.rate:.{digits}f} %" if self.episodes else "-"
 
     def interval(self, digits: int = 1) -> str:
-        """Such as `88.3-93.8`, in percent."""
-        return f"{100 * self.low:.{digits}f}-{100 * self.high:.{digits}f}" if self.episodes else "-"
+        """Such as `88.3–93.8`, in percent."""
+        return f"{100 * self.low:.{digits}f}–{100 * self.high:.{digits}f}" if self.episodes else "-"
 
     def counts(self) -> str:
         """Such as `366/400`."""

@@ -14,7 +14,7 @@ from mimicbench.evaluate.rows import EpisodeRow
 from mimicbench.imitate.policy import Policy, Senses
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robot.description import Robot
-from mimicbench.sense.elevation import camera_map
+from mimicbench.sense.elevation import camera_map, down_map
 from mimicbench.sense.proprioception import Odometry, body_state, s_current
 from mimicbench.sim.native import NativePhysics
 from mimicbench.sim.scene import CONTROL_DT
@@ -24,7 +24,8 @@ from mimicbench.track.reference import ReferenceBank
 from mimicbench.track.rollout import Rollout
 
 Eyes = Callable[[NativePhysics], torch.Tensor]
-"""Makes the elevation maps (N, 128, 128) of all robots."""
+EYES: dict[str, Eyes] = {"cameras": camera_map, "rays": down_map}
+"""Makers of elevation maps (N, 128, 128), of which a policy names one."""
 
 
 @dataclass(frozen=True)
@@ -35,8 +36,6 @@ class Protocol:
     """Episodes side by side. Part of the protocol: networks may round differently in batches of another size."""
     linger: float = 0.0
     """[s] that an episode goes on after K is fulfilled, for pictures."""
-    eyes: Eyes = camera_map
-    """The elevation sensor."""
 
 
 @dataclass(frozen=True)
@@ -90,11 +89,11 @@ def _run_batch(
     running = np.ones(n, bool)
     tracks: dict[int, list[np.ndarray]] = {episode: [physics.qpos()[episode].copy()] for episode in record}
     for step in range(limit):
-        senses = _sense(physics, odometry, last_target, step, protocol.eyes)
+        senses = _sense(physics, odometry, last_target, step, EYES[policy.eyes])
         if step == 0:
             policy.reset(everyone, senses)
         last_target = policy.act(senses)
-        physics.step(last_target, measure_effort=True)
+        physics.step(last_target, True, None if running.all() else np.flatnonzero(running))
         judge.see(physics, running)
         odometry.update(physics.state(), CONTROL_DT)
         over = judge.diverged | (judge.success & (judge.steps >= judge.first_success / CONTROL_DT + linger - 0.5))

@@ -4,7 +4,9 @@ A seat is six numbers in the heading frame of the robot's root: x, y of its midd
 that it faces, its height above the floor [m] and its depth, front to back [m].
 
 The network looks at a window around whatever rises from the floor, with each cell's place in the robot's frame as two
-more channels (what is hidden depends on where one stands), and gives the seat relative to the window.
+more channels (what is hidden depends on where one stands), and gives the seat relative to the window. It learns from
+maps as the cameras make them, with what they cannot see left out, and from complete ones. Chairs are symmetric and the
+four cameras too: turning a map by quarters and mirroring it makes eight of each.
 """
 
 import math
@@ -17,10 +19,12 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from mimicbench.core import rotations as rot
 from mimicbench.core.checkpoint import load_checkpoint, save_checkpoint
 from mimicbench.core.errors import BadObject
 from mimicbench.core.seeds import digest
 from mimicbench.objects.shape import SceneObject
+from mimicbench.sense.cameras import CameraMaps
 from mimicbench.sense.heightmap import CELL, CELLS, ObjectMaps
 
 SEAT_SIZE = 6
@@ -42,16 +46,22 @@ class PerceptionConfig:
     """Channels of the three strided convolutions."""
     hidden: int = 128
     """Width of the layer after them."""
+    maps: int = 8000
+    """Maps to learn from, before turning and mirroring."""
+    seen: float = 0.7
+    """Share of them that show what the cameras see; the others are complete, or hide only what is behind something."""
     distance: tuple[float, float] = (0.5, 2.3)
     """[m] From the object's middle to the robot in the training maps."""
     root_height: tuple[float, float] = (0.85, 1.1)
     """[m] Of the root above the floor in the training maps."""
+    tilt: float = 0.03
+    """[rad] Deviation of the root's roll and pitch in the training maps."""
     noise: float = 0.01
     """[m] Deviation of each cell's height."""
     dropout: float = 0.03
     """Share of cells without a measurement."""
-    steps: int = 3000
-    """Batches of new maps."""
+    steps: int = 4000
+    """Batches."""
     batch: int = 128
     """Maps per batch."""
     learning_rate: float = 2e-3
@@ -61,7 +71,7 @@ class PerceptionConfig:
 
 
 class Perception(nn.Module):
-    """Elevation maps (N, 128, 128) and root heights (N,) -> seats (N, 6)."""
+    """Windows of elevation maps -> seats; `perceive` takes whole maps."""
 
     def __init__(self, config: PerceptionConfig) -> None:
         super().__init__()
@@ -77,31 +87,37 @@ class Perception(nn.Module):
         self.register_buffer("middle", torch.tensor(_MIDDLE), persistent=False)
         self.register_buffer("spread", torch.tensor(_SPREAD), persistent=False)
 
-    def forward(self, elevation: Tensor, root_height: Tensor) -> Tensor:
-        """Seats (N, 6); the direction is not yet of unit length.
+    def forward(self, view: Tensor, center: Tensor) -> Tensor:
+        """Seats (N, 6) in windows (N, window, window) of heights above the floor [m] around centers (N, 2) [m]; directions of any length."""
+        place = (torch.arange(view.shape[1], device=view.device) - (view.shape[1] - 1) / 2) * CELL
+        x = (center[:, 0, None] + place)[:, :, None].expand_as(view)
+        y = (center[:, 1, None] + place)[:, None, :].expand_as(view)
+        seat = self.layers(torch.stack([view, 0.5 * x, 0.5 * y], 1)) * self.get_buffer("spread") + self.get_buffer("middle")
+        return torch.cat([seat[:, :2] + center, seat[:, 2:]], -1)
+
+    @torch.no_grad()
+    def perceive(self, elevation: Tensor, root_height: Tensor) -> Tensor:
+        """Seats (N, 6) as a policy remembers them: the direction has unit length.
 
         Args:
             elevation: (N, 128, 128) heights relative to the root [m] (see sense.heightmap).
             root_height: (N,) height of the root above the floor [m].
         """
-        height = elevation + root_height[:, None, None]
-        rows, columns = _window(height, self.config.window)
-        n = torch.arange(len(height), device=height.device)[:, None, None]
-        inside = ((rows >= 0) & (rows < CELLS))[:, :, None] & ((columns >= 0) & (columns < CELLS))[:, None, :]
-        view = torch.where(inside, height[n, rows.clamp(0, CELLS - 1)[:, :, None], columns.clamp(0, CELLS - 1)[:, None, :]], 0.0)
-        x, y = ((rows - (CELLS - 1) / 2) * CELL)[:, :, None].expand_as(view), ((columns - (CELLS - 1) / 2) * CELL)[:, None, :].expand_as(view)
-        seat = self.layers(torch.stack([view, 0.5 * x, 0.5 * y], 1)) * self.get_buffer("spread") + self.get_buffer("middle")
-        center = torch.stack([x.mean((1, 2)), y.mean((1, 2))], -1)
-        return torch.cat([seat[:, :2] + center, seat[:, 2:]], -1)
-
-    @torch.no_grad()
-    def perceive(self, elevation: Tensor, root_height: Tensor) -> Tensor:
-        """Seats (N, 6) as a policy remembers them: the direction has unit length."""
         self.eval()
-        return unit_direction(self(elevation, root_height))
+        return unit_direction(self(*window(elevation + root_height[:, None, None], self.config.window)))
 
 
-def _window(height: Tensor, size: int) -> tuple[Tensor, Tensor]:
+def window(height: Tensor, size: int) -> tuple[Tensor, Tensor]:
+    """The part (N, size, size) of maps (N, 128, 128) of heights above the floor around what rises from it, and its centers (N, 2) [m]."""
+    rows, columns = _window_cells(height, size)
+    n = torch.arange(len(height), device=height.device)[:, None, None]
+    inside = ((rows >= 0) & (rows < CELLS))[:, :, None] & ((columns >= 0) & (columns < CELLS))[:, None, :]
+    view = height[n, rows.clamp(0, CELLS - 1)[:, :, None], columns.clamp(0, CELLS - 1)[:, None, :]]
+    center = torch.stack([rows, columns], -1).float().mean(1) - (CELLS - 1) / 2
+    return torch.where(inside, view, 0.0), center * CELL
+
+
+def _window_cells(height: Tensor, size: int) -> tuple[Tensor, Tensor]:
     """Rows and columns (N, size) of the window around the middle of all cells above the floor; the map's middle if there are none."""
     raised = (height > _RAISED).float()
     count = raised.sum((1, 2))
@@ -161,30 +177,42 @@ def seat_memory(seat: Tensor, odometry_pos: Tensor, odometry_yaw: Tensor) -> Ten
     return torch.cat([seat, torch.stack(now, -1)], -1)
 
 
-class SeatMaps:
-    """Endless elevation maps of objects at random poses, with the seat that they show."""
+def draw_maps(config: PerceptionConfig, objects: Sequence[SceneObject], count: int, name: str, seen: float | None = None) -> tuple[Tensor, Tensor, Tensor]:
+    """Elevation maps of objects at random poses, without noise, and the seats that they show.
 
-    def __init__(self, config: PerceptionConfig, objects: Sequence[SceneObject], name: str) -> None:
-        """`name` tells this source's random numbers from those of others with the same seed."""
-        self.config = config
-        self.generator = torch.Generator().manual_seed(digest(config.seed, "perception", name) % (1 << 63))
-        # a sensor with many points per cell shows edges farther out than one with few: both are learned
-        self.maps = [ObjectMaps(objects), ObjectMaps(objects, spread=CELL / 2)]
-        self.seats = torch.tensor(np.array([seat_of(obj) for obj in objects]), dtype=torch.float32)
+    Args:
+        config: Says how far away, from what height and with which seed.
+        objects: Each must have a seat.
+        count: How many.
+        name: Tells these random numbers from those of other sets with the same seed.
+        seen: Share of maps by the cameras; by default the configuration's.
 
-    def draw(self, count: int) -> tuple[Tensor, Tensor, Tensor]:
-        """Elevation maps (count, 128, 128), root heights (count,) and seats (count, 6)."""
-        config, g = self.config, self.generator
-        index = torch.randint(len(self.seats), (count,), generator=g)
-        uniform = torch.rand(5, count, generator=g)
-        distance = config.distance[0] + uniform[0] * (config.distance[1] - config.distance[0])
-        bearing, yaw = 2 * math.pi * uniform[1], 2 * math.pi * uniform[2]
-        height = config.root_height[0] + uniform[3] * (config.root_height[1] - config.root_height[0])
-        pos = torch.stack([distance * bearing.cos(), distance * bearing.sin(), height], -1)
-        maps = self.maps[int(torch.randint(2, (), generator=g))].sample(index, pos, yaw, occlusion=uniform[4] < 0.7)
-        missing = torch.rand(maps.shape, generator=g) < config.dropout
-        maps = torch.where(missing, -height[:, None, None], maps) + config.noise * torch.randn(maps.shape, generator=g)
-        return maps, height, seat_in_root(self.seats[index], pos, yaw)
+    Returns:
+        Maps (count, 128, 128) relative to the root [m], root heights (count,) [m] and seats (count, 6).
+    """
+    g = torch.Generator().manual_seed(digest(config.seed, "perception", name) % (1 << 63))
+    index = torch.randint(len(objects), (count,), generator=g)
+    uniform = torch.rand(5, count, generator=g)
+    distance = config.distance[0] + uniform[0] * (config.distance[1] - config.distance[0])
+    bearing, yaw = 2 * math.pi * uniform[1], 2 * math.pi * uniform[2]
+    height = config.root_height[0] + uniform[3] * (config.root_height[1] - config.root_height[0])
+    pos = torch.stack([distance * bearing.cos(), distance * bearing.sin(), height], -1)
+    tilt = torch.cat([config.tilt * torch.randn(count, 2, generator=g), torch.zeros(count, 1)], -1)
+    quat = rot.multiply(rot.from_yaw(yaw), rot.from_rotvec(tilt))
+    heading = rot.yaw_of(quat)
+    by_camera = round(count * (config.seen if seen is None else seen))
+    maps = torch.empty(count, CELLS, CELLS)
+    cameras = CameraMaps(objects)
+    # a sensor with many points per cell shows edges farther out than one that looks at the cells' centers: both are learned
+    surfaces = [ObjectMaps(objects), ObjectMaps(objects, spread=CELL / 2)]
+    for first in range(0, count, 64):
+        part = slice(first, min(first + 64, count))
+        if first < by_camera:
+            maps[part] = cameras.sample(index[part], pos[part], quat[part])
+        else:
+            maps[part] = surfaces[first // 64 % 2].sample(index[part], pos[part], heading[part], occlusion=uniform[4, part] < 0.5)
+    seats = torch.tensor(np.array([seat_of(obj) for obj in objects]), dtype=torch.float32)[index]
+    return maps, height, seat_in_root(seats, pos, heading)
 
 
 def train_perception(config: PerceptionConfig, objects: Sequence[SceneObject], report: Callable[[int, float], None] | None = None) -> Perception:
@@ -195,17 +223,29 @@ def train_perception(config: PerceptionConfig, objects: Sequence[SceneObject], r
         objects: Training objects; each must have a seat.
         report: Called after each step with its number and loss, for a progress bar.
     """
-    source = SeatMaps(config, objects, "train")
+    views, centers, seats = [], [], []
+    for first in range(0, config.maps, 512):
+        maps, height, seat = draw_maps(config, objects, min(512, config.maps - first), f"train {first}")
+        view, center = window(maps + height[:, None, None], config.window)
+        views.append(view)
+        centers.append(center)
+        seats.append(seat)
+    view, center, seat = torch.cat(views), torch.cat(centers), torch.cat(seats)
+    g = torch.Generator().manual_seed(digest(config.seed, "perception", "batches") % (1 << 63))
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(digest(config.seed, "perception", "weights") % (1 << 63))
         net = Perception(config)
-    optimizer = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=1e-4)
+    optimizer = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=1e-3)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, config.steps)
     spread = net.get_buffer("spread")
     net.train()
     for step in range(config.steps):
-        maps, height, seat = source.draw(config.batch)
-        loss = functional.smooth_l1_loss(net(maps, height) / spread, seat / spread, beta=0.3)
+        batch = torch.randint(len(view), (config.batch,), generator=g)
+        quarters, mirror = (int(torch.randint(limit, (), generator=g)) for limit in (4, 2))
+        heights, middle, target = turned(view[batch], center[batch], seat[batch], quarters, bool(mirror))
+        heights = torch.where(torch.rand(heights.shape, generator=g) < config.dropout, 0.0, heights)
+        heights = heights + config.noise * torch.randn(heights.shape, generator=g)
+        loss = functional.smooth_l1_loss(net(heights, middle) / spread, target / spread, beta=0.3)
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
@@ -213,6 +253,20 @@ def train_perception(config: PerceptionConfig, objects: Sequence[SceneObject], r
         if report is not None:
             report(step, float(loss.detach()))
     return net.eval()
+
+
+def turned(view: Tensor, center: Tensor, seat: Tensor, quarters: int, mirror: bool) -> tuple[Tensor, Tensor, Tensor]:
+    """Windows, centers and seats as from a robot that sees its left on its right (`mirror`), and then everything turned left by quarters."""
+    if mirror:
+        view, flip = view.flip(2), torch.tensor([1.0, -1.0])
+        center = center * flip
+        seat = torch.cat([seat[:, :2] * flip, -seat[:, 2:3], seat[:, 3:]], -1)
+    for _ in range(quarters % 4):
+        # x, y -> -y, x: the row of a cell becomes its column, counted from the other end of the rows
+        view = view.transpose(1, 2).flip(1)
+        center = torch.stack([-center[:, 1], center[:, 0]], -1)
+        seat = torch.cat([torch.stack([-seat[:, 1], seat[:, 0], seat[:, 3], -seat[:, 2]], -1), seat[:, 4:]], -1)
+    return view, center, seat
 
 
 @dataclass(frozen=True)
@@ -232,8 +286,10 @@ class PerceptionError:
 
 
 def evaluate_perception(net: Perception, objects: Sequence[SceneObject], maps: int = 1000, seed: int = 1) -> PerceptionError:
-    """Errors on maps that it has not seen, of `objects`."""
-    elevation, height, seat = SeatMaps(replace(net.config, seed=seed), objects, "evaluate").draw(maps)
+    """Errors on new maps of `objects`, as the cameras see them, with noise."""
+    elevation, height, seat = draw_maps(replace(net.config, seed=seed), objects, maps, "evaluate", seen=1.0)
+    noise = torch.Generator().manual_seed(digest(seed, "perception", "evaluation noise") % (1 << 63))
+    elevation = elevation + net.config.noise * torch.randn(elevation.shape, generator=noise)
     found = net.perceive(elevation, height)
     rms = ((found - seat) ** 2).mean(0).sqrt().tolist()
     turn = torch.atan2(found[:, 2] * seat[:, 3] - found[:, 3] * seat[:, 2], found[:, 2] * seat[:, 2] + found[:, 3] * seat[:, 3])

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import safetensors.numpy
@@ -259,6 +260,9 @@ def _learn(network: PlannerNetwork, optimizer: torch.optim.Optimizer, tracker: T
 class PlannerPolicy:
     """The planner in closed loop: looks once, remembers, plans every frame, and the tracker follows."""
 
+    gains = RESIDUAL.gains
+    eyes: Literal["cameras", "rays"] = "cameras"
+
     def __init__(self, robot: Robot, network: PlannerNetwork, tracker: Tracker, perception: Perception) -> None:
         self._robot, self._network, self._tracker, self._perception = robot, network, tracker, perception
         self._seat = torch.zeros(0, SEAT_SIZE)
@@ -286,15 +290,15 @@ class PlannerPolicy:
 
 
 def save_planner(folder: Path, robot: Robot, network: PlannerNetwork, config: PlannerConfig, notes: Mapping[str, object]) -> None:
-    """Write the planner's own network; its tracker and perception are folders beside it."""
+    """Write the planner's own network; its tracker and perception are in folders beside it."""
     save_checkpoint(folder, "planner", robot.name, config, {name: value.numpy() for name, value in network.state_dict().items()}, notes)
 
 
 def load_planner(folder: Path, robot: Robot) -> PlannerPolicy:
-    """Read a planner with its `tracker` and `perception` from sub-folders. Raises BadCheckpoint."""
+    """Read a planner with the `tracker` and the `perception` in the folders beside it. Raises BadCheckpoint."""
     checkpoint = load_checkpoint(folder, "planner", robot.name)
     config = checkpoint.config_as(PlannerConfig)
-    tracker, perception = load_tracker(folder / "tracker", robot), load_perception(folder / "perception", robot.name)
+    tracker, perception = load_tracker(folder.parent / "tracker", robot), load_perception(folder.parent / "perception", robot.name)
     joints = len(robot.joints)
     network = PlannerNetwork(10 + 2 * joints + CLOCK_SIZE + MEMORY_SIZE, plan_size(joints), config.hidden)
     arrays = checkpoint.matching({name: tuple(value.shape) for name, value in network.state_dict().items()})

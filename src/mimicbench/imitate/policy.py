@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Literal, Protocol
 
 import torch
 from torch import Tensor
@@ -40,6 +40,11 @@ class Senses:
 class Policy(Protocol):
     """Drives N robots. The same object serves them all; what it remembers of one is forgotten by `reset`."""
 
+    gains: str
+    """Which of the robot's gain presets its targets are meant for."""
+    eyes: Literal["cameras", "rays"]
+    """Which maker of elevation maps it looks through: `cameras` see what four cameras see, once at the start; `rays` are fast enough for every frame."""
+
     def reset(self, ids: Tensor, senses: Senses) -> None:
         """Robots `ids` (M,) begin anew; `senses` are those of all N robots in their first frame."""
         ...
@@ -52,11 +57,14 @@ class Policy(Protocol):
 class VisionPolicy:
     """A learner in its closed loop: sees, remembers the seat if it was taught to, and takes the first predicted action, every frame."""
 
+    gains = "improved"  # those of the tracker whose demonstrations it cloned
+
     def __init__(self, learner: Learner, perception: Perception | None = None) -> None:
         if learner.inputs.memory and perception is None:
             raise MimicbenchError("this policy remembers the seat that it saw at the start; give it a perception checkpoint too")
         self.learner = learner.eval()
         self.perception = perception
+        self.eyes: Literal["cameras", "rays"] = "rays" if learner.inputs.elevation else "cameras"
         self._seat = torch.zeros(0, SEAT_SIZE)
 
     @torch.no_grad()

@@ -17,7 +17,6 @@ COUNTERPARTS = {
 }  # fmt: skip
 """(stage, name of ours) -> the method of the paper that it is."""
 
-_MEASURES = {"track": "tracking", "imitate": "imitation"}
 NEAR = 0.15
 """[m] Who ends farther than this from the object was still on the way, or had lost it."""
 
@@ -56,7 +55,7 @@ def energy_table(found: Sequence[Summary]) -> Table:
 def beside_paper_table(task: str, found: Sequence[Summary]) -> Table:
     """Ours beside the paper's: one row per method, trackers and policies, of one task."""
     rows: list[tuple[Cell, ...]] = []
-    for stage, measures in _MEASURES.items():
+    for stage, measures in (("imitate", "imitation"), ("track", "tracking")):
         published = methods(task, measures)
         shown: set[str] = set()
         for s in (s for s in found if s.stage == stage and s.task == task):
@@ -113,34 +112,43 @@ def failures(rows: Sequence[EpisodeRow]) -> dict[str, Rate]:
     return {kind: Rate(sum(failure(row) == kind for row in rows), len(rows)) for kind in FAILURES}
 
 
-def breakdowns(rows: Sequence[EpisodeRow]) -> list[Breakdown]:
-    """The rate of K by kind of object, height of the seat and distance of the start; parts that do not differ are left out."""
+def breakdowns(rows: Sequence[EpisodeRow], among: Sequence[EpisodeRow] | None = None) -> list[Breakdown]:
+    """The rate of K by kind of object, height of the seat and distance of the start; what does not differ is left out.
+
+    Heights and distances fall into thirds of the episodes `among`, of `rows` if None: give it the rows of all policies
+    that shall be compared.
+    """
+    among = among or rows
     found = [
         _by("Kind of object", rows, lambda row: row.object_kind),
-        _by_thirds("Height of the seat", rows, lambda row: row.seat_height),
-        _by_thirds("Distance at the start", rows, lambda row: row.start_distance),
+        _by("Height of the seat", rows, _thirds(among, lambda row: row.seat_height)),
+        _by("Distance at the start", rows, _thirds(among, lambda row: row.start_distance)),
     ]
     return [breakdown for breakdown in found if len(breakdown.parts) > 1]
 
 
-def _by(title: str, rows: Sequence[EpisodeRow], key: Callable[[EpisodeRow], str]) -> Breakdown:
-    parts: dict[str, list[EpisodeRow]] = {}
+def _by(title: str, rows: Sequence[EpisodeRow], key: Callable[[EpisodeRow], str | None]) -> Breakdown:
+    parts: dict[str, list[bool]] = {}
     for row in rows:
-        parts.setdefault(key(row), []).append(row)
-    return Breakdown(title, {name: Rate(sum(row.success for row in parts[name]), len(parts[name])) for name in sorted(parts)})
+        if (name := key(row)) is not None:
+            parts.setdefault(name, []).append(row.success)
+    return Breakdown(title, {name: Rate(sum(parts[name]), len(parts[name])) for name in sorted(parts)})
 
 
-def _by_thirds(title: str, rows: Sequence[EpisodeRow], value: Callable[[EpisodeRow], float | None]) -> Breakdown:
-    """Three parts of about the same number of episodes, between round numbers [m]."""
-    known = [(v, row) for row in rows if (v := value(row)) is not None]
-    values = np.array([v for v, _ in known])
-    if len(np.unique(values)) < 3:
-        return Breakdown(title, {})
+def _thirds(rows: Sequence[EpisodeRow], value: Callable[[EpisodeRow], float | None]) -> Callable[[EpisodeRow], str | None]:
+    """Names three parts of about as many episodes, between round numbers [m]; None where there is no value or no variety."""
+    values = [v for row in rows if (v := value(row)) is not None]
+    if len(set(values)) < 3:
+        return lambda row: None
     low, high = (round(float(edge), 2) for edge in np.quantile(values, (1 / 3, 2 / 3)))
-    names = (f"below {low:.2f} m", f"{low:.2f} to {high:.2f} m", f"{high:.2f} m and above")
-    place = np.digitize(values, (low, high))
-    counts = {name: [row.success for (_, row), p in zip(known, place, strict=True) if p == i] for i, name in enumerate(names)}
-    return Breakdown(title, {name: Rate(sum(hits), len(hits)) for name, hits in counts.items() if hits})
+
+    def name(row: EpisodeRow) -> str | None:
+        v = value(row)
+        if v is None:
+            return None
+        return f"{low:.2f} m or less" if v <= low else f"to {high:.2f} m" if v <= high else f"up to {max(values):.2f} m"
+
+    return name
 
 
 def failures_table(rows: Sequence[EpisodeRow]) -> Table:
@@ -155,7 +163,7 @@ def breakdown_table(rows: Sequence[EpisodeRow]) -> Table:
     body = [
         (label(policy, preset), breakdown.title, part, rate)
         for (_, _, policy, preset), of_one in group(rows).items()
-        for breakdown in breakdowns(of_one)
+        for breakdown in breakdowns(of_one, rows)
         for part, rate in breakdown.parts.items()
     ]
     return Table("breakdown", "K over parts of the episodes", ("Policy", "By", "Part", "K"), tuple(body))

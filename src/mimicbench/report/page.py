@@ -18,7 +18,8 @@ class Tile:
     what: str
     value: str
     unit: str
-    detail: str
+    details: tuple[str, ...]
+    """Lines below the number."""
 
 
 @dataclass(frozen=True)
@@ -43,10 +44,8 @@ def page(title: str, eyebrow: str, lead: str, tiles: Iterable[Tile], sections: I
 
 def _tile(tile: Tile) -> str:
     unit = f" <small>{escape(tile.unit)}</small>" if tile.unit else ""
-    return (
-        f'<div class="tile"><div class="what">{escape(tile.what)}</div><div class="value">{escape(tile.value)}{unit}</div>'
-        f'<div class="detail">{escape(tile.detail)}</div></div>'
-    )
+    lines = "".join(tag("div", escape(line), "detail") for line in tile.details if line)
+    return tag("div", tag("div", escape(tile.what), "what") + tag("div", escape(tile.value) + unit, "value") + lines, "tile")
 
 
 def paragraph(words: str, note: bool = False) -> str:

@@ -118,7 +118,7 @@ def breakdown_plot(name: str, by_policy: Mapping[str, Sequence[Breakdown]]) -> s
         handles, labels = figure.axes[0].get_legend_handles_labels()
         if len(by_policy) > 1:
             figure.legend(handles, labels, loc="lower left", bbox_to_anchor=(0.06, 0.97), ncols=len(by_policy), borderaxespad=0)
-        figure.subplots_adjust(wspace=0.55)
+        figure.subplots_adjust(wspace=0.62)
         return svg(figure, name)
 
 
@@ -134,7 +134,7 @@ def failures_plot(name: str, by_policy: Mapping[str, Mapping[str, Rate]]) -> str
             axis.barh(range(len(by_policy)), shares, left=left, height=0.55, color=SERIES[(1, 2, 0)[i % 3]], label=kind)
             left = [a + b for a, b in zip(left, shares, strict=True)]
         for y, total in enumerate(left):
-            axis.text(total, y, f"  {total:.1f} %", va="center", color=MUTED)
+            axis.annotate(f"{total:.1f} %", (total, y), (5, 0), textcoords="offset points", va="center", color=MUTED)
         axis.set_yticks(range(len(by_policy)), list(by_policy))
         axis.set_ylim(len(by_policy) - 0.5, -0.5)
         axis.set_xlim(0, max(1.0, 1.15 * max(left, default=0)))

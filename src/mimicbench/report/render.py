@@ -242,10 +242,13 @@ def _context_class() -> Any:
     """EGL on Linux unless MUJOCO_GL says otherwise, even when MuJoCo was imported before; elsewhere MuJoCo's own choice."""
     if sys.platform.startswith("linux"):
         os.environ.setdefault("MUJOCO_GL", "egl")
-        if os.environ["MUJOCO_GL"].lower() == "egl":
-            from mujoco.egl import GLContext
+    backend = os.environ.get("MUJOCO_GL", "").strip().lower()
+    if backend in ("disable", "disabled", "off", "false", "0"):
+        raise RuntimeError(f"MUJOCO_GL is {backend!r}")
+    if backend == "egl":
+        from mujoco.egl import GLContext
 
-            return GLContext
+        return GLContext
     return mujoco.GLContext
 
 

@@ -76,7 +76,8 @@ def to_markdown(table: Table) -> str:
 
 _LATEX = {
     "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
-    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": "$<$", ">": "$>$", "λ": r"$\lambda$", "±": r"$\pm$", "∧": r"$\wedge$",
+    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": "$<$", ">": "$>$", "λ": r"$\lambda$", "±": r"$\pm$", "∧": r"$\wedge$", "–": "--",
+    "τ": r"$\tau$", "²": r"$^2$",
 }  # fmt: skip
 
 

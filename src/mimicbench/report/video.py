@@ -44,7 +44,7 @@ def strip(frames: Sequence[np.ndarray], captions: Sequence[str] = (), gap: int =
 
 def _captioned(frame: np.ndarray, text: str) -> np.ndarray:
     image = Image.fromarray(frame)
-    size = max(11, frame.shape[0] // 18)
+    size = max(11, frame.shape[0] // 15)
     font = ImageFont.truetype(str(Path(get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), size)
     ImageDraw.Draw(image).text((0.6 * size, frame.shape[0] - 1.6 * size), text, fill=(70, 74, 82), font=font)
     return np.asarray(image)

@@ -21,6 +21,9 @@ from mimicbench.tasks.registry import get_task
 MAX_FAILURES = 60
 """Failed episodes that the page lists; the file of episodes has all."""
 
+COMPARED = 3
+"""Policies whose rates over parts of the episodes are plotted; the table has all."""
+
 
 @dataclass(frozen=True)
 class ReportInputs:
@@ -77,7 +80,8 @@ def draw_plots(task: str, found: Sequence[Summary], rows: Sequence[EpisodeRow], 
     by_policy = {compare.label(policy, preset): of_one for (_, _, policy, preset), of_one in group(rows).items()}
     if any(not row.success for row in rows):
         drawn["failures"] = plots.failures_plot("failures", {name: compare.failures(of_one) for name, of_one in by_policy.items()})
-    parts = {name: compare.breakdowns(of_one) for name, of_one in by_policy.items()}
+    shown = [*[s for s in found if s.stage == "imitate"][:COMPARED], *[s for s in found if s.stage == "track"][:1]]
+    parts = {name: compare.breakdowns(by_policy[name], rows) for name in (compare.label(s.policy, s.preset) for s in shown)}
     if any(parts.values()):
         drawn["breakdown"] = plots.breakdown_plot("breakdown", parts)
     return drawn
@@ -130,9 +134,10 @@ def _lead(found: Sequence[Summary], rows: Sequence[EpisodeRow]) -> str:
     objects = {row.object_id for row in mine}
     unseen = " that it never saw in training" if all(row.split == "test" for row in mine) else ""
     who = "policy" if best.stage == "imitate" else "tracker"
+    k, n = best.kinematic.successes, best.kinematic.episodes
     return (
-        f"The best {who}, {compare.label(best.policy, best.preset)}, succeeds in {best.kinematic.counts()} episodes on {len(objects)} objects{unseen}: "
-        f"{best.kinematic.percent()}, 95 % interval {best.kinematic.interval()} %."
+        f"The best {who}, {compare.label(best.policy, best.preset)}, succeeds in {k:.0f} of {n} episodes on {len(objects)} objects{unseen}: "
+        f"{best.kinematic.percent()}, with a 95 % interval of {best.kinematic.interval()} %."
     )
 
 
@@ -145,8 +150,8 @@ def _tiles(task: str, found: Sequence[Summary]) -> list[page.Tile]:
             continue
         method, theirs = next(iter(published.items()), (None, None))
         for what, rate, their in (("K", ours[0].kinematic, theirs and theirs.kinematic), ("K and P", ours[0].energy, theirs and theirs.energy)):
-            paper = f" · paper's best, {method}: {their} %" if method and their is not None else ""
-            tiles.append(page.Tile(f"{word}, {what}", f"{100 * rate.rate:.1f}", "%", f"{rate.interval()} · {rate.counts()}{paper}"))
+            paper = f"paper's best: {their} % ({method})" if method and their is not None else ""
+            tiles.append(page.Tile(f"{word}, {what}", f"{100 * rate.rate:.1f}", "%", (f"{rate.interval()} · {rate.counts()}", paper)))
     return tiles
 
 
@@ -168,7 +173,7 @@ def _failures_html(rows: Sequence[EpisodeRow], tables: dict[str, Table], drawn: 
     body = page.plot(drawn["failures"]) if "failures" in drawn else page.paragraph("No episode failed.")
     body += page.folded("How episodes fail, in numbers", page.table(tables["failures"]))
     if "breakdown" in drawn:
-        body += page.plot(drawn["breakdown"], "K over parts of the episodes, with 95 % Wilson intervals.")
+        body += page.plot(drawn["breakdown"], f"K over parts of the episodes, with 95 % Wilson intervals: the best {COMPARED} policies and the best tracker.")
         body += page.folded("The same in numbers", page.table(tables["breakdown"]))
     if failed:
         lines = [

@@ -34,7 +34,7 @@ class NativePhysics:
         self._qpos, self._qvel, self._ctrl = self.batch.bind("qpos"), self.batch.bind("qvel"), self.batch.bind("ctrl")
         self._joint_q, self._joint_v = slice(7, 7 + joints), slice(6, 6 + joints)
         self._warned = np.zeros(self.num_envs, np.int64)
-        self._effort = torch.zeros(self.num_envs)
+        self._effort = torch.zeros(self.num_envs, dtype=torch.float64)
         self._link_rows: slice | None = None
 
     def _model(self, obj: SceneObject) -> mujoco.MjModel:
@@ -79,15 +79,15 @@ class NativePhysics:
             self._qvel[ids, self._joint_v] = joint_vel
         self._warned[ids] = self._warnings()[ids]
 
-    def step(self, target: torch.Tensor, measure_effort: bool = False) -> None:
-        """Advance one control step; see Physics.step."""
+    def step(self, target: torch.Tensor, measure_effort: bool = False, ids: np.ndarray | None = None) -> None:
+        """Advance scenes `ids` (None: all) one control step; see Physics.step."""
         self._ctrl[:] = target.numpy()
         if not measure_effort:
-            self.batch.step(nstep=SUBSTEPS)
+            self.batch.step(ids, nstep=SUBSTEPS)
             return
-        record = self.batch.rollout(SUBSTEPS, record=("actuator_force", "qvel"))
+        record = self.batch.rollout(SUBSTEPS, record=("actuator_force", "qvel"), ids=ids)
         torque, velocity = record["actuator_force"].mean(1), record["qvel"][..., self._joint_v].mean(1)
-        self._effort = torch.from_numpy(((torque * velocity) ** 2).sum(-1))
+        self._effort[slice(None) if ids is None else torch.from_numpy(ids)] = torch.from_numpy(((torque * velocity) ** 2).sum(-1))
 
     def state(self) -> RobotState:
         """Joint-space state now."""

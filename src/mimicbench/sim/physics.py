@@ -61,8 +61,8 @@ class Physics(Protocol):
         """Put the robots of scenes `ids` into a state; velocities default to zero, objects return to the origin."""
         ...
 
-    def step(self, target: torch.Tensor, measure_effort: bool = False) -> None:
-        """Advance one control step with targets (N, J): joint angles, velocities or torques by the control mode.
+    def step(self, target: torch.Tensor, measure_effort: bool = False, ids: np.ndarray | None = None) -> None:
+        """Advance scenes `ids` (None: all) one control step with targets (N, J): joint angles, velocities or torques by the control mode.
 
         With `measure_effort`, `effort` holds e = sum_j (tau_j v_j)^2 of this control step, tau and v being means over
         its substeps (appendix D.2).

@@ -43,12 +43,13 @@ class Rollout:
 @torch.no_grad()
 def track_clips(
     tracker: Tracker, robot: Robot, task: Task, motions: Sequence[RobotMotion], objects: Mapping[str, SceneObject],
-    workers: int = 0, record: bool = False, action_noise: float = 0.0, seed: int = 0, settle: float = SETTLE,
+    workers: int = 0, record: bool = False, action_noise: float = 0.0, seed: int = 0, settle: float = SETTLE, go_on: bool = True,
 ) -> Rollout:  # fmt: skip
     """Track every clip from its first frame by the mean action.
 
     With `record`, keep the states and targets; with `action_noise` [rad], the applied targets are disturbed while the
-    recorded clean ones are not: demonstrations of how to recover.
+    recorded clean ones are not: demonstrations of how to recover. Unless they are to `go_on`, robots that have fulfilled
+    K, or have fallen, are left where they are: enough to know K, and quicker.
     """
     bank = ReferenceBank(motions, robot)
     n = len(bank)
@@ -74,9 +75,14 @@ def track_clips(
             qvel.append(physics.qvel().astype(np.float32))
             targets.append(target.numpy())
             executed.append(applied.numpy())
-        physics.step(applied, measure_effort=True)
+        active = (index < lengths).numpy()
+        if not go_on:
+            active &= ~(judge.success | judge.fell)
+        if not active.any():
+            break
+        physics.step(applied, True, None if active.all() else np.flatnonzero(active))
         index = index + 1
-        judge.see(physics, (index <= lengths).numpy())
+        judge.see(physics, active)
     count = lengths.numpy()
     per_clip = [[values[:length] for values, length in zip(np.stack(rows, 1), count, strict=True)] if rows else [] for rows in (qpos, qvel, targets, executed)]
     return Rollout(judge, count, *per_clip)

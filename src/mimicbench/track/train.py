@@ -34,9 +34,9 @@ class TrackConfig:
     """Control steps to learn from, over all robots."""
     num_envs: int = 512
     """Robots side by side."""
-    evaluate_every: float = 240.0
+    evaluate_every: float = 420.0
     """Seconds between evaluations from the first frame."""
-    evaluate_clips: int = 96
+    evaluate_clips: int = 64
     """Clips of an evaluation."""
     save_every: float = 120.0
     """Seconds between saves of the training state: what a kill can lose at most."""
@@ -84,7 +84,7 @@ def train_tracker(
             row = {**progress, **losses, "reward": sum(recent) / len(recent), "ended": dict(env.ended)}
             for name, clips in (("k_train", motions), ("k_held_out", held_out)):
                 chosen = clips[:: max(1, len(clips) // config.evaluate_clips)][: config.evaluate_clips]
-                row[name] = float(track_clips(tracker, robot, task, chosen, objects, workers).judge.success.mean()) if chosen else None
+                row[name] = float(track_clips(tracker, robot, task, chosen, objects, workers, go_on=False).judge.success.mean()) if chosen else None
             _append(folder / "metrics.jsonl", row)
             if report:
                 report(row)
