@@ -7,7 +7,7 @@ PYTHON ?= python3
 VENV ?= .venv
 TASK ?= sit-chair
 # How much `make run` does; `make run PROFILE=smoke` only shows that every stage works.
-PROFILE ?= standard
+PROFILE ?= default
 # Anything else for the command, such as ARGS="--train --workdir out".
 ARGS ?=
 # The CPU build of torch: from where pip looks anyway, or else from TORCH_INDEX. For a GPU: make TORCH=torch==2.13.0 TORCH_INDEX=https://pypi.org/simple
