@@ -53,7 +53,7 @@ def test_wilson_axioms(counts):
 
 
 def test_rate_format():
-    assert str(Rate(366, 400)) == "91.5 % [88.4-93.9] (366/400)"
+    assert str(Rate(366, 400)) == "91.5 % [88.4–93.9] (366/400)"
     assert Rate(1.25, 4).counts() == "1.25/4"
     assert Rate(0, 0).percent() == "-"
 
