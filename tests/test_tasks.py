@@ -1,0 +1,188 @@
+"""K by hand at every threshold, P by hand, and a judge on a made-up trace of placed robots."""
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mimicbench.core import rotations as rot
+from mimicbench.core.errors import BadObject, UnknownName
+from mimicbench.core.motion import RobotMotion
+from mimicbench.objects.chairs import make_chair
+from mimicbench.objects.shape import SceneObject
+from mimicbench.sim.native import NativePhysics
+from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.tasks.judge import Judge
+from mimicbench.tasks.registry import TASKS, get_task
+from mimicbench.tasks.sit_chair import SIT_CHAIR
+from mimicbench.tasks.task import BodyPoints, ObjectFacts, longest_run
+from stool import H1, block, place, seated, standing
+
+H, EPS = 0.5, 1e-9
+
+
+def holds(x, y, z):
+    """K's condition in one frame, with the pelvis at (x, y, z) and a stool of 0.5 m height and +-0.25 m."""
+    points = np.array([[x, y, z]], float)
+    return bool(SIT_CHAIR.holds(BodyPoints(points, np.zeros((1, 2, 3)), np.zeros((1, 2, 3))), ObjectFacts.of([block(H)]))[0])
+
+
+@pytest.mark.parametrize(
+    ("z", "expected"),
+    [(H, True), (H - EPS, False), (H + 0.27, True), (H + 0.27 - EPS, True), (H + 0.27 + EPS, False), (H + 0.1, True), (0.0, False), (1.0, False)],
+)
+def test_height_of_the_pelvis(z, expected):
+    assert holds(0, 0, z) is expected
+
+
+@pytest.mark.parametrize("z", [H + 0.1])
+@pytest.mark.parametrize(("edge", "expected"), [(0.25, True), (0.25 - EPS, True), (0.25 + EPS, False), (2.0, False)])
+def test_footprint(edge, expected, z):
+    for x, y in ((edge, 0), (-edge, 0), (0, edge), (0, -edge), (edge, edge), (-edge, edge)):
+        assert holds(x, y, z) is expected
+
+
+def test_the_footprint_is_the_whole_chair_seen_from_above():
+    # a back that leans out behind the seat belongs to the chair's interior (appendix D.1)
+    seat = block(0.45)
+    leaning = SceneObject("c", "chair", "dining", np.array([[0, 0, 0.225], [-0.4, 0, 0.7]]), np.tile(rot.IDENTITY, (2, 1)),
+                          np.array([[0.25, 0.25, 0.225], [0.05, 0.1, 0.25]]), np.ones((2, 3)), 0.45, seat.seat_polygon)  # fmt: skip
+    facts = ObjectFacts.of([seat, leaning])
+    assert facts.interior_xy(np.array([[-0.44, 0.2, 0.6]] * 2)).tolist() == [False, True]
+
+
+def test_facts_of_an_object_without_a_seat():
+    obj = block()
+    bare = SceneObject(obj.id, "box", "box", obj.box_pos, obj.box_quat, obj.box_half, obj.box_rgb)
+    assert np.isnan(ObjectFacts.of([bare]).seat_height[0])
+    points = np.array([[0, 0, 0.3]])
+    assert not SIT_CHAIR.holds(BodyPoints(points, np.zeros((1, 2, 3)), np.zeros((1, 2, 3))), ObjectFacts.of([bare]))[0]
+    with pytest.raises(BadObject, match="has no seat"):
+        bare.require_seat()
+
+
+def test_three_tenths_of_a_second_are_fifteen_frames():
+    assert (SIT_CHAIR.hold_frames(50), SIT_CHAIR.hold_frames(30), SIT_CHAIR.hold_frames(1)) == (15, 9, 1)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.booleans(), max_size=40))
+def test_longest_run(values):
+    best = run = 0
+    for value in values:
+        run = run + 1 if value else 0
+        best = max(best, run)
+    assert longest_run(np.array(values, bool)) == best
+
+
+def clip(seated_frames, fps=50.0):
+    """A motion that stands, sits for so many frames, and stands again."""
+    (up, joints), (down, bent) = standing(), seated(0.42)
+    sits = (np.arange(40) >= 10) & (np.arange(40) < 10 + seated_frames)
+    pos, angles = np.where(sits[:, None], down, up), np.where(sits[:, None], bent, joints)
+    return RobotMotion("c", "sit-chair", "h1", H1.joint_names, fps, pos, np.tile(rot.IDENTITY, (40, 1)), angles, "block", "c")
+
+
+def test_k_of_a_motion():
+    assert SIT_CHAIR.fulfilled(clip(15), block(), H1)
+    assert not SIT_CHAIR.fulfilled(clip(14), block(), H1)
+    assert SIT_CHAIR.fulfilled(clip(14, fps=30.0), block(), H1), "nine frames are enough at 30 Hz"
+    assert not SIT_CHAIR.fulfilled(clip(30), block(0.8), H1), "too low for a higher stool"
+
+
+def test_body_points():
+    pos, quat = H1.forward_kinematics(np.array([[1.0, 2.0, 3.0]]), rot.IDENTITY[None], np.zeros((1, 19)))
+    points = BodyPoints.of(H1, pos, quat)
+    assert points.pelvis_pos_w.tolist() == [[1, 2, 3]]
+    assert points.ankle_pos_w.shape == points.wrist_pos_w.shape == (1, 2, 3)
+    for pair in (points.ankle_pos_w[0], points.wrist_pos_w[0]):
+        assert pair[0, 1] > 2 > pair[1, 1], "left, then right"
+        np.testing.assert_allclose(pair[0, [0, 2]], pair[1, [0, 2]], atol=1e-12)
+
+
+def show(judge, physics, postures, active=None):
+    """Let the judge see a made-up trace: in each frame, robots that sit where `postures` (N,) says so and stand elsewhere."""
+    (up, joints), (down, bent) = standing(), seated(0.42)
+    for sits in postures:
+        sits = np.array(sits)[:, None]
+        n = len(sits)
+        physics.reset(np.arange(n), np.where(sits, down, up), np.tile(rot.IDENTITY, (n, 1)), np.where(sits, bent, joints))
+        judge.see(physics, np.ones(n, bool) if active is None else active)
+
+
+def test_judge_on_a_made_up_trace():
+    physics = NativePhysics(H1, [block()] * 3, workers=1)
+    judge = Judge(SIT_CHAIR, H1, [block()] * 3, CONTROL_DT)
+    # the first sits for 14 frames, gets up and sits again; the second sits for 15 and gets up; the third never sits
+    show(judge, physics, [(True, True, False)] * 14)
+    assert not judge.success.any()
+    show(judge, physics, [(False, True, False)])
+    assert judge.success.tolist() == [False, True, False] and judge.success_at_end.tolist() == [False, True, False]
+    assert judge.first_success[1] == pytest.approx(15 * 0.02)
+    show(judge, physics, [(True, False, False)] * 15)
+    assert judge.success.tolist() == [True, True, False], "fulfilled is fulfilled"
+    assert judge.success_at_end.tolist() == [True, False, False]
+    assert judge.first_success[0] == pytest.approx(30 * 0.02) and np.isnan(judge.first_success[2])
+    assert judge.steps.tolist() == [30, 30, 30] and not judge.fell.any() and not judge.diverged.any()
+
+
+def test_judge_does_not_look_at_episodes_that_are_over():
+    physics = NativePhysics(H1, [block()] * 2, workers=1)
+    judge = Judge(SIT_CHAIR, H1, [block()] * 2, CONTROL_DT)
+    show(judge, physics, [(True, True)] * 20, active=np.array([True, False]))
+    assert judge.success.tolist() == [True, False] and judge.steps.tolist() == [20, 0]
+
+
+def test_judge_sees_falls():
+    physics = NativePhysics(H1, [block()] * 3, workers=1)
+    judge = Judge(SIT_CHAIR, H1, [block()] * 3, CONTROL_DT)
+    tilts = rot.from_rotvec(np.array([[0, 1.1, 0], [0, 1.3, 0], [0, 0, 2.0]]))
+    physics.reset(np.arange(3), np.array([[-1, 0, 1.0]] * 3), tilts, np.zeros((3, 19)))
+    judge.see(physics, np.ones(3, bool))
+    assert judge.fell.tolist() == [False, True, False], "a turn about the vertical is no fall"
+    physics.reset(np.arange(3), np.array([[-1, 0, 0.42 - 0.14], [-1, 0, 1], [-1, 0, 0.42 - 0.16]]), np.tile(rot.IDENTITY, (3, 1)), np.zeros((3, 19)))
+    judge.see(physics, np.ones(3, bool))
+    assert judge.fell.tolist() == [False, True, True]
+
+
+def test_judge_keeps_the_largest_effort_up_to_the_success():
+    physics = NativePhysics(H1, [block()], workers=1)
+    judge = Judge(SIT_CHAIR, H1, [block()], CONTROL_DT)
+    pos, joints = seated(0.42)
+    place(physics, pos, joints)
+    efforts = []
+    for step in range(20):
+        kick = joints + (0.5 if step == 17 else 0.0)  # after K is fulfilled
+        physics.step(torch.tensor(kick)[None], measure_effort=True)
+        efforts.append(float(physics.effort[0]))
+        judge.see(physics, np.ones(1, bool))
+    assert judge.success[0] and judge.first_success[0] == pytest.approx(15 * CONTROL_DT)
+    assert judge.effort()[0] == pytest.approx(max(efforts[:15]))
+    assert judge.max_effort[0] == pytest.approx(max(efforts)) and max(efforts) > 2 * max(efforts[:15])
+
+
+def test_broken_physics_is_no_success():
+    physics = NativePhysics(H1, [block()] * 2, workers=1)
+    judge = Judge(SIT_CHAIR, H1, [block()] * 2, CONTROL_DT)
+    pos, joints = seated(0.42)
+    place(physics, pos, joints, joint_vel=np.concatenate([np.zeros((1, 19)), np.full((1, 19), 1e12)]))
+    for _ in range(20):
+        physics.step(torch.tensor(joints).expand(2, 19), measure_effort=True)
+        judge.see(physics, np.ones(2, bool))
+    assert judge.success.tolist() == [True, False] and judge.diverged.tolist() == [False, True]
+    assert np.isfinite(judge.max_effort).all()
+
+
+def test_registry():
+    assert get_task("sit-chair") is SIT_CHAIR
+    with pytest.raises(UnknownName, match="unknown task 'sit-floor'; known are: .*sit-chair"):
+        get_task("sit-floor")
+
+
+@pytest.mark.parametrize("task", TASKS.values(), ids=TASKS)
+def test_every_task_is_whole(task):
+    assert task.time_limit in (10.0, 20.0) and 0 < task.hold_time < 1 and task.family and task.title
+    facts = ObjectFacts.of([make_chair(i) for i in range(3)])
+    found = task.holds(BodyPoints(np.zeros((3, 3)), np.zeros((3, 2, 3)), np.zeros((3, 2, 3))), facts)
+    assert found.shape == (3,) and found.dtype == bool
