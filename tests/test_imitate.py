@@ -22,18 +22,21 @@ from mimicbench.imitate.lerobot import Demos
 from mimicbench.imitate.perception import (
     Perception,
     PerceptionConfig,
-    SeatMaps,
+    draw_maps,
     load_perception,
     save_perception,
     seat_in_root,
     seat_memory,
     seat_of,
     train_perception,
+    turned,
     unit_direction,
+    window,
 )
 from mimicbench.imitate.policy import Senses, VisionPolicy, load_policy
 from mimicbench.imitate.train import TrainConfig, train
 from mimicbench.objects.chairs import make_chair
+from mimicbench.sense.heightmap import box_heightmap
 
 TINY = EncoderConfig(pool=4, widths=(8, 8, 8, 8), blocks=(1, 1, 1, 1))
 INPUTS = {"paper": InputConfig(), "timed": InputConfig.timed(), "blind": InputConfig(body="state", clock=True, memory=True, elevation=False)}
@@ -224,12 +227,12 @@ def test_training_refuses(demos, chairs, tmp_path):
         DemoFrames(demos, {}, config.inputs, 1)
 
 
-SIGHT = PerceptionConfig(steps=60, batch=32, widths=(8, 16, 16), hidden=32, dropout=0.0, root_height=(1.0, 1.0), distance=(1.0, 1.5))
+SIGHT = PerceptionConfig(steps=150, maps=256, seen=0.25, batch=32, widths=(8, 16, 16), hidden=32, dropout=0.0, distance=(1.5, 2.0))
 
 
 def test_perception_learns_a_few_chairs(chairs, tmp_path):
     net = train_perception(SIGHT, list(chairs.values()))
-    maps, height, seat = SeatMaps(SIGHT, list(chairs.values()), "check").draw(64)
+    maps, height, seat = draw_maps(SIGHT, list(chairs.values()), 64, "check", seen=0.0)
     found = net.perceive(maps, height)
     untrained = Perception(SIGHT).eval().perceive(maps, height)
     error, before = ((x - seat)[:, :2].norm(dim=-1).mean() for x in (found, untrained))
@@ -241,6 +244,25 @@ def test_perception_learns_a_few_chairs(chairs, tmp_path):
     assert torch.isfinite(net.perceive(-torch.ones(1, 128, 128), torch.ones(1))).all()
 
 
+@pytest.mark.parametrize(("quarters", "mirror"), [(1, False), (2, False), (3, True), (0, True)])
+def test_turned_maps_are_maps(quarters, mirror):
+    # a symmetric chair seen from the mirrored place, and by a robot that has turned right, gives the mirrored and turned map
+    chair = next(chair for chair in map(make_chair, range(99)) if chair.kind == "easy")
+    truth = torch.tensor(seat_of(chair), dtype=torch.float32)[None]
+
+    def look(y, yaw):
+        pos = np.array([1.3, y, 0.9])
+        height = torch.tensor(box_heightmap(chair, pos, yaw) + 0.9).float()[None]
+        return *window(height, 48), seat_in_root(truth, torch.tensor(pos).float()[None], torch.tensor([yaw]).float())
+
+    # turning the robot to the right turns what it sees to the left
+    expected = look(-0.713 if mirror else 0.713, (2.9 if mirror else -2.9) - quarters * math.pi / 2)
+    view, center, seat = turned(*look(0.713, -2.9), quarters, mirror)
+    torch.testing.assert_close(center, expected[1])
+    torch.testing.assert_close(seat, expected[2], atol=1e-5, rtol=0)
+    assert float(((view - expected[0]).abs() > 1e-4).float().mean()) < 0.01
+
+
 def test_policy_sees_the_shape_and_nothing_else(demos, chairs, tmp_path):
     config = tiny("act", INPUTS["timed"])
     save_learner(tmp_path / "act", make_learner(config), "h1")
@@ -248,7 +270,7 @@ def test_policy_sees_the_shape_and_nothing_else(demos, chairs, tmp_path):
     with pytest.raises(MimicbenchError, match="perception checkpoint"):
         load_policy(tmp_path / "act", "h1")
     policy = load_policy(tmp_path / "act", "h1", tmp_path / "eyes")
-    maps, height, _ = SeatMaps(SIGHT, list(chairs.values()), "policy").draw(4)
+    maps, height, _ = draw_maps(SIGHT, list(chairs.values()), 4, "policy", seen=0.0)
     proprio = torch.randn(4, 48)
     proprio[:, 3] = height
 
