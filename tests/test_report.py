@@ -28,7 +28,7 @@ from mimicbench.report.render import FIELD_OF_VIEW, Camera, NoPictures, Painter,
 from mimicbench.report.showcase import Clip, Recording, Showcase, ShowConfig, draw, moments, positions
 from mimicbench.report.tables import Reported, Table, to_csv, to_latex, to_markdown, to_terminal
 from mimicbench.report.video import strip, write_video
-from mimicbench.report.write import ReportInputs, write_report
+from mimicbench.report.write import ReportInputs, draw_plots, write_report
 from mimicbench.robot.description import load_robot
 from mimicbench.sim.scene import build_model
 
@@ -171,6 +171,14 @@ def test_curves(tmp_path):
     assert curve.series["k"] == ((2000.0, 0.5), (3000.0, 0.5))
     assert set(curve.series) == {"reward", "k"}
     assert plots.curve_plot("c", curve) == plots.curve_plot("c", curve)
+    path.write_text("".join(json.dumps({"samples": x, "k": x / 10}) + "\n" for x in (1, 2, 3, 2, 4)))
+    assert [x for x, _ in read_curve(path, "resumed").series["k"]] == [1, 2, 4]
+    path.write_text(json.dumps({"samples": 1, "other": 2}) + "\n")
+    empty = read_curve(path, "just begun")
+    assert plots.shown(empty) == []
+    with pytest.raises(MimicbenchError, match="just begun"):
+        plots.curve_plot("c", empty)
+    assert not {"curve-0"} & set(draw_plots("sit-chair", compare.summaries(INPUTS.rows), INPUTS.rows, [empty]))
     path.write_text("nonsense\n" + lines[0] + "\n")
     with pytest.raises(BadFile, match="line 1"):
         read_curve(path, "tracker")

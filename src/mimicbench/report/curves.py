@@ -51,8 +51,11 @@ def read_curve(path: Path, name: str) -> Curve:
     for i, record in enumerate(records):
         at = record.get(x) if _number(record.get(x)) else i
         for key, value in record.items():
-            if key not in ("samples", "step", "seconds", "iterations") and _number(value):
-                series.setdefault(key, []).append((float(at), float(value)))
+            if key not in ("samples", "step", "seconds", "iterations", "round") and _number(value):
+                points = series.setdefault(key, [])
+                while points and points[-1][0] >= at:  # written by a run that was killed, and gone through again
+                    points.pop()
+                points.append((float(at), float(value)))
     return Curve(name, {key: tuple(points) for key, points in series.items()}, x)
 
 

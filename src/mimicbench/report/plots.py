@@ -144,34 +144,50 @@ def failures_plot(name: str, by_policy: Mapping[str, Mapping[str, Rate]]) -> str
         return svg(figure, name)
 
 
+_PANELS = (
+    ("Success (K)", {"k": "K", "k_train": "training objects", "k_held_out": "unseen objects"}, 100.0),
+    ("Reward", {"reward": "reward"}, 1.0),
+    ("Training episodes that fail", {"failed": "failed"}, 100.0),
+    ("Loss", {"loss": "training", "validation_loss": "unseen episodes"}, 1.0),
+)
+"""Title, series that a training may record and what they are called, factor."""
+
+
+def shown(curve: Curve) -> list[tuple[str, dict[str, str], float]]:
+    """The panels that a training has something for; at most two."""
+    panels = [(title, {key: word for key, word in names.items() if key in curve.series}, factor) for title, names, factor in _PANELS]
+    return [panel for panel in panels if panel[1]][:2]
+
+
 def curve_plot(name: str, curve: Curve) -> str:
-    """A learning curve: success beside reward or loss, as far as the training recorded them."""
-    success = {key: points for key, points in curve.series.items() if key == "k" or key.startswith("k_")}
-    other = {key: points for key, points in curve.series.items() if key in ("reward", "loss", "validation_loss", "value_loss")}
-    if "reward" in other:
-        other = {"reward": other["reward"]}
-    panels = [(title, series) for title, series in (("Success (K)", success), ("Reward" if "reward" in other else "Loss", other)) if series]
+    """A learning curve: success, reward, failures or loss, the first two that the training recorded."""
+    panels = shown(curve)
     if not panels:
-        raise MimicbenchError(f"the training {curve.name} recorded neither success nor reward nor loss")
-    names = {"k": "K", "k_train": "training objects", "k_held_out": "unseen objects"}
+        raise MimicbenchError(f"the training {curve.name} recorded neither success nor reward nor loss; train it for longer")
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(9.2, 2.3))
-        for axis, (title, series) in zip(figure.subplots(1, 2, squeeze=False)[0], panels, strict=False):
-            for i, (key, points) in enumerate(series.items()):
-                scale = 100 if title.startswith("Success") else 1
-                axis.plot([x for x, _ in points], [scale * y for _, y in points], color=SERIES[i], label=names.get(key, key.replace("_", " ")))
+        axes = figure.subplots(1, 2, squeeze=False)[0]
+        for axis, (title, names, factor) in zip(axes, panels, strict=False):
+            for i, (key, word) in enumerate(names.items()):
+                points = curve.series[key]
+                marker = "o" if len(points) < 30 else ""
+                axis.plot([x for x, _ in points], [factor * y for _, y in points], color=SERIES[i], label=word, marker=marker, markersize=3.5)
             axis.set_title(title)
             axis.set_xlabel(curve.x)
-            axis.xaxis.set_major_formatter(lambda value, _: f"{value / 1e6:g}M" if value >= 1e6 else f"{value / 1e3:g}k" if value >= 1e4 else f"{value:g}")
+            axis.xaxis.set_major_formatter(_thousands)
             axis.set_xlim(left=0)
-            if title.startswith("Success"):
+            if factor == 100:
                 axis.set_ylim(0, 102)
-                axis.yaxis.set_major_formatter(lambda value, _: f"{value:g} %")
-            if len(series) > 1:
-                axis.legend(loc="lower right")
-        for axis in figure.axes[len(panels) :]:
+                axis.yaxis.set_major_formatter("{x:g} %")
+            if len(names) > 1:
+                axis.legend(loc="best")
+        for axis in axes[len(panels) :]:
             axis.remove()
         return svg(figure, name)
+
+
+def _thousands(value: float, _: object = None) -> str:
+    return f"{value / 1e6:g}M" if value >= 1e6 else f"{value / 1e3:g}k" if value >= 1e4 else f"{value:g}"
 
 
 def _percent(axis: Axes, title: str) -> None:

@@ -76,6 +76,8 @@ def draw_plots(task: str, found: Sequence[Summary], rows: Sequence[EpisodeRow], 
     """All plots as SVG by name."""
     drawn = {"rates": plots.rates_plot("rates", {title: _lines(task, found, energy) for title, energy in (("K", False), ("K and P", True))})}
     for i, curve in enumerate(curves):
+        if not plots.shown(curve):  # stopped before it recorded anything
+            continue
         drawn[f"curve-{i}"] = plots.curve_plot(f"curve-{i}", curve)
     by_policy = {compare.label(policy, preset): of_one for (_, _, policy, preset), of_one in group(rows).items()}
     if any(not row.success for row in rows):
@@ -119,9 +121,9 @@ def _page(
     beside = page.plot(drawn["rates"], "Filled: ours, with 95 % Wilson intervals. Hollow: as the paper reports them.") + page.table(tables["beside_paper"])
     sections.append(page.Section("Ours beside the paper's", beside))
     sections.append(page.Section("All rates", page.table(tables["results"]) + page.folded("At each limit of the energy", page.table(tables["energy"]))))
-    if inputs.curves:
-        body = "".join(f"<h3>{page.escape(curve.name)}</h3>\n{page.plot(drawn[f'curve-{i}'])}" for i, curve in enumerate(inputs.curves))
-        sections.append(page.Section("Learning", body))
+    learned = [(curve.name, drawn[name]) for i, curve in enumerate(inputs.curves) if (name := f"curve-{i}") in drawn]
+    if learned:
+        sections.append(page.Section("Learning", "".join(page.tag("h3", page.escape(name)) + page.plot(svg) for name, svg in learned)))
     sections.append(page.Section("Where failures happen", _failures_html(rows, tables, drawn)))
     sections.append(page.Section("Where the numbers come from", _provenance_html(inputs.provenance)))
     footer = f"Written by mimicbench. The paper's numbers: {CITATION}."
