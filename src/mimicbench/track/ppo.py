@@ -87,14 +87,14 @@ class PPOLearner:
         return {name: value.detach().cpu().numpy() for name, value in tensors.items()}
 
     def state_tensors(self) -> dict[str, np.ndarray]:
-        """Everything needed to go on learning, without pickles."""
+        """A copy of everything needed to go on learning, without pickles."""
         tensors = {f"actor/{k}": v for k, v in self.ppo.actor.state_dict().items()}
         tensors |= {f"critic/{k}": v for k, v in self.ppo.critic.state_dict().items()}
         for i, moments in self.ppo.optimizer.state_dict()["state"].items():
             tensors |= {f"optimizer/{i}/{k}": torch.as_tensor(v) for k, v in moments.items()}
         tensors["learning_rate"] = torch.tensor(self.ppo.learning_rate, dtype=torch.float64)
         tensors["random"] = torch.get_rng_state()
-        return {name: value.detach().cpu().numpy() for name, value in tensors.items()}
+        return {name: value.detach().cpu().numpy().copy() for name, value in tensors.items()}
 
     def load_state_tensors(self, tensors: Mapping[str, np.ndarray]) -> None:
         """The inverse of state_tensors."""
