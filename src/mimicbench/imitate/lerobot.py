@@ -10,25 +10,36 @@ be made again and any success judged again. A file holds a shard of whole episod
 first and the episodes after them: whoever dies in between loses that shard and nothing else, and goes on from there.
 """
 
-import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from mimicbench.core.errors import BadFile, MimicbenchError
-from mimicbench.core.files import read_json, write_atomic, write_json
+from mimicbench.core.files import read_json, write_json
+from mimicbench.imitate.tables import (
+    column,
+    flatten_stats,
+    matrix,
+    merge_stats,
+    read_table,
+    read_tasks,
+    schema_names,
+    stats_of,
+    stats_to_json,
+    unflatten_stats,
+    write_table,
+    write_tasks,
+)
 
 VERSION = "v3.0"
 FILES_PER_CHUNK = 1000
 DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 EPISODES_PATH = "meta/episodes/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 MAX_FRAMES = 20_000_000  # 35 GB of frames: more would not fit in memory
-_ARROW = {"float32": pa.float32(), "float64": pa.float64(), "int64": pa.int64(), "bool": pa.bool_()}
 
 
 @dataclass(frozen=True)
@@ -111,9 +122,9 @@ class DemoWriter:
             if differs or found.get("codebase_version") != VERSION or read_tasks(folder) != [task]:
                 raise MimicbenchError(f"{folder} holds demonstrations of another robot, task or rate; write these to another folder, or delete it")
         for path in _episode_files(folder):
-            rows = _read_table(path).to_pylist()
+            rows = read_table(path).to_pylist()
             self._rows += [{key: value for key, value in row.items() if not key.startswith("stats/")} for row in rows]
-            self._stats += [_unflatten_stats(row) for row in rows]
+            self._stats += [unflatten_stats(row) for row in rows]
             self._files += 1
 
     @property
@@ -149,7 +160,7 @@ class DemoWriter:
             arrays = _frame_arrays(demo, first_episode + offset, index, self.fps)
             for name, array in arrays.items():
                 columns.setdefault(name, []).append(array)
-            stats.append({name: _stats_of(array) for name, array in arrays.items()})
+            stats.append({name: stats_of(array) for name, array in arrays.items()})
             rows.append({
                 "episode_index": first_episode + offset, "tasks": [self.task], "length": frames, "dataset_from_index": index,
                 "dataset_to_index": index + frames, "data/chunk_index": place["chunk_index"], "data/file_index": place["file_index"],
@@ -158,17 +169,17 @@ class DemoWriter:
             })  # fmt: skip
             index += frames
         features = self._features({name: arrays[0] for name, arrays in columns.items()})
-        table = {name: _column(np.concatenate(arrays), features[name]) for name, arrays in columns.items()}
-        _write_table(self.folder / DATA_PATH.format(**place), pa.table(table))
-        flat = [{**row, **_flatten_stats(stat)} for row, stat in zip(rows, stats, strict=True)]
+        table = {name: column(np.concatenate(arrays), features[name]) for name, arrays in columns.items()}
+        write_table(self.folder / DATA_PATH.format(**place), pa.table(table))
+        flat = [{**row, **flatten_stats(stat)} for row, stat in zip(rows, stats, strict=True)]
         if not self._rows:
-            _write_tasks(self.folder, [self.task])
-        _write_table(self.folder / EPISODES_PATH.format(**place), pa.Table.from_pylist(flat))
+            write_tasks(self.folder, [self.task])
+        write_table(self.folder / EPISODES_PATH.format(**place), pa.Table.from_pylist(flat))
         self._rows += rows
         self._stats += stats
         self._files += 1
         self._waiting = []
-        write_json(self.folder / "meta" / "stats.json", _jsonable(_merge_stats(self._stats)))
+        write_json(self.folder / "meta" / "stats.json", stats_to_json(merge_stats(self._stats)))
         write_json(self.folder / "meta" / "info.json", {
             "codebase_version": VERSION, "robot_type": self.robot, "fps": self.fps, "features": features, "total_episodes": len(self._rows),
             "total_frames": index, "total_tasks": 1, "chunks_size": FILES_PER_CHUNK, "data_files_size_in_mb": 100, "video_files_size_in_mb": 200,
@@ -198,48 +209,44 @@ def load_demos(folder: Path, robot: str | None = None, state: bool = True, only_
     try:
         version, found_robot, fps = info["codebase_version"], info["robot_type"], float(info["fps"])
         joint_names = tuple(info["features"]["action"]["names"])
-        frames = int(info["total_frames"])
     except (KeyError, TypeError, ValueError):
         raise BadFile(f"{path} does not describe demonstrations of ours; make them again with `mimicbench demos`") from None
     if version != VERSION:
         raise BadFile(f"{folder} is a LeRobotDataset {version}, this reads {VERSION}; convert it with LeRobot first")
     if robot is not None and found_robot != robot:
         raise BadFile(f"{folder} holds demonstrations of robot {found_robot!r}, not of {robot!r}; make some with that robot")
-    if frames > MAX_FRAMES:
-        raise BadFile(f"{folder} says that it has {frames} frames, more than the {MAX_FRAMES} that can be read at once")
     wanted = {"action": "action", "executed_action": "executed_action", "qpos": "sim.qpos", "qvel": "sim.qvel"}
     if state:
         wanted["state"] = "observation.state"
-    kept: dict[str, list[np.ndarray]] = {name: [] for name in wanted}
-    rows: list[dict[str, Any]] = []
-    lengths: list[int] = []
-    for place, episodes in _shards(folder):
-        table = _read_table(folder / DATA_PATH.format(**place), list(wanted.values()))
-        start = episodes[0]["dataset_from_index"]
-        if table.num_rows != episodes[-1]["dataset_to_index"] - start:
-            raise BadFile(f"{folder / DATA_PATH.format(**place)} lacks frames of its episodes; delete {folder} and run `mimicbench demos` again")
-        arrays = {name: _matrix(table, column, folder) for name, column in wanted.items()}
-        for row in episodes:
-            if row["success"] or not only_success:
-                for name, array in arrays.items():
-                    kept[name].append(array[row["dataset_from_index"] - start : row["dataset_to_index"] - start])
-                rows.append(row)
-                lengths.append(row["length"])
+    shards = [(place, episodes, [row for row in episodes if row["success"] or not only_success]) for place, episodes in _shards(folder)]
+    rows = [row for _, _, kept in shards for row in kept]
     if not rows:
         raise BadFile(f"{folder} holds no {'successful ' if only_success else ''}demonstration; train the tracker longer, then run `mimicbench demos` again")
-    whole = {name: np.concatenate(arrays) for name, arrays in kept.items()}
+    starts = np.concatenate([[0], np.cumsum([row["length"] for row in rows])])
+    if starts[-1] > MAX_FRAMES:
+        raise BadFile(f"{folder} says that it has {starts[-1]} frames, more than the {MAX_FRAMES} that can be read at once")
+    # filled shard by shard, so that no frame is in memory twice
+    whole: dict[str, np.ndarray] = {}
+    at = 0
+    for place, episodes, kept in shards:
+        table = read_table(folder / DATA_PATH.format(**place), list(wanted.values()))
+        first = episodes[0]["dataset_from_index"]
+        if table.num_rows != episodes[-1]["dataset_to_index"] - first:
+            raise BadFile(f"{folder / DATA_PATH.format(**place)} lacks frames of its episodes; delete {folder} and run `mimicbench demos` again")
+        arrays = {name: matrix(table, column_name, folder) for name, column_name in wanted.items()}
+        for row in kept:
+            part = slice(row["dataset_from_index"] - first, row["dataset_to_index"] - first)
+            for name, array in arrays.items():
+                if name not in whole:
+                    whole[name] = np.empty((starts[-1], array.shape[1]), array.dtype)
+                whole[name][at : at + row["length"]] = array[part]
+            at += row["length"]
     return Demos(
-        robot=found_robot, task=read_tasks(folder)[0], fps=fps, joint_names=joint_names, starts=np.concatenate([[0], np.cumsum(lengths)]),
+        robot=found_robot, task=read_tasks(folder)[0], fps=fps, joint_names=joint_names, starts=starts,
         state=whole.get("state"), action=whole["action"], executed_action=whole["executed_action"], qpos=whole["qpos"], qvel=whole["qvel"],
         object_ids=tuple(row["object_id"] for row in rows), reference_ids=tuple(row["reference_id"] for row in rows),
         success=np.array([row["success"] for row in rows]),
     )  # fmt: skip
-
-
-def read_tasks(folder: Path) -> list[str]:
-    """The tasks of a dataset in the order of their index. Raises BadFile."""
-    rows = _read_table(folder / "meta" / "tasks.parquet").to_pylist()
-    return [row["task"] for row in sorted(rows, key=lambda row: row["task_index"])]
 
 
 def _frame_arrays(demo: Demonstration, episode: int, first: int, fps: float) -> dict[str, np.ndarray]:
@@ -253,109 +260,16 @@ def _frame_arrays(demo: Demonstration, episode: int, first: int, fps: float) -> 
     }  # fmt: skip
 
 
-def _column(values: np.ndarray, feature: Mapping[str, Any]) -> pa.Array:
-    flat = pa.array(np.ascontiguousarray(values).ravel(), _ARROW[feature["dtype"]])
-    return flat if values.ndim == 1 else pa.FixedSizeListArray.from_arrays(flat, values.shape[1])
-
-
-def _matrix(table: pa.Table, column: str, folder: Path) -> np.ndarray:
-    """A column of fixed-size lists as (rows, width)."""
-    merged = table.column(column).combine_chunks()
-    width = merged.type.list_size if pa.types.is_fixed_size_list(merged.type) else 0
-    if not width or merged.null_count:
-        raise BadFile(f"{folder}: column {column!r} does not hold vectors of one length; make the demonstrations again with `mimicbench demos`")
-    values = merged.flatten().to_numpy(zero_copy_only=False).reshape(len(merged), width)
-    if not np.isfinite(values).all():
-        raise BadFile(f"{folder}: column {column!r} holds numbers that are not finite; make the demonstrations again with `mimicbench demos`")
-    return values
-
-
-def _shards(folder: Path) -> Iterator[tuple[dict[str, int], list[dict[str, Any]]]]:
-    """Where each shard's frames are, and its episodes, without their statistics."""
+def _shards(folder: Path) -> list[tuple[dict[str, int], list[dict[str, Any]]]]:
+    """Where each shard's frames are, and its episodes in order, without their statistics."""
+    shards = []
     for path in _episode_files(folder):
-        names = [name for name in _schema_names(path) if not name.startswith("stats/")]
-        rows = sorted(_read_table(path, names).to_pylist(), key=lambda row: row["episode_index"])
-        yield {"chunk_index": rows[0]["data/chunk_index"], "file_index": rows[0]["data/file_index"]}, rows
+        names = [name for name in schema_names(path) if not name.startswith("stats/")]
+        rows = sorted(read_table(path, names).to_pylist(), key=lambda row: row["episode_index"])
+        if rows:
+            shards.append(({"chunk_index": rows[0]["data/chunk_index"], "file_index": rows[0]["data/file_index"]}, rows))
+    return shards
 
 
 def _episode_files(folder: Path) -> list[Path]:
     return sorted((folder / "meta" / "episodes").glob("chunk-*/file-*.parquet"))
-
-
-def _schema_names(path: Path) -> list[str]:
-    try:
-        return pq.read_schema(path).names
-    except (pa.ArrowException, OSError) as error:
-        raise _bad_table(path, error) from None
-
-
-def _read_table(path: Path, columns: list[str] | None = None) -> pa.Table:
-    if not path.is_file():
-        raise BadFile(f"{path} does not exist; run `mimicbench demos` again")
-    try:
-        table = pq.read_table(path, columns=columns)
-    except (pa.ArrowException, OSError, KeyError) as error:
-        raise _bad_table(path, error) from None
-    missing = sorted(set(columns or []) - set(table.column_names))
-    if missing:
-        raise BadFile(f"{path} has no column {missing[0]!r}; make the demonstrations again with `mimicbench demos`")
-    return table
-
-
-def _bad_table(path: Path, error: Exception) -> BadFile:
-    first_line = str(error).splitlines()[0] if str(error) else type(error).__name__
-    return BadFile(f"{path} cannot be read ({first_line}); it is cut off or no parquet file: delete it and what follows it, and run `mimicbench demos` again")
-
-
-def _write_table(path: Path, table: pa.Table) -> None:
-    write_atomic(path, lambda stream: pq.write_table(table, stream, compression="snappy"))
-
-
-def _write_tasks(folder: Path, tasks: Sequence[str]) -> None:
-    """The table of tasks; LeRobot reads it with pandas and wants the names as its index, which this metadata says."""
-    column = {"metadata": None, "numpy_type": "int64", "pandas_type": "int64", "name": "task_index", "field_name": "task_index"}
-    index = {"metadata": None, "numpy_type": "object", "pandas_type": "unicode", "name": "task", "field_name": "task"}
-    header = {"metadata": {"encoding": "UTF-8"}, "numpy_type": "object", "pandas_type": "unicode", "name": None, "field_name": None}
-    pandas = {
-        "index_columns": ["task"], "column_indexes": [header], "columns": [column, index],
-        "creator": {"library": "pyarrow", "version": pa.__version__}, "pandas_version": "2.2.0",
-    }  # fmt: skip
-    table = pa.table({"task_index": pa.array(range(len(tasks)), pa.int64()), "task": pa.array(tasks, pa.string())})
-    _write_table(folder / "meta" / "tasks.parquet", table.replace_schema_metadata({"pandas": json.dumps(pandas)}))
-
-
-def _stats_of(array: np.ndarray) -> dict[str, np.ndarray]:
-    values = array.reshape(len(array), -1).astype(np.float64)
-    return {"min": values.min(0), "max": values.max(0), "mean": values.mean(0), "std": values.std(0), "count": np.array([len(values)])}
-
-
-def _merge_stats(episodes: Sequence[Mapping[str, Mapping[str, np.ndarray]]]) -> dict[str, dict[str, np.ndarray]]:
-    """Statistics of all frames from those of the episodes: var = mean(var_e + (mean_e - mean)^2), weighted by frames."""
-    merged = {}
-    for name in episodes[0]:
-        count = np.array([episode[name]["count"][0] for episode in episodes], float)
-        weight = (count / count.sum())[:, None]
-        means, stds = (np.array([episode[name][key] for episode in episodes]) for key in ("mean", "std"))
-        mean = (weight * means).sum(0)
-        merged[name] = {
-            "min": np.min([episode[name]["min"] for episode in episodes], 0), "max": np.max([episode[name]["max"] for episode in episodes], 0),
-            "mean": mean, "std": np.sqrt((weight * (stds**2 + (means - mean) ** 2)).sum(0)), "count": np.array([int(count.sum())]),
-        }  # fmt: skip
-    return merged
-
-
-def _flatten_stats(stats: Mapping[str, Mapping[str, np.ndarray]]) -> dict[str, list]:
-    return {f"stats/{name}/{key}": value.tolist() for name, values in stats.items() for key, value in values.items()}
-
-
-def _unflatten_stats(row: Mapping[str, Any]) -> dict[str, dict[str, np.ndarray]]:
-    stats: dict[str, dict[str, np.ndarray]] = {}
-    for column, value in row.items():
-        if column.startswith("stats/"):
-            _, name, key = column.split("/")
-            stats.setdefault(name, {})[key] = np.array(value)
-    return stats
-
-
-def _jsonable(stats: Mapping[str, Mapping[str, np.ndarray]]) -> dict[str, dict[str, list]]:
-    return {name: {key: value.tolist() for key, value in values.items()} for name, values in stats.items()}

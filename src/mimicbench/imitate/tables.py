@@ -1,0 +1,127 @@
+"""The parquet tables of a LeRobotDataset v3: columns, statistics, the list of tasks; read with care, written whole."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from mimicbench.core.errors import BadFile
+from mimicbench.core.files import write_atomic
+
+_ARROW = {"float32": pa.float32(), "float64": pa.float64(), "int64": pa.int64(), "bool": pa.bool_()}
+Stats = Mapping[str, Mapping[str, np.ndarray]]
+"""column -> min, max, mean, std, count."""
+
+
+def schema_names(path: Path) -> list[str]:
+    """The columns of a parquet file. Raises BadFile."""
+    try:
+        return pq.read_schema(path).names
+    except (pa.ArrowException, OSError) as error:
+        raise _bad_table(path, error) from None
+
+
+def read_table(path: Path, columns: list[str] | None = None) -> pa.Table:
+    """Columns of a parquet file, all if None. Raises BadFile."""
+    if not path.is_file():
+        raise BadFile(f"{path} does not exist; run `mimicbench demos` again")
+    try:
+        table = pq.read_table(path, columns=columns)
+    except (pa.ArrowException, OSError, KeyError) as error:
+        raise _bad_table(path, error) from None
+    missing = sorted(set(columns or []) - set(table.column_names))
+    if missing:
+        raise BadFile(f"{path} has no column {missing[0]!r}; make the demonstrations again with `mimicbench demos`")
+    return table
+
+
+def _bad_table(path: Path, error: Exception) -> BadFile:
+    first_line = str(error).splitlines()[0] if str(error) else type(error).__name__
+    return BadFile(f"{path} cannot be read ({first_line}); it is cut off or no parquet file: delete it and what follows it, and run `mimicbench demos` again")
+
+
+def write_table(path: Path, table: pa.Table) -> None:
+    """Write a parquet file atomically."""
+    write_atomic(path, lambda stream: pq.write_table(table, stream, compression="snappy"))
+
+
+def write_tasks(folder: Path, tasks: Sequence[str]) -> None:
+    """The table of tasks; LeRobot reads it with pandas and wants the names as its index, which this metadata says."""
+    column = {"metadata": None, "numpy_type": "int64", "pandas_type": "int64", "name": "task_index", "field_name": "task_index"}
+    index = {"metadata": None, "numpy_type": "object", "pandas_type": "unicode", "name": "task", "field_name": "task"}
+    header = {"metadata": {"encoding": "UTF-8"}, "numpy_type": "object", "pandas_type": "unicode", "name": None, "field_name": None}
+    pandas = {
+        "index_columns": ["task"], "column_indexes": [header], "columns": [column, index],
+        "creator": {"library": "pyarrow", "version": pa.__version__}, "pandas_version": "2.2.0",
+    }  # fmt: skip
+    table = pa.table({"task_index": pa.array(range(len(tasks)), pa.int64()), "task": pa.array(tasks, pa.string())})
+    write_table(folder / "meta" / "tasks.parquet", table.replace_schema_metadata({"pandas": json.dumps(pandas)}))
+
+
+def stats_of(array: np.ndarray) -> dict[str, np.ndarray]:
+    """Statistics over the frames of one column (T, ...) of one episode."""
+    values = array.reshape(len(array), -1).astype(np.float64)
+    return {"min": values.min(0), "max": values.max(0), "mean": values.mean(0), "std": values.std(0), "count": np.array([len(values)])}
+
+
+def merge_stats(episodes: Sequence[Stats]) -> dict[str, dict[str, np.ndarray]]:
+    """Statistics of all frames from those of the episodes: var = mean(var_e + (mean_e - mean)^2), weighted by frames."""
+    merged = {}
+    for name in episodes[0]:
+        count = np.array([episode[name]["count"][0] for episode in episodes], float)
+        weight = (count / count.sum())[:, None]
+        means, stds = (np.array([episode[name][key] for episode in episodes]) for key in ("mean", "std"))
+        mean = (weight * means).sum(0)
+        merged[name] = {
+            "min": np.min([episode[name]["min"] for episode in episodes], 0), "max": np.max([episode[name]["max"] for episode in episodes], 0),
+            "mean": mean, "std": np.sqrt((weight * (stds**2 + (means - mean) ** 2)).sum(0)), "count": np.array([int(count.sum())]),
+        }  # fmt: skip
+    return merged
+
+
+def flatten_stats(stats: Stats) -> dict[str, list]:
+    """Statistics of an episode as columns `stats/<column>/<statistic>` of its row."""
+    return {f"stats/{name}/{key}": value.tolist() for name, values in stats.items() for key, value in values.items()}
+
+
+def unflatten_stats(row: Mapping[str, Any]) -> dict[str, dict[str, np.ndarray]]:
+    """The inverse of flatten_stats."""
+    stats: dict[str, dict[str, np.ndarray]] = {}
+    for column, value in row.items():
+        if column.startswith("stats/"):
+            _, name, key = column.split("/")
+            stats.setdefault(name, {})[key] = np.array(value)
+    return stats
+
+
+def stats_to_json(stats: Stats) -> dict[str, dict[str, list]]:
+    """Statistics as plain lists."""
+    return {name: {key: value.tolist() for key, value in values.items()} for name, values in stats.items()}
+
+
+def column(values: np.ndarray, feature: Mapping[str, Any]) -> pa.Array:
+    """Values (T,) as a column of numbers, or (T, W) as one of lists of fixed size."""
+    flat = pa.array(np.ascontiguousarray(values).ravel(), _ARROW[feature["dtype"]])
+    return flat if values.ndim == 1 else pa.FixedSizeListArray.from_arrays(flat, values.shape[1])
+
+
+def matrix(table: pa.Table, column: str, folder: Path) -> np.ndarray:
+    """A column of fixed-size lists as (rows, width)."""
+    merged = table.column(column).combine_chunks()
+    width = merged.type.list_size if pa.types.is_fixed_size_list(merged.type) else 0
+    if not width or merged.null_count:
+        raise BadFile(f"{folder}: column {column!r} does not hold vectors of one length; make the demonstrations again with `mimicbench demos`")
+    values = merged.flatten().to_numpy(zero_copy_only=False).reshape(len(merged), width)
+    if not np.isfinite(values).all():
+        raise BadFile(f"{folder}: column {column!r} holds numbers that are not finite; make the demonstrations again with `mimicbench demos`")
+    return values
+
+
+def read_tasks(folder: Path) -> list[str]:
+    """The tasks of a dataset in the order of their index. Raises BadFile."""
+    rows = read_table(folder / "meta" / "tasks.parquet").to_pylist()
+    return [row["task"] for row in sorted(rows, key=lambda row: row["task_index"])]
