@@ -1,14 +1,18 @@
 """The command `mimicbench`. Everything heavy is imported inside the commands, so that help is quick."""
 
+from __future__ import annotations
+
 import json
-import os
 import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
 from mimicbench.core.errors import MimicbenchError
+
+if TYPE_CHECKING:
+    from mimicbench.evaluate.rows import EpisodeRow
 
 app = tyro.extras.SubcommandApp()
 
@@ -40,6 +44,19 @@ def references(task: Task = "sit-chair", count: int = 2000, workdir: Workdir = W
     _done(pipelines.references_stage(ws, ReferencesConfig(count)).header, as_json)
 
 
+@app.command(name="import")
+def import_(
+    files: tyro.conf.Positional[tuple[Path, ...]],
+    task: Task = "sit-chair",
+    workdir: Annotated[Path, tyro.conf.arg(help="a workdir of its own for these clips; the other commands go on from there")] = Path("work/real"),
+    as_json: Json = False,
+) -> None:
+    """Import recordings of real people (UniHSI SkeletonMotion files) and fit a chair under each who sits."""
+    from mimicbench import pipelines
+
+    _done(pipelines.import_stage(pipelines.Workspace(workdir, task, quiet=as_json), files, _say).header, as_json)
+
+
 @app.command(name="retarget")
 def retarget(task: Task = "sit-chair", workdir: Workdir = WORK, seed: Seed = 0, workers: Workers = 0, as_json: Json = False) -> None:
     """Turn the human clips into robot clips and keep those that fulfil the task's metric."""
@@ -55,7 +72,7 @@ def track(
     task: Task = "sit-chair",
     evaluate: Annotated[bool, tyro.conf.arg(help="judge a trained tracker instead of training one")] = False,
     checkpoint: Annotated[Path | None, tyro.conf.arg(help="the tracker to evaluate; by default this workdir's")] = None,
-    split: Annotated[Literal["train", "test"], tyro.conf.arg(help="whose clips to evaluate on")] = "test",
+    split: Annotated[Literal["train", "test", "all"], tyro.conf.arg(help="whose clips to evaluate on")] = "test",
     episodes: Annotated[int, tyro.conf.arg(help="clips to evaluate on")] = 256,
     preset: Annotated[Literal["paper", "improved"], tyro.conf.arg(help="the paper's HST, or ours")] = "improved",
     samples: Annotated[int, tyro.conf.arg(help="control steps to learn from")] = 30_000_000,
@@ -69,18 +86,128 @@ def track(
 
     ws = pipelines.Workspace(workdir, task, seed, workers, as_json)
     if evaluate:
-        _summary(pipelines.evaluate_tracker(ws, checkpoint or ws.folder("track") / "checkpoint", episodes, split), as_json)
+        rows = pipelines.evaluate_tracker(ws, checkpoint or pipelines.tracker_folder(ws), episodes, None if split == "all" else split)
+        _summary(rows, as_json)
         return
     from mimicbench.track.train import TrackConfig
 
-    _done(pipelines.track_stage(ws, TrackConfig(preset=preset, samples=samples), lambda line: print(line, file=sys.stderr, flush=True)).header, as_json)
+    _done(pipelines.track_stage(ws, TrackConfig(preset=preset, samples=samples), _say).header, as_json)
 
 
-def _summary(rows: object, as_json: bool) -> None:
+@app.command(name="demos")
+def demos(task: Task = "sit-chair", workdir: Workdir = WORK, seed: Seed = 0, workers: Workers = 0, as_json: Json = False) -> None:
+    """Let the tracker turn the training clips into demonstrations (a LeRobotDataset v3)."""
+    from mimicbench import pipelines
+    from mimicbench.imitate.demos import DemosConfig
+
+    ws = pipelines.Workspace(workdir, task, seed, workers, as_json)
+    _done(pipelines.demos_stage(ws, DemosConfig()).header, as_json)
+
+
+@app.command(name="imitate")
+def imitate(
+    task: Task = "sit-chair",
+    policy: Annotated[Literal["planner", "act", "bc", "act-clock", "bc-clock"], tyro.conf.arg(help="what to learn")] = "planner",
+    minutes: Annotated[float, tyro.conf.arg(help="how long act and bc learn")] = 7.0,
+    samples: Annotated[int, tyro.conf.arg(help="control steps that the planner learns from")] = 2_400_000,
+    workdir: Workdir = WORK,
+    seed: Seed = 0,
+    workers: Workers = 0,
+    as_json: Json = False,
+) -> None:
+    """Learn a policy that sees: a planner over the tracker by DAgger, or a clone of demonstrations."""
+    from mimicbench import pipelines
+    from mimicbench.imitate.make import CloneConfig, ImitateConfig
+    from mimicbench.imitate.planner import PlannerConfig
+    from mimicbench.imitate.train import TrainConfig
+
+    ws = pipelines.Workspace(workdir, task, seed, workers, as_json)
+    config = ImitateConfig(planner=PlannerConfig(samples=samples), clone=CloneConfig(TrainConfig(minutes=minutes, seed=seed)))
+    _done(pipelines.imitate_stage(ws, policy, config, _say).header, as_json)
+
+
+@app.command(name="evaluate")
+def evaluate(
+    task: Task = "sit-chair",
+    policy: Annotated[str, tyro.conf.arg(help="best, planner, act, bc, act-clock, bc-clock, or the path of a checkpoint")] = "best",
+    episodes: Annotated[int, tyro.conf.arg(help="episodes on unseen objects from unseen starts")] = 400,
+    workdir: Workdir = WORK,
+    seed: Seed = 0,
+    workers: Workers = 0,
+    as_json: Json = False,
+) -> None:
+    """Judge a policy by K and P on objects and starts that it has never seen; makes them if the workdir has none."""
+    from mimicbench import pipelines
+    from mimicbench.evaluate.rows import write_rows
+
+    ws = pipelines.Workspace(workdir, task, seed, workers, as_json)
+    pipelines.prepare_episodes(ws, episodes)
+    rows, _ = pipelines.evaluate_policy(ws, policy, episodes)
+    write_rows(ws.folder("evaluate") / f"{rows[0].policy}.parquet", rows)
+    _summary(rows, as_json)
+
+
+@app.command(name="run")
+def run(
+    task: Task = "sit-chair",
+    train: Annotated[bool, tyro.conf.arg(help="learn everything from nothing (hours) instead of using the shipped checkpoints (minutes)")] = False,
+    profile: Annotated[Literal["smoke", "default", "full"] | None, tyro.conf.arg(help="how much; by default `default`, with --train `full`")] = None,
+    workdir: Workdir = WORK,
+    seed: Annotated[int | None, tyro.conf.arg(help="by default 0 with --train and 1 without, so that the shipped policies meet new objects")] = None,
+    workers: Workers = 0,
+    as_json: Json = False,
+) -> None:
+    """Do the whole task: new objects and human clips, retargeted, tracked, done by the policies, judged, reported."""
+    from mimicbench import pipelines
+
+    size = pipelines.PROFILES[profile or ("full" if train else "default")]
+    ws = pipelines.Workspace(workdir, task, (0 if train else 1) if seed is None else seed, workers, as_json)
+    if train:
+        from mimicbench.imitate.make import ImitateConfig
+        from mimicbench.track.train import TrackConfig
+
+        page, rows = pipelines.run_training(ws, size, TrackConfig(), ImitateConfig(), _say)
+    else:
+        page, rows = pipelines.run_shipped(ws, size, _say)
+    if as_json:
+        from mimicbench.report.compare import summaries
+
+        print(json.dumps({"task": task, "report": str(page), "results": [found.to_dict() for found in summaries(rows)]}))
+    else:
+        _tables(task, rows)
+        print(f"report: {page}")
+
+
+def _say(line: str) -> None:
+    """Progress goes to stderr, so that stdout holds results alone."""
+    print(line, file=sys.stderr, flush=True)
+
+
+def _tables(task: str, rows: list[EpisodeRow]) -> None:
+    """Print the headline tables."""
+    from rich.console import Console
+
+    from mimicbench.report.compare import summaries
+    from mimicbench.report.tables import to_rich
+    from mimicbench.report.write import headline_tables
+
+    for table in headline_tables(task, summaries(rows))[:2]:
+        Console().print(to_rich(table))
+
+
+def _summary(rows: list[EpisodeRow], as_json: bool) -> None:
     """Print the rates of one policy's episodes."""
     from mimicbench.evaluate.rows import summarize
 
-    print(json.dumps(summarize(rows).to_dict()))  # pyright: ignore[reportArgumentType]
+    if as_json:
+        print(json.dumps(summarize(rows).to_dict()))
+    else:
+        from rich.console import Console
+
+        from mimicbench.report.compare import results_table
+        from mimicbench.report.tables import to_rich
+
+        Console().print(to_rich(results_table([summarize(rows)])))
 
 
 def _done(header: object, as_json: bool) -> None:
@@ -98,8 +225,6 @@ def _done(header: object, as_json: bool) -> None:
 
 def main() -> None:
     """Run the command line; errors that the user can mend are printed in one sentence."""
-    # torch's and the physics' threads take turns on the same cores: waiting ones must not spin
-    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     try:
         app.cli(prog="mimicbench", description="Humanoid-scene interaction learned by mimicking humans.")
     except MimicbenchError as error:

@@ -18,7 +18,7 @@ from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.core.stage import Stage, open_stage, read_stage
 from mimicbench.objects.make import ObjectsConfig, make_objects, read_objects
 from mimicbench.objects.shape import SceneObject
-from mimicbench.references.make import ReferencesConfig, make_references
+from mimicbench.references.make import ReferencesConfig, import_references, make_references
 from mimicbench.retarget.make import RetargetConfig, make_retargeted, read_retargeted
 from mimicbench.robot.description import Robot, load_robot
 from mimicbench.tasks.registry import get_task
@@ -89,6 +89,11 @@ def references_stage(ws: Workspace, config: ReferencesConfig) -> Stage:
     return make_references(ws.folder("references"), ws.finished("objects"), ws.slug, config, ws.seed, ws.workers, ws.quiet)
 
 
+def import_stage(ws: Workspace, files: Sequence[Path], say: Say) -> Stage:
+    """Human clips from recordings instead of made ones, on objects fitted to them."""
+    return import_references(ws.folder("objects"), ws.folder("references"), ws.slug, files, say)[1]
+
+
 def retarget_stage(ws: Workspace, config: RetargetConfig) -> Stage:
     """Retarget the clips and judge each by K."""
     return make_retargeted(ws.folder("retarget"), ws.finished("references"), ws.folder("objects"), ws.slug, ws.task.fulfilled, config, ws.workers, ws.quiet)
@@ -113,7 +118,7 @@ def track_stage(ws: Workspace, config: TrackConfig, say: Say = print) -> Stage:
     return stage.finish(clips=len(train), samples=config.samples)
 
 
-def evaluate_tracker(ws: Workspace, checkpoint: Path, episodes: int, split: str) -> list[EpisodeRow]:
+def evaluate_tracker(ws: Workspace, checkpoint: Path, episodes: int, split: str | None) -> list[EpisodeRow]:
     """One row per clip: the tracker follows `episodes` clips of a split from their first frames."""
     from mimicbench.evaluate.rollout import tracker_rows
     from mimicbench.track.checkpoint import load_tracker
@@ -237,15 +242,25 @@ PROFILES = {
 }
 
 
-def run_shipped(ws: Workspace, profile: Profile, say: Say) -> Path:
-    """New objects and clips, retargeted, tracked and done by the shipped policies: no training. Returns the report's page."""
+def prepare_episodes(ws: Workspace, episodes: int) -> None:
+    """See to it that there are `episodes` retargeted clips on objects of the test split to start from. Does nothing if the workdir has its own."""
+    if (ws.folder("retarget") / "header.json").exists():
+        ws.finished("retarget")
+        return
+    objects_stage(ws, ObjectsConfig())
+    references_stage(ws, ReferencesConfig(episodes, test_only=True))
+    retarget_stage(ws, RetargetConfig())
+
+
+def run_shipped(ws: Workspace, profile: Profile, say: Say) -> tuple[Path, list[EpisodeRow]]:
+    """New objects and clips, retargeted, tracked and done by the shipped policies: no training. Returns the report's page and its rows."""
     objects_stage(ws, ObjectsConfig(profile.objects))
     references_stage(ws, ReferencesConfig(profile.clips, test_only=True))
     retarget_stage(ws, RetargetConfig())
     return judge_and_report(ws, profile, say)
 
 
-def run_training(ws: Workspace, profile: Profile, track: TrackConfig, imitate: ImitateConfig, say: Say) -> Path:
+def run_training(ws: Workspace, profile: Profile, track: TrackConfig, imitate: ImitateConfig, say: Say) -> tuple[Path, list[EpisodeRow]]:
     """Everything from nothing: objects, clips, tracker, demonstrations, policies, report."""
     objects_stage(ws, ObjectsConfig(profile.objects))
     references_stage(ws, ReferencesConfig(profile.clips))
@@ -257,12 +272,12 @@ def run_training(ws: Workspace, profile: Profile, track: TrackConfig, imitate: I
     return judge_and_report(ws, profile, say)
 
 
-def judge_and_report(ws: Workspace, profile: Profile, say: Say) -> Path:
+def judge_and_report(ws: Workspace, profile: Profile, say: Say) -> tuple[Path, list[EpisodeRow]]:
     """Judge tracker and policies on the test split and write the report. What is judged already is not run again."""
     rows = evaluated_rows(ws, "tracker", profile.tracked, lambda: evaluate_tracker(ws, tracker_folder(ws), profile.tracked, "test"))
     for policy in profile.policies:
         rows += evaluated_rows(ws, policy, profile.episodes, lambda policy=policy: evaluate_policy(ws, policy, profile.episodes)[0])
-    return report_stage(ws, rows, profile.policies[0], say)
+    return report_stage(ws, rows, profile.policies[0], say), rows
 
 
 def evaluated_rows(ws: Workspace, name: str, episodes: int, run: Callable[[], list[EpisodeRow]]) -> list[EpisodeRow]:

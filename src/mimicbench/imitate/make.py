@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-
 from mimicbench.core.checkpoint import checkpoint_kind
 from mimicbench.core.errors import UnknownName
 from mimicbench.core.motion import RobotMotion
@@ -19,8 +18,8 @@ from mimicbench.core.parallel import progress
 from mimicbench.core.stage import Stage, open_stage
 from mimicbench.imitate.act import ACTConfig
 from mimicbench.imitate.bc import BCConfig
-from mimicbench.imitate.demos import DemosConfig
 from mimicbench.imitate.dataset import DemoFrames, MapMaker
+from mimicbench.imitate.demos import DemosConfig
 from mimicbench.imitate.inputs import InputConfig
 from mimicbench.imitate.learners import LearnerConfig, save_learner
 from mimicbench.imitate.lerobot import load_demos

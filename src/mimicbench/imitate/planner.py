@@ -65,7 +65,7 @@ class PlannerConfig:
     """Of Adam at the start; falls to a tenth along a cosine."""
     save_every: float = 120.0
     """Seconds between saves: what a kill can lose at most."""
-    tracking: TrackingConfig = field(default_factory=lambda: TrackingConfig(first_frame=0.5))
+    tracking: TrackingConfig = field(default_factory=lambda: TrackingConfig(first_frame=0.5, max_pos_error=0.5, max_angle_error=1.0, max_drop=0.25))
     """Starts, disturbances and ends of training episodes."""
 
 

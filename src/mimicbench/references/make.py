@@ -1,6 +1,6 @@
 """Stage `references`: human clips on objects, made or imported, each one checked."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -12,6 +12,7 @@ from mimicbench.core.stage import Stage, open_stage
 from mimicbench.objects.make import read_objects
 from mimicbench.objects.shape import SceneObject, load_object, save_object
 from mimicbench.references.synthesis import check_clip, clip_id, is_good, synthesize
+from mimicbench.references.unihsi import import_sitting
 
 
 @dataclass(frozen=True)
@@ -53,17 +54,27 @@ def _make_one(folder: Path, objects: Path, task: str, seed: int, job: tuple[int,
     return True
 
 
-def keep_imported(folder: Path, objects_folder: Path, task: str, clips: Sequence[tuple[HumanMotion, SceneObject]], source: Mapping[str, str]) -> Stage:
-    """Store imported clips and their fitted objects as a stage of their own; `source` says which files they came from."""
-    stage = open_stage(folder, "references", task, 0, {"imported": dict(source)})
-    if stage.complete:
-        return stage
+def import_references(objects_folder: Path, folder: Path, task: str, files: Sequence[Path], say: Callable[[str], None]) -> tuple[Stage, Stage]:
+    """Import recordings of people who sit down, with a chair fitted under each: stages `objects` and `references` made from files.
+
+    A recording without the task in it is left out, and `say` hears why. Raises BadMotion if nothing is left, before
+    anything is written.
+    """
+    clips: list[tuple[HumanMotion, SceneObject]] = []
+    for path in files:
+        try:
+            found = import_sitting(path)
+        except BadMotion as error:
+            say(f"left out: {error}")
+            continue
+        clips += found
+        say(f"{path.name}: {len(found)} sitting {'clip' if len(found) == 1 else 'clips'}")
+    if not clips:
+        raise BadMotion(f"none of the {len(files)} files holds a person who walks to a seat and sits down")
+    source = {"imported": [path.name for path in files]}
+    objects = open_stage(objects_folder, "objects", task, 0, source)
+    references = open_stage(folder, "references", task, 0, source, {"objects": objects.fingerprint})
     for motion, obj in clips:
         save_object(objects_folder, obj)
         motion.save(folder / f"{motion.id}.npz")
-    return stage.finish(kept=len(clips))
-
-
-def clip_paths(folder: Path) -> list[Path]:
-    """Files of all clips of a stage, in order of their ids."""
-    return sorted(folder.glob("*.npz"))
+    return objects.finish(count=len(clips)), references.finish(kept=len(clips), seconds=sum(motion.duration for motion, _ in clips))

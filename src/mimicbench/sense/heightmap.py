@@ -69,18 +69,17 @@ class BoxTable:
     """The boxes of many objects, each object at the origin, for casting rays at them."""
 
     def __init__(self, objects: Sequence[SceneObject], device: torch.device) -> None:
-        most = max(len(obj.box_pos) for obj in objects)
+        self.device = device
+        self._axes, self._start, self._half = [], [], []
+        for obj in objects:
+            # columns: first axis of all boxes, second axis of all boxes, third axis of all boxes
+            axes = rot.to_matrix(obj.box_quat).transpose(1, 2, 0).reshape(3, -1)
+            self._axes.append(self._tensor(axes))
+            self._start.append(self._tensor(-np.einsum("bij,bi->jb", rot.to_matrix(obj.box_quat), obj.box_pos)))
+            self._half.append(self._tensor(obj.box_half.T))
 
-        def table(arrays: Sequence[np.ndarray], shape: tuple[int, ...]) -> Tensor:
-            # objects with fewer boxes are filled up with boxes of no size
-            filled = np.zeros((len(arrays), most, *shape), np.float32)
-            for row, array in zip(filled, arrays, strict=True):
-                row[: len(array)] = array
-            return torch.from_numpy(filled).to(device)
-
-        self.pos = table([obj.box_pos for obj in objects], (3,))
-        self.axes = table([rot.to_matrix(obj.box_quat) for obj in objects], (3, 3))
-        self.half = table([obj.box_half for obj in objects], (3,))
+    def _tensor(self, array: np.ndarray) -> Tensor:
+        return torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32)).to(self.device)
 
     def first_hit(self, object_index: Tensor, eye: Tensor, direction: Tensor, n: Tensor) -> Tensor:
         """How many lengths of its direction each ray goes before it meets the object; infinity if it never does.
@@ -89,21 +88,25 @@ class BoxTable:
             object_index: (N,) the object beside each robot.
             eye: (N, 3) where the robot's rays start, in the world.
             direction: (M, 3) of the rays, in the world.
-            n: (M,) the robot that each ray belongs to.
+            n: (M,) the robot that each ray belongs to, in ascending order.
         """
         nearest = direction.new_full((len(n),), torch.inf)
-        for box in range(self.pos.shape[1]):
-            used = self.half[object_index, box, 0] > 0
-            if not used.any():
+        ends = torch.cumsum(torch.bincount(n, minlength=len(eye)), 0).tolist()
+        # robot by robot: its rays against all boxes of its object fit into the cache
+        for robot, (first, end) in enumerate(zip([0, *ends[:-1]], ends, strict=True)):
+            if first == end:
                 continue
-            axes, half = self.axes[object_index, box], self.half[object_index, box][n]
-            start = torch.einsum("nij,ni->nj", axes, eye - self.pos[object_index, box])[n]
-            along = torch.einsum("nij,ni->nj", axes[n], direction)
-            inverse = 1 / torch.where(along.abs() < 1e-7, 1e-7, along)
+            index = int(object_index[robot])
+            axes, half = self._axes[index], self._half[index]
+            start = self._start[index] + (eye[robot] @ axes).view(3, -1)
+            along = direction[first:end] @ axes
+            inverse = 1 / torch.where(along.abs() < 1e-7, 1e-7, along).view(end - first, 3, -1)
             middle, reach = -start * inverse, half * inverse.abs()
-            enter, leave = (middle - reach).amax(-1), (middle + reach).amin(-1)
-            hit = (enter <= leave) & (leave > 0) & used[n]
-            nearest = torch.where(hit, torch.minimum(nearest, enter.clamp(min=0)), nearest)
+            enter, leave = (middle - reach).unbind(1), (middle + reach).unbind(1)
+            entered = torch.maximum(torch.maximum(enter[0], enter[1]), enter[2])
+            left = torch.minimum(torch.minimum(leave[0], leave[1]), leave[2])
+            depth = torch.where((entered <= left) & (left > 0), entered.clamp(min=0), torch.inf)
+            nearest[first:end] = depth.amin(1)
         return nearest
 
 

@@ -34,11 +34,11 @@ class TrackingConfig:
     """Standard deviation of the horizontal velocity that a push adds [m/s]."""
     push_interval: float = 2.0
     """Mean time between pushes [s]."""
-    max_pos_error: float = 0.5
-    """An episode ends when the root is farther than this from its reference [m] (F.4)."""
-    max_angle_error: float = 1.0
+    max_pos_error: float = 0.4
+    """An episode ends when the root is farther than this from its reference [m]; 0.5 in the paper (F.4)."""
+    max_angle_error: float = 0.7
     """... or its orientation is farther than this [rad]."""
-    max_drop: float = 0.25
+    max_drop: float = 0.2
     """... or it is this much lower [m]."""
 
 

@@ -35,9 +35,9 @@ class PPOConfig:
     """Weight of the entropy bonus."""
     learning_rate: float = 1e-3
     """Where Adam starts; adapted to the divergence below."""
-    target_kl: float = 0.01
+    target_kl: float = 0.03
     """Divergence per update that the learning rate is adapted to."""
-    initial_std: float = 0.25
+    initial_std: float = 0.3
     """Standard deviation of the first actions."""
 
 
