@@ -6,8 +6,8 @@
 PYTHON ?= python3
 VENV ?= .venv
 TASK ?= sit-chair
-# How much `make run` does; `make run PROFILE=smoke` only shows that every stage works.
-PROFILE ?= default
+# How much `make run` does, if not the usual: smoke (only shows that every stage works), default or full.
+PROFILE ?=
 # Anything else for the command, such as ARGS="--train --workdir out".
 ARGS ?=
 # The CPU build of torch: from where pip looks anyway, or else from TORCH_INDEX. For a GPU: make TORCH=torch==2.13.0 TORCH_INDEX=https://pypi.org/simple
@@ -29,8 +29,8 @@ help:
 setup: $(READY)
 
 run: $(READY)
-	@echo "Running $(TASK) with profile $(PROFILE); the same command goes on where it was stopped"
-	$(BIN)/mimicbench run --task $(TASK) --profile $(PROFILE) $(ARGS)
+	@echo "Running $(TASK) end to end; if it is stopped, the same command goes on from there"
+	$(BIN)/mimicbench run --task $(TASK) $(if $(PROFILE),--profile $(PROFILE)) $(ARGS)
 
 test: lint
 	@echo "Running the tests on $(JOBS) processes"
