@@ -178,6 +178,24 @@ def run(
         print(f"report: {page}")
 
 
+@app.command(name="bench")
+def bench(
+    task: Task = "sit-chair",
+    seconds: Annotated[float, tyro.conf.arg(help="how long each part is measured")] = 10.0,
+    workers: Workers = 0,
+    as_json: Json = False,
+) -> None:
+    """Measure how fast this machine makes clips, retargets, simulates and learns."""
+    from mimicbench.bench import bench as measure
+    from mimicbench.report.provenance import this_machine
+    from mimicbench.robot.description import load_robot
+    from mimicbench.tasks.registry import get_task
+
+    found = measure(load_robot("h1"), get_task(task), workers, seconds, _say)
+    if as_json:
+        print(json.dumps({**found, "machine": this_machine()}))
+
+
 def _say(line: str) -> None:
     """Progress goes to stderr, so that stdout holds results alone."""
     print(line, file=sys.stderr, flush=True)

@@ -17,9 +17,9 @@ _GROUPS = {"actor": ["obs"], "critic": ["obs"]}
 class PPOConfig:
     """Proximal policy optimization (Schulman et al. 2017)."""
 
-    hidden: tuple[int, ...] = (384, 256)
+    hidden: tuple[int, ...] = (256, 192)
     """Widths of the hidden layers of actor and critic."""
-    steps: int = 24
+    steps: int = 16
     """Control steps of every robot between updates."""
     epochs: int = 3
     """Passes over the collected samples."""

@@ -32,7 +32,7 @@ class TrackConfig:
     """`improved`, or `paper` for HST as the paper has it."""
     samples: int = 30_000_000
     """Control steps to learn from, over all robots."""
-    num_envs: int = 512
+    num_envs: int = 1024
     """Robots side by side."""
     evaluate_every: float = 420.0
     """Seconds between evaluations from the first frame."""
@@ -40,7 +40,7 @@ class TrackConfig:
     """Clips of an evaluation."""
     save_every: float = 120.0
     """Seconds between saves of the training state: what a kill can lose at most."""
-    threads: int = 2
+    threads: int = 1
     """Threads of the network's arithmetic. Sums round differently with another number, so it is part of the result."""
     ppo: PPOConfig = field(default_factory=PPOConfig)
     tracking: TrackingConfig = field(default_factory=TrackingConfig)

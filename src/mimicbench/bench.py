@@ -1,0 +1,92 @@
+"""How fast the parts are, each as a ratio to a baseline measured in the same run where there is one."""
+
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+
+import numpy as np
+import torch
+
+from mimicbench.objects.families import FAMILIES
+from mimicbench.references.synthesis import synthesize
+from mimicbench.retarget.bench import frames_per_second
+from mimicbench.retarget.optimization import OptimizationConfig, retarget_clip
+from mimicbench.robot.description import Robot
+from mimicbench.sim.scene import SUBSTEPS
+from mimicbench.tasks.task import Task
+from mimicbench.track.env import TrackingConfig, TrackingEnv
+from mimicbench.track.ppo import PPOConfig, PPOLearner
+from mimicbench.track.tracker import get_kind
+
+CLIPS = 24
+ENVS = 512
+
+
+@dataclass(frozen=True)
+class BenchResult:
+    """Figures of one machine in one run."""
+
+    synthesis_ms: float
+    """One human clip, one core [ms]."""
+    retarget_fps: float
+    """Frames retargeted per second on one core."""
+    bare_steps: float
+    """Control steps per second of bare `mujoco.batch` stepping of the tracking scenes."""
+    env_steps: float
+    """Control steps per second of the tracking environment: observations, rewards, restarts."""
+    env_ratio: float
+    """env_steps / bare_steps."""
+    train_samples: float
+    """Samples per second of the whole training: environment, exploration, updates."""
+
+
+def bench(robot: Robot, task: Task, workers: int, seconds: float, say: Callable[[str], None]) -> dict[str, float]:
+    """Measure everything; each part runs for about `seconds`."""
+    objects = [FAMILIES[task.family](index, 0) for index in range(CLIPS)]
+    started = time.perf_counter()
+    humans = [synthesize(task.slug, index, obj, 0) for index, obj in enumerate(objects)]
+    synthesis = (time.perf_counter() - started) / CLIPS
+    say(f"one clip synthesized in {1e3 * synthesis:.0f} ms")
+    retarget = frames_per_second(humans[: max(2, CLIPS // 4)], robot, OptimizationConfig())
+    say(f"{retarget:.0f} frames retargeted per second and core")
+    motions = [retarget_clip(human, robot) for human in humans]
+    env = TrackingEnv(get_kind("improved"), robot, motions, {obj.id: obj for obj in objects}, ENVS, TrackingConfig(), 0, workers)
+    learner = PPOLearner(env.observe().shape[1], len(robot.joints), ENVS, PPOConfig())
+    train = _rate(lambda: _train(env, learner), ENVS * PPOConfig().steps, seconds)
+    say(f"training: {train:.0f} samples per second")
+    # environment and bare physics take turns, so that both meet the same machine
+    rates = [(_rate(lambda: _steps(env), ENVS * 8, seconds / 4), _rate(lambda: _bare(env), ENVS * 8, seconds / 4)) for _ in range(4)]
+    env_steps, bare_steps = (float(np.median(column)) for column in zip(*rates, strict=True))
+    ratio = float(np.median([a / b for a, b in rates]))
+    say(f"environment: {env_steps:.0f} of bare physics' {bare_steps:.0f} control steps per second, {ratio:.0%}")
+    return asdict(BenchResult(1e3 * synthesis, retarget, bare_steps, env_steps, ratio, train))
+
+
+def _rate(work: Callable[[], None], amount: int, seconds: float) -> float:
+    """Amount per second of `work`, after one round to warm up."""
+    work()
+    rounds, started = 0, time.perf_counter()
+    while time.perf_counter() - started < seconds:
+        work()
+        rounds += 1
+    return amount * rounds / (time.perf_counter() - started)
+
+
+def _train(env: TrackingEnv, learner: PPOLearner) -> None:
+    obs = env.observe()
+    for _ in range(PPOConfig().steps):
+        env.disturb()
+        obs, reward, done, time_out = env.step(learner.act(obs))
+        learner.record(obs, reward, done, time_out)
+    learner.update(obs)
+
+
+def _steps(env: TrackingEnv) -> None:
+    action = torch.zeros(env.num_envs, len(env.robot.joints))
+    for _ in range(8):
+        env.step(action)
+
+
+def _bare(env: TrackingEnv) -> None:
+    for _ in range(8):
+        env.physics.batch.step(nstep=SUBSTEPS)
