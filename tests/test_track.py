@@ -186,7 +186,7 @@ def test_when_an_episode_ends():
     shift = torch.tensor([[0.49, 0, 0], [0.51, 0, 0], [0, 0, -0.24], [0, 0, -0.26], [0, 0, 0.3], [0, 0, 0]])
     turn = torch.tensor(rot.from_yaw(np.array([0.99, 0, 0, 0, 0, 1.01])), dtype=torch.float32)
     state = replace(state_of(frame), root_pos_w=frame.root_pos_w + shift, root_quat_w=turn)
-    far, turned, dropped = deviations(state, frame.root_pos_w, frame.root_quat_w, TrackingConfig())
+    far, turned, dropped = deviations(state, frame.root_pos_w, frame.root_quat_w, TrackingConfig(max_pos_error=0.5, max_angle_error=1.0, max_drop=0.25))
     assert far.tolist() == [False, True, False, False, False, False]
     assert turned.tolist() == [False, False, False, False, False, True]
     assert dropped.tolist() == [False, False, False, True, False, False]
