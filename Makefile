@@ -50,7 +50,7 @@ lint: $(READY)
 # pyright fetches its own program from the npm registry when it first runs.
 type: $(READY)
 	@echo "Checking types"
-	$(BIN)/pyright
+	$(BIN)/pyright --pythonpath $(BIN)/python
 
 clean:
 	rm -rf .pytest_cache .ruff_cache .hypothesis build dist
