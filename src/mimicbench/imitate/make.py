@@ -14,7 +14,7 @@ from pathlib import Path
 from mimicbench.core.checkpoint import checkpoint_kind
 from mimicbench.core.errors import UnknownName
 from mimicbench.core.motion import RobotMotion
-from mimicbench.core.parallel import progress
+from mimicbench.core.parallel import counter
 from mimicbench.core.stage import Stage, open_stage
 from mimicbench.imitate.act import ACTConfig
 from mimicbench.imitate.bc import BCConfig
@@ -68,8 +68,8 @@ def make_perception(
     stage = open_stage(folder, "perception", task, config.seed, asdict(config))
     if stage.complete:
         return stage
-    bar = progress(range(config.steps), config.steps, "seat perception", quiet)
-    network = train_perception(config, objects, lambda step, loss: next(bar, None) and None)
+    with counter(config.steps, "seat perception", quiet) as tick:
+        network = train_perception(config, objects, lambda step, loss: tick(1))
     error = evaluate_perception(network, held_out)
     save_perception(folder, network, robot.name, error)
     return stage.finish(**asdict(error))

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -83,7 +84,7 @@ class PPOLearner:
     def network_tensors(self) -> dict[str, np.ndarray]:
         """The actor's mean as tensors of a TrackerNetwork."""
         actor = self.ppo.actor
-        tensors = {"obs_mean": actor.obs_normalizer.mean, "obs_std": actor.obs_normalizer.std}
+        tensors: dict[str, Any] = {"obs_mean": actor.obs_normalizer.mean, "obs_std": actor.obs_normalizer.std}
         weights = {name: value for name, value in actor.state_dict().items() if name.startswith("mlp.")}
         tensors |= {f"layers.{name.removeprefix('mlp.')}": value for name, value in weights.items()}
         return {name: value.detach().cpu().numpy() for name, value in tensors.items()}
