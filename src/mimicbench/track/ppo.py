@@ -38,7 +38,7 @@ class PPOConfig:
     """Where Adam starts; adapted to the divergence below."""
     target_kl: float = 0.02
     """Divergence per update that the learning rate is adapted to."""
-    initial_std: float = 0.8
+    initial_std: float = 0.5
     """Standard deviation of the first actions. With 0.25 the allowed divergence makes every step so small that nothing is learned for millions of samples."""
 
 
