@@ -6,6 +6,7 @@ finished. Running a finished stage again does nothing; a killed one goes on wher
 
 from __future__ import annotations
 
+import hashlib
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -124,6 +125,7 @@ def evaluate_tracker(ws: Workspace, checkpoint: Path, episodes: int, split: str 
     from mimicbench.track.checkpoint import load_tracker
     from mimicbench.track.rollout import track_clips
 
+    _one_thread()
     tracker = load_tracker(checkpoint, ws.robot)
     motions, objects = ws.motions(split)[:episodes], ws.objects()
     rollout = track_clips(tracker, ws.robot, ws.task, motions, objects, ws.workers)
@@ -152,7 +154,8 @@ def imitate_stage(ws: Workspace, name: str, config: ImitateConfig, say: Say = pr
         copy_checkpoint(track.folder / "checkpoint", folder / "tracker")
     train = [obj for obj in objects.values() if obj.split == "train"]
     test = [obj for obj in objects.values() if obj.split == "test"]
-    eyes = make.make_perception(folder / "perception", ws.slug, ws.robot, train, test, config.perception, ws.quiet)
+    made_from = {"objects": ws.finished("objects").fingerprint}
+    eyes = make.make_perception(folder / "perception", ws.slug, ws.robot, train, test, made_from, config.perception, ws.quiet)
     if name == "planner":
         made_from = {"track": track.fingerprint, "perception": eyes.fingerprint}
         return make.make_planner(folder / name, ws.robot, ws.task, ws.motions("train"), objects, made_from, config.planner, ws.seed, ws.workers, say)
@@ -169,6 +172,13 @@ def copy_checkpoint(source: Path, target: Path) -> None:
     for name in (MODEL, CONFIG):  # config.json last: a folder with it is whole
         data = (source / name).read_bytes()
         write_atomic(target / name, lambda stream, data=data: stream.write(data))
+
+
+def _one_thread() -> None:
+    """Networks judge with one thread, whatever `workers` says: sums round differently on more."""
+    import torch
+
+    torch.set_num_threads(1)
 
 
 BEST = {"sit-chair": "planner"}
@@ -207,6 +217,7 @@ def evaluate_policy(
     from mimicbench.evaluate.rollout import Protocol, policy_rows, run_policy
     from mimicbench.imitate.make import load_any
 
+    _one_thread()
     folder = policy_folder(ws, policy)
     driver = load_any(folder, ws.robot)
     starts, objects = ws.motions("test")[:episodes], ws.objects()
@@ -274,23 +285,28 @@ def run_training(ws: Workspace, profile: Profile, track: TrackConfig, imitate: I
 
 def judge_and_report(ws: Workspace, profile: Profile, say: Say) -> tuple[Path, list[EpisodeRow]]:
     """Judge tracker and policies on the test split and write the report. What is judged already is not run again."""
-    rows = evaluated_rows(ws, "tracker", profile.tracked, lambda: evaluate_tracker(ws, tracker_folder(ws), profile.tracked, "test"))
+    tracker = tracker_folder(ws)
+    rows = list(evaluated_rows(ws, "tracker", tracker, profile.tracked, lambda: evaluate_tracker(ws, tracker, profile.tracked, "test")))
     for policy in profile.policies:
-        rows += evaluated_rows(ws, policy, profile.episodes, lambda policy=policy: evaluate_policy(ws, policy, profile.episodes)[0])
+        folder = policy_folder(ws, policy)
+        rows += evaluated_rows(ws, policy, folder, profile.episodes, lambda policy=policy: evaluate_policy(ws, policy, profile.episodes)[0])
     return report_stage(ws, rows, profile.policies[0], say), rows
 
 
-def evaluated_rows(ws: Workspace, name: str, episodes: int, run: Callable[[], list[EpisodeRow]]) -> list[EpisodeRow]:
-    """The rows of `<evaluate>/<name>.parquet`, made by `run` if they are not there or are fewer than asked for."""
+def evaluated_rows(ws: Workspace, name: str, checkpoint: Path, episodes: int, run: Callable[[], list[EpisodeRow]]) -> list[EpisodeRow]:
+    """The rows of `<evaluate>/<name>.parquet`; made by `run` unless they are there and of this very checkpoint, clips and number."""
+    from mimicbench.core.checkpoint import MODEL
+    from mimicbench.core.files import read_json, write_json
     from mimicbench.evaluate.rows import read_rows, write_rows
 
-    path = ws.folder("evaluate") / f"{name}.parquet"
-    if path.exists():
-        rows = read_rows(path)
-        if len(rows) >= min(episodes, len(ws.motions("test"))):
-            return rows
+    path, source = ws.folder("evaluate") / f"{name}.parquet", ws.folder("evaluate") / f"{name}.json"
+    model = hashlib.blake2b((checkpoint / MODEL).read_bytes(), digest_size=8).hexdigest()
+    made_from = {"checkpoint": model, "retarget": ws.finished("retarget").fingerprint, "episodes": episodes, "seed": ws.seed}
+    if path.exists() and source.exists() and read_json(source) == made_from:
+        return read_rows(path)
     rows = run()
     write_rows(path, rows)
+    write_json(source, made_from)
     return rows
 
 

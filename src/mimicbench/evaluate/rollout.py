@@ -115,7 +115,7 @@ def _run_batch(
 
 
 def place_at_start(physics: NativePhysics, starts: Sequence[RobotMotion], task: Task) -> None:
-    """Put each robot into the first pose of its motion, at rest, no farther from the object than the task allows (C.1)."""
+    """Put each robot into the first frame of its motion, velocities included, no farther from the object than the task allows (C.1)."""
     bank = ReferenceBank(starts, physics.robot)
     first = bank.frame(torch.arange(len(starts)), torch.zeros(len(starts), dtype=torch.long))
     pos = first.root_pos_w.numpy().astype(float)

@@ -57,16 +57,12 @@ def make_demos(
         if any(motion.id in written for motion in part):
             continue
         noise = 0.0 if number < config.clean_share * len(parts) else config.action_noise
-        rollout = track_clips(tracker, robot, task, part, objects, workers, record=True, action_noise=noise, seed=seed + number, settle=config.settle)
+        rollout = track_clips(tracker, robot, task, part, objects, workers, record=True, action_noise=noise, seed=seed, settle=config.settle)
         for i, motion in enumerate(part):
             if not rollout.judge.success[i] or rollout.judge.diverged[i]:
                 continue
             state = observed_states(robot, objects[motion.object_id], tracker.kind.gains, rollout.qpos[i], rollout.qvel[i], rollout.targets[i])
-            writer.add(
-                Demonstration(
-                    state, rollout.targets[i], rollout.executed[i], rollout.qpos[i], rollout.qvel[i], motion.object_id, motion.id, True, seed + number
-                )
-            )
+            writer.add(Demonstration(state, rollout.targets[i], rollout.executed[i], rollout.qpos[i], rollout.qvel[i], motion.object_id, motion.id, True, seed))
         writer.finish()
     made = len(writer.written)
     if not made:

@@ -62,10 +62,11 @@ class ImitateConfig:
 
 
 def make_perception(
-    folder: Path, task: str, robot: Robot, objects: Sequence[SceneObject], held_out: Sequence[SceneObject], config: PerceptionConfig, quiet: bool
-) -> Stage:
+    folder: Path, task: str, robot: Robot, objects: Sequence[SceneObject], held_out: Sequence[SceneObject], made_from: Mapping[str, str],
+    config: PerceptionConfig, quiet: bool,
+) -> Stage:  # fmt: skip
     """Learn to find the seat of `objects` in elevation maps; `held_out` measures how well."""
-    stage = open_stage(folder, "perception", task, config.seed, asdict(config))
+    stage = open_stage(folder, "perception", task, config.seed, asdict(config), made_from)
     if stage.complete:
         return stage
     with counter(config.steps, "seat perception", quiet) as tick:

@@ -63,7 +63,7 @@ def track_clips(
     lengths = torch.clamp(bank.lengths + round(settle / CONTROL_DT), max=round(task.time_limit / CONTROL_DT))
     judge = Judge(task, robot, scene, CONTROL_DT)
     action = torch.zeros(n, len(robot.joints))
-    draw = rng(seed, "action noise")
+    draw = rng(seed, "action noise", *(motion.id for motion in motions))
     qpos, qvel, targets, executed = [], [], [], []
     for _ in range(int(lengths.max())):
         moment = Moment(robot, physics.state(), physics.links, lambda k, at=index: bank.frame(clip, at + k), action)
