@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mimicbench.core.files import write_json
-from mimicbench.pipelines import Workspace, policy_folder, prepare_episodes
+from mimicbench.workspace import Workspace, policy_folder, prepare_episodes
 
 
 def command(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:

@@ -22,6 +22,7 @@ from mimicbench.imitate.lerobot import Demos
 from mimicbench.imitate.perception import (
     Perception,
     PerceptionConfig,
+    SeatMemory,
     draw_maps,
     load_perception,
     save_perception,
@@ -176,6 +177,30 @@ def test_memory_follows_the_robot(chairs):
     torch.testing.assert_close(memory[:, 6:], seat_in_root(truth, later, later_yaw)[:, :4], atol=1e-5, rtol=0)
 
 
+def test_the_surest_look_is_remembered(chairs):
+    chair = next(iter(chairs.values()))
+    truth = torch.tensor(seat_of(chair), dtype=torch.float32)[None]
+    pos, yaw = torch.tensor([[1.5, 0.5, 1.0], [1.0, 0.9, 1.0]]), torch.tensor([2.0, -2.5])
+    moved, turned_by = odometry(pos, yaw, torch.tensor([0]), torch.tensor([1]))
+
+    class Eyes(Perception):
+        def look(self, elevation, root_height):
+            return looks.pop(0)
+
+    looks = [
+        (seat_in_root(truth, pos[:1], yaw[:1]) + 0.1, torch.tensor([0.1])),
+        (seat_in_root(truth, pos[1:], yaw[1:]), torch.tensor([0.01])),
+        (seat_in_root(truth, pos[1:], yaw[1:]) + 0.2, torch.tensor([0.2])),
+    ]
+    memory, everyone = SeatMemory(Eyes(SIGHT), 1), torch.tensor([0])
+    memory.look(everyone, torch.zeros(1), torch.ones(1), torch.zeros(1, 2), torch.zeros(1))
+    assert memory.doubtful(torch.zeros(1, 2), torch.zeros(1)).tolist() == [0]
+    for _ in range(2):
+        memory.look(everyone, torch.zeros(1), torch.ones(1), moved, turned_by)
+        torch.testing.assert_close(memory.seat, seat_in_root(truth, pos[:1], yaw[:1]), atol=1e-5, rtol=0)
+    assert memory.doubtful(moved, turned_by).tolist() == []
+
+
 def test_proprioception_of_a_turned_robot():
     qpos, qvel = np.zeros((1, 26)), np.zeros((1, 25))
     qpos[0, 2:7] = [0.9, *rot.from_yaw(np.array(math.pi / 2))]
@@ -275,7 +300,7 @@ def test_policy_sees_the_shape_and_nothing_else(demos, chairs, tmp_path):
     proprio[:, 3] = height
 
     def senses(elevation):
-        return Senses(torch.randn(4, 300), proprio, torch.full((4,), 0.5), torch.zeros(4, 2), torch.zeros(4), lambda: elevation)
+        return Senses(torch.randn(4, 300), proprio, torch.full((4,), 0.5), torch.zeros(4, 2), torch.zeros(4), lambda ids: elevation[ids])
 
     policy.reset(torch.arange(4), senses(maps))
     first = policy.act(senses(maps))

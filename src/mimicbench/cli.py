@@ -27,21 +27,21 @@ WORK = Path("work")
 @app.command(name="objects")
 def objects(task: Task = "sit-chair", count: int = 400, workdir: Workdir = WORK, seed: Seed = 0, workers: Workers = 0, as_json: Json = False) -> None:
     """Make the task's objects."""
-    from mimicbench import pipelines
+    from mimicbench import workspace
     from mimicbench.objects.make import ObjectsConfig
 
-    ws = pipelines.Workspace(workdir, task, seed, workers, as_json)
-    _done(pipelines.objects_stage(ws, ObjectsConfig(count)).header, as_json)
+    ws = workspace.Workspace(workdir, task, seed, workers, as_json)
+    _done(workspace.objects_stage(ws, ObjectsConfig(count)).header, as_json)
 
 
 @app.command(name="references")
 def references(task: Task = "sit-chair", count: int = 2000, workdir: Workdir = WORK, seed: Seed = 0, workers: Workers = 0, as_json: Json = False) -> None:
     """Make human clips on the objects."""
-    from mimicbench import pipelines
+    from mimicbench import workspace
     from mimicbench.references.make import ReferencesConfig
 
-    ws = pipelines.Workspace(workdir, task, seed, workers, as_json)
-    _done(pipelines.references_stage(ws, ReferencesConfig(count)).header, as_json)
+    ws = workspace.Workspace(workdir, task, seed, workers, as_json)
+    _done(workspace.references_stage(ws, ReferencesConfig(count)).header, as_json)
 
 
 @app.command(name="import")
@@ -52,19 +52,19 @@ def import_(
     as_json: Json = False,
 ) -> None:
     """Import recordings of real people (UniHSI SkeletonMotion files) and fit a chair under each who sits."""
-    from mimicbench import pipelines
+    from mimicbench import workspace
 
-    _done(pipelines.import_stage(pipelines.Workspace(workdir, task, quiet=as_json), files, _say).header, as_json)
+    _done(workspace.import_stage(workspace.Workspace(workdir, task, quiet=as_json), files, _say).header, as_json)
 
 
 @app.command(name="retarget")
 def retarget(task: Task = "sit-chair", workdir: Workdir = WORK, seed: Seed = 0, workers: Workers = 0, as_json: Json = False) -> None:
     """Turn the human clips into robot clips and keep those that fulfil the task's metric."""
-    from mimicbench import pipelines
+    from mimicbench import workspace
     from mimicbench.retarget.make import RetargetConfig
 
-    ws = pipelines.Workspace(workdir, task, seed, workers, as_json)
-    _done(pipelines.retarget_stage(ws, RetargetConfig()).header, as_json)
+    ws = workspace.Workspace(workdir, task, seed, workers, as_json)
+    _done(workspace.retarget_stage(ws, RetargetConfig()).header, as_json)
 
 
 @app.command(name="track")
@@ -82,26 +82,26 @@ def track(
     as_json: Json = False,
 ) -> None:
     """Train a tracker on the retargeted clips, or evaluate one."""
-    from mimicbench import pipelines
+    from mimicbench import workspace
 
-    ws = pipelines.Workspace(workdir, task, seed, workers, as_json)
+    ws = workspace.Workspace(workdir, task, seed, workers, as_json)
     if evaluate:
-        rows = pipelines.evaluate_tracker(ws, checkpoint or pipelines.tracker_folder(ws), episodes, None if split == "all" else split)
+        rows = workspace.evaluate_tracker(ws, checkpoint or workspace.tracker_folder(ws), episodes, None if split == "all" else split)
         _summary(rows, as_json)
         return
     from mimicbench.track.train import TrackConfig
 
-    _done(pipelines.track_stage(ws, TrackConfig(preset=preset, samples=samples), _say).header, as_json)
+    _done(workspace.track_stage(ws, TrackConfig(preset=preset, samples=samples), _say).header, as_json)
 
 
 @app.command(name="demos")
 def demos(task: Task = "sit-chair", workdir: Workdir = WORK, seed: Seed = 0, workers: Workers = 0, as_json: Json = False) -> None:
     """Let the tracker turn the training clips into demonstrations (a LeRobotDataset v3)."""
-    from mimicbench import pipelines
+    from mimicbench import workspace
     from mimicbench.imitate.demos import DemosConfig
 
-    ws = pipelines.Workspace(workdir, task, seed, workers, as_json)
-    _done(pipelines.demos_stage(ws, DemosConfig()).header, as_json)
+    ws = workspace.Workspace(workdir, task, seed, workers, as_json)
+    _done(workspace.demos_stage(ws, DemosConfig()).header, as_json)
 
 
 @app.command(name="imitate")
@@ -116,14 +116,14 @@ def imitate(
     as_json: Json = False,
 ) -> None:
     """Learn a policy that sees: a planner over the tracker by DAgger, or a clone of demonstrations."""
-    from mimicbench import pipelines
+    from mimicbench import workspace
     from mimicbench.imitate.make import CloneConfig, ImitateConfig
     from mimicbench.imitate.planner import PlannerConfig
     from mimicbench.imitate.train import TrainConfig
 
-    ws = pipelines.Workspace(workdir, task, seed, workers, as_json)
+    ws = workspace.Workspace(workdir, task, seed, workers, as_json)
     config = ImitateConfig(planner=PlannerConfig(samples=samples), clone=CloneConfig(TrainConfig(minutes=minutes, seed=seed)))
-    _done(pipelines.imitate_stage(ws, policy, config, _say).header, as_json)
+    _done(workspace.imitate_stage(ws, policy, config, _say).header, as_json)
 
 
 @app.command(name="evaluate")
@@ -137,12 +137,12 @@ def evaluate(
     as_json: Json = False,
 ) -> None:
     """Judge a policy by K and P on objects and starts that it has never seen; makes them if the workdir has none."""
-    from mimicbench import pipelines
+    from mimicbench import workspace
     from mimicbench.evaluate.rows import write_rows
 
-    ws = pipelines.Workspace(workdir, task, seed, workers, as_json)
-    pipelines.prepare_episodes(ws, episodes)
-    rows, _ = pipelines.evaluate_policy(ws, policy, episodes)
+    ws = workspace.Workspace(workdir, task, seed, workers, as_json)
+    workspace.prepare_episodes(ws, episodes)
+    rows, _ = workspace.evaluate_policy(ws, policy, episodes)
     write_rows(ws.folder("evaluate") / f"{rows[0].policy}.parquet", rows)
     _summary(rows, as_json)
 
@@ -158,10 +158,10 @@ def run(
     as_json: Json = False,
 ) -> None:
     """Do the whole task: new objects and human clips, retargeted, tracked, done by the policies, judged, reported."""
-    from mimicbench import pipelines
+    from mimicbench import pipelines, workspace
 
     size = pipelines.PROFILES[profile or ("full" if train else "default")]
-    ws = pipelines.Workspace(workdir, task, (0 if train else 1) if seed is None else seed, workers, as_json)
+    ws = workspace.Workspace(workdir, task, (0 if train else 1) if seed is None else seed, workers, as_json)
     if train:
         from mimicbench.imitate.make import ImitateConfig
         from mimicbench.track.train import TrackConfig

@@ -23,9 +23,9 @@ from mimicbench.tasks.task import Task
 from mimicbench.track.reference import ReferenceBank
 from mimicbench.track.rollout import Rollout
 
-Eyes = Callable[[NativePhysics], torch.Tensor]
+Eyes = Callable[[NativePhysics, np.ndarray], torch.Tensor]
 EYES: dict[str, Eyes] = {"cameras": camera_map, "rays": down_map}
-"""Makers of elevation maps (N, 128, 128), of which a policy names one."""
+"""Makers of the elevation maps (M, 128, 128) of some robots (M,), of which a policy names one."""
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ def _sense(physics: NativePhysics, odometry: Odometry, last_target: torch.Tensor
     state = physics.state()
     return Senses(
         state=s_current(state, physics.links(), last_target), proprio=body_state(state), time=torch.full((physics.num_envs,), step * CONTROL_DT),
-        odometry_pos=odometry.pos, odometry_yaw=odometry.yaw, elevation=lambda: eyes(physics),
+        odometry_pos=odometry.pos, odometry_yaw=odometry.yaw, elevation=lambda ids: eyes(physics, ids.numpy()),
     )  # fmt: skip
 
 

@@ -7,6 +7,9 @@ The network looks at a window around whatever rises from the floor, with each ce
 more channels (what is hidden depends on where one stands), and gives the seat relative to the window. It learns from
 maps as the cameras make them, with what they cannot see left out, and from complete ones. Chairs are symmetric and the
 four cameras too: turning a map by quarters and mirroring it makes eight of each.
+
+From behind, a back can hide the seat. So the network also says how far off it may be, and SeatMemory, which looks again
+while the robot walks, keeps the surest look.
 """
 
 import math
@@ -29,11 +32,13 @@ from mimicbench.sense.heightmap import CELL, CELLS, ObjectMaps
 
 SEAT_SIZE = 6
 MEMORY_SIZE = 10
+SURE = 0.02
+"""[m] Who expects to be off by less than this does not look again."""
 _RAISED = 0.12
 """[m] above the floor: what is higher belongs to an object; far above the noise."""
 _MIDDLE = (0.0, 0.0, 0.0, 0.0, 0.45, 0.45)
-_SPREAD = (0.1, 0.1, 1.0, 1.0, 0.05, 0.06)
-"""Middle and spread of the six outputs, so that the network's are near 1."""
+_SPREAD = (0.1, 0.1, 0.4, 0.4, 0.05, 0.06)
+"""Middle and spread of the six outputs, so that the network's are near 1, and its loss weighs 2 cm, 0.1 rad and 1 cm of height about alike."""
 
 
 @dataclass(frozen=True)
@@ -82,20 +87,25 @@ class Perception(nn.Module):
             kernel = 5 if index == 0 else 3
             layers += [nn.Conv2d(width_in, width, kernel, 2, kernel // 2, bias=False), nn.BatchNorm2d(width), nn.ReLU()]
             width_in, side = width, (side + 1) // 2
-        layers += [nn.Flatten(), nn.Linear(width_in * side * side, config.hidden), nn.ReLU(), nn.Linear(config.hidden, SEAT_SIZE)]
+        layers += [nn.Flatten(), nn.Linear(width_in * side * side, config.hidden), nn.ReLU(), nn.Linear(config.hidden, SEAT_SIZE + 1)]
         self.layers = nn.Sequential(*layers)
         self.register_buffer("middle", torch.tensor(_MIDDLE), persistent=False)
         self.register_buffer("spread", torch.tensor(_SPREAD), persistent=False)
 
-    def forward(self, view: Tensor, center: Tensor) -> Tensor:
-        """Seats (N, 6) in windows (N, window, window) of heights above the floor [m] around centers (N, 2) [m]; directions of any length."""
+    def forward(self, view: Tensor, center: Tensor) -> tuple[Tensor, Tensor]:
+        """Seats (N, 6), with directions of any length, and how far off (N,) [m] they are likely to be.
+
+        Args:
+            view: (N, window, window) heights above the floor [m].
+            center: (N, 2) where the windows' middles are [m].
+        """
         place = (torch.arange(view.shape[1], device=view.device) - (view.shape[1] - 1) / 2) * CELL
         x = (center[:, 0, None] + place)[:, :, None].expand_as(view)
         y = (center[:, 1, None] + place)[:, None, :].expand_as(view)
-        seat = self.layers(torch.stack([view, 0.5 * x, 0.5 * y], 1)) * self.get_buffer("spread") + self.get_buffer("middle")
-        return torch.cat([seat[:, :2] + center, seat[:, 2:]], -1)
+        found = self.layers(torch.stack([view, 0.5 * x, 0.5 * y], 1))
+        seat = found[:, :SEAT_SIZE] * self.get_buffer("spread") + self.get_buffer("middle")
+        return torch.cat([seat[:, :2] + center, seat[:, 2:]], -1), 0.03 * found[:, SEAT_SIZE].clamp(-3, 3).exp()
 
-    @torch.no_grad()
     def perceive(self, elevation: Tensor, root_height: Tensor) -> Tensor:
         """Seats (N, 6) as a policy remembers them: the direction has unit length.
 
@@ -103,8 +113,14 @@ class Perception(nn.Module):
             elevation: (N, 128, 128) heights relative to the root [m] (see sense.heightmap).
             root_height: (N,) height of the root above the floor [m].
         """
+        return self.look(elevation, root_height)[0]
+
+    @torch.no_grad()
+    def look(self, elevation: Tensor, root_height: Tensor) -> tuple[Tensor, Tensor]:
+        """As `perceive`, and how far off (N,) [m] each seat is likely to be."""
         self.eval()
-        return unit_direction(self(*window(elevation + root_height[:, None, None], self.config.window)))
+        seat, doubt = self(*window(elevation + root_height[:, None, None], self.config.window))
+        return unit_direction(seat), doubt
 
 
 def window(height: Tensor, size: int) -> tuple[Tensor, Tensor]:
@@ -177,6 +193,52 @@ def seat_memory(seat: Tensor, odometry_pos: Tensor, odometry_yaw: Tensor) -> Ten
     return torch.cat([seat, torch.stack(now, -1)], -1)
 
 
+class SeatMemory:
+    """What N robots remember of the seat: their surest look at it so far, carried along by odometry."""
+
+    def __init__(self, perception: Perception, robots: int) -> None:
+        """Nothing is remembered before the first `look` of each robot."""
+        self.perception = perception
+        self.seat = torch.zeros(robots, SEAT_SIZE)
+        """(N, 6) in the heading frame of each robot's start."""
+        self.doubt = torch.full((robots,), torch.inf)
+        """(N,) how far off it may be [m]."""
+
+    def forget(self, ids: Tensor) -> None:
+        """Robots `ids` (M,) begin anew."""
+        self.doubt[ids] = torch.inf
+
+    def look(self, ids: Tensor, elevation: Tensor, root_height: Tensor, odometry_pos: Tensor, odometry_yaw: Tensor) -> None:
+        """Robots `ids` (M,) look; who is surer than before remembers what is seen now.
+
+        Args:
+            ids: (M,) who looks.
+            elevation: (M, 128, 128) their maps [m].
+            root_height: (M,) [m].
+            odometry_pos: (M, 2) their positions in the heading frame of their start [m].
+            odometry_yaw: (M,) their headings since then [rad].
+        """
+        seen, doubt = self.perception.look(elevation, root_height)
+        cos, sin = odometry_yaw.cos(), odometry_yaw.sin()
+        x = odometry_pos[:, 0] + cos * seen[:, 0] - sin * seen[:, 1]
+        y = odometry_pos[:, 1] + sin * seen[:, 0] + cos * seen[:, 1]
+        turned_by = [seen[:, 2] * cos + seen[:, 3] * sin, seen[:, 3] * cos - seen[:, 2] * sin]
+        found = torch.cat([torch.stack([x, y, *turned_by], -1), seen[:, 4:]], -1)
+        # a little surer is not enough: what is remembered should not jump about
+        surer = doubt < 0.7 * self.doubt[ids]
+        self.seat[ids] = torch.where(surer[:, None], found, self.seat[ids])
+        self.doubt[ids] = torch.where(surer, doubt, self.doubt[ids])
+
+    def doubtful(self, odometry_pos: Tensor, odometry_yaw: Tensor) -> Tensor:
+        """(M,) robots that should look again: unsure, and not so near yet that the map shows less than before."""
+        now = seat_memory(self.seat, odometry_pos, odometry_yaw)[:, SEAT_SIZE : SEAT_SIZE + 2]
+        return torch.nonzero((self.doubt > SURE) & (now.norm(dim=-1) > self.perception.config.distance[0] + 0.1))[:, 0]
+
+    def recall(self, odometry_pos: Tensor, odometry_yaw: Tensor) -> Tensor:
+        """The memory (N, 10) of all robots, as `seat_memory`."""
+        return seat_memory(self.seat, odometry_pos, odometry_yaw)
+
+
 def draw_maps(config: PerceptionConfig, objects: Sequence[SceneObject], count: int, name: str, seen: float | None = None) -> tuple[Tensor, Tensor, Tensor]:
     """Elevation maps of objects at random poses, without noise, and the seats that they show.
 
@@ -245,7 +307,10 @@ def train_perception(config: PerceptionConfig, objects: Sequence[SceneObject], r
         heights, middle, target = turned(view[batch], center[batch], seat[batch], quarters, bool(mirror))
         heights = torch.where(torch.rand(heights.shape, generator=g) < config.dropout, 0.0, heights)
         heights = heights + config.noise * torch.randn(heights.shape, generator=g)
-        loss = functional.smooth_l1_loss(net(heights, middle) / spread, target / spread, beta=0.3)
+        found, doubt = net(heights, middle)
+        loss = functional.smooth_l1_loss(found / spread, target / spread, beta=0.3)
+        # the doubt that minimizes this is the expected distance
+        loss = loss + 0.02 * ((found - target)[:, :2].norm(dim=-1).detach() / doubt + doubt.log()).mean()
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()

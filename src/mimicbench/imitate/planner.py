@@ -27,8 +27,8 @@ from mimicbench.core.motion import RobotMotion
 from mimicbench.core.seeds import digest
 from mimicbench.imitate.clock import SIZE as CLOCK_SIZE
 from mimicbench.imitate.clock import clock_features
-from mimicbench.imitate.perception import MEMORY_SIZE, SEAT_SIZE, Perception, disturb_seat, load_perception, seat_in_root, seat_memory, seat_of
-from mimicbench.imitate.policy import Senses
+from mimicbench.imitate.perception import MEMORY_SIZE, Perception, SeatMemory, disturb_seat, load_perception, seat_in_root, seat_memory, seat_of
+from mimicbench.imitate.policy import Senses, look_again, look_first
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robot.description import Robot
 from mimicbench.sense.proprioception import body_state
@@ -258,29 +258,30 @@ def _learn(network: PlannerNetwork, optimizer: torch.optim.Optimizer, tracker: T
 
 
 class PlannerPolicy:
-    """The planner in closed loop: looks once, remembers, plans every frame, and the tracker follows."""
+    """The planner in closed loop: looks, remembers, looks again while unsure, plans every frame, and the tracker follows."""
 
     gains = RESIDUAL.gains
     eyes: Literal["cameras", "rays"] = "cameras"
 
     def __init__(self, robot: Robot, network: PlannerNetwork, tracker: Tracker, perception: Perception) -> None:
-        self._robot, self._network, self._tracker, self._perception = robot, network, tracker, perception
-        self._seat = torch.zeros(0, SEAT_SIZE)
+        self._robot, self._network, self._tracker = robot, network, tracker
+        self._memory = SeatMemory(perception, 0)
         self._last_action = torch.zeros(0, len(robot.joints))
 
     @torch.no_grad()
     def reset(self, ids: torch.Tensor, senses: Senses) -> None:
         """Look at the first map and remember the seat."""
-        if len(self._seat) != len(senses.time):
-            self._seat = torch.zeros(len(senses.time), SEAT_SIZE)
+        if len(self._last_action) != len(senses.time):
+            self._memory = SeatMemory(self._memory.perception, len(senses.time))
             self._last_action = torch.zeros(len(senses.time), len(self._robot.joints))
-        self._seat[ids] = self._perception.perceive(senses.elevation()[ids], senses.root_height[ids])
+        look_first(self._memory, ids, senses)
         self._last_action[ids] = 0.0
 
     @torch.no_grad()
     def act(self, senses: Senses) -> torch.Tensor:
         """Joint position targets (N, J) [rad]."""
-        memory = seat_memory(self._seat, senses.odometry_pos, senses.odometry_yaw)
+        look_again(self._memory, senses)
+        memory = self._memory.recall(senses.odometry_pos, senses.odometry_yaw)
         plan = self._network.plan(planner_inputs(senses.proprio, senses.time, memory))
         action = self._tracker.network(assemble(senses.proprio, self._last_action, plan))
         self._last_action = action

@@ -11,7 +11,7 @@ from torch import Tensor
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.imitate.inputs import Learner
 from mimicbench.imitate.learners import load_learner
-from mimicbench.imitate.perception import SEAT_SIZE, Perception, load_perception, seat_memory
+from mimicbench.imitate.perception import Perception, SeatMemory, load_perception
 
 
 @dataclass(frozen=True)
@@ -28,8 +28,8 @@ class Senses:
     """(N, 2) position relative to the start, in the heading frame of the start, by the robot's own reckoning [m]."""
     odometry_yaw: Tensor
     """(N,) heading relative to the start [rad]."""
-    elevation: Callable[[], Tensor]
-    """Makes the elevation maps (N, 128, 128) of this frame, relative to the root [m], row along +x, column along +y (sense.heightmap)."""
+    elevation: Callable[[Tensor], Tensor]
+    """Makes the elevation maps (M, 128, 128) of robots (M,) in this frame, relative to the root [m], row along +x, column along +y (sense.heightmap)."""
 
     @property
     def root_height(self) -> Tensor:
@@ -43,7 +43,7 @@ class Policy(Protocol):
     gains: str
     """Which of the robot's gain presets its targets are meant for."""
     eyes: Literal["cameras", "rays"]
-    """Which maker of elevation maps it looks through: `cameras` see what four cameras see, once at the start; `rays` are fast enough for every frame."""
+    """Which maker of elevation maps it looks through: `cameras` see what four cameras see, now and then; `rays` are fast enough for every frame."""
 
     def reset(self, ids: Tensor, senses: Senses) -> None:
         """Robots `ids` (M,) begin anew; `senses` are those of all N robots in their first frame."""
@@ -52,6 +52,28 @@ class Policy(Protocol):
     def act(self, senses: Senses) -> Tensor:
         """Joint position targets (N, 19) [rad] for all robots."""
         ...
+
+
+LOOK_EVERY = 1.0
+"""[s] between the looks of a robot that is not sure yet where the seat is."""
+
+
+def look_first(memory: SeatMemory, ids: Tensor, senses: Senses) -> None:
+    """Robots `ids` (M,) begin anew and remember the seat as they see it now."""
+    memory.forget(ids)
+    memory.look(ids, senses.elevation(ids), senses.root_height[ids], senses.odometry_pos[ids], senses.odometry_yaw[ids])
+
+
+def look_again(memory: SeatMemory, senses: Senses) -> None:
+    """Robots that are not sure look again, at every whole multiple of LOOK_EVERY since their start."""
+    looks = senses.time / LOOK_EVERY
+    due = (senses.time > 0) & ((looks - looks.round()).abs() * LOOK_EVERY < 1e-3)
+    if not due.any():
+        return
+    ids = memory.doubtful(senses.odometry_pos, senses.odometry_yaw)
+    ids = ids[due[ids]]
+    if len(ids):
+        memory.look(ids, senses.elevation(ids), senses.root_height[ids], senses.odometry_pos[ids], senses.odometry_yaw[ids])
 
 
 class VisionPolicy:
@@ -63,26 +85,29 @@ class VisionPolicy:
         if learner.inputs.memory and perception is None:
             raise MimicbenchError("this policy remembers the seat that it saw at the start; give it a perception checkpoint too")
         self.learner = learner.eval()
-        self.perception = perception
         self.eyes: Literal["cameras", "rays"] = "rays" if learner.inputs.elevation else "cameras"
-        self._seat = torch.zeros(0, SEAT_SIZE)
+        self._memory = None if perception is None or not learner.inputs.memory else SeatMemory(perception, 0)
 
     @torch.no_grad()
     def reset(self, ids: Tensor, senses: Senses) -> None:
-        """Look at the first map and remember the seat."""
-        if self.perception is None or not self.learner.inputs.memory:
+        """Look and remember the seat."""
+        if self._memory is None:
             return
-        if len(self._seat) != len(senses.time):
-            self._seat = torch.zeros(len(senses.time), SEAT_SIZE, device=senses.proprio.device)
-        self._seat[ids] = self.perception.perceive(senses.elevation()[ids], senses.root_height[ids])
+        if len(self._memory.doubt) != len(senses.time):
+            self._memory = SeatMemory(self._memory.perception, len(senses.time))
+        look_first(self._memory, ids, senses)
 
     @torch.no_grad()
     def act(self, senses: Senses) -> Tensor:
         """Joint position targets (N, 19) [rad]."""
+        memory = None
+        if self._memory is not None:
+            look_again(self._memory, senses)
+            memory = self._memory.recall(senses.odometry_pos, senses.odometry_yaw)
         inputs = self.learner.inputs
-        memory = seat_memory(self._seat, senses.odometry_pos, senses.odometry_yaw) if inputs.memory else None
         vector = inputs.vector(senses.state, senses.proprio, senses.time, memory)
-        return self.learner.predict(vector, senses.elevation()[:, None] if inputs.elevation else None)
+        everyone = torch.arange(len(senses.time))
+        return self.learner.predict(vector, senses.elevation(everyone)[:, None] if inputs.elevation else None)
 
 
 def load_policy(folder: Path, robot: str, perception: Path | None = None) -> VisionPolicy:

@@ -1,0 +1,237 @@
+"""The stages of a task, one after the other, each on the artefacts of the one before.
+
+A Workspace says where they are and with which seed; each function below is one stage with its files, and returns it
+finished. Running a finished stage again does nothing; a killed one goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mimicbench.core.errors import UnknownName
+from mimicbench.core.motion import RobotMotion
+from mimicbench.core.stage import Stage, open_stage, read_stage
+from mimicbench.objects.make import ObjectsConfig, make_objects, read_objects
+from mimicbench.objects.shape import SceneObject
+from mimicbench.references.make import ReferencesConfig, import_references, make_references
+from mimicbench.retarget.make import RetargetConfig, make_retargeted, read_retargeted
+from mimicbench.robot.description import Robot, load_robot
+from mimicbench.tasks.registry import get_task
+from mimicbench.tasks.task import Task
+
+if TYPE_CHECKING:  # these bring torch, which the earlier stages do without
+    import numpy as np
+
+    from mimicbench.evaluate.rows import EpisodeRow
+    from mimicbench.imitate.demos import DemosConfig
+    from mimicbench.imitate.make import ImitateConfig
+    from mimicbench.track.train import TrackConfig
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """Where a task's artefacts are, and what every stage shares."""
+
+    workdir: Path
+    slug: str
+    seed: int = 0
+    workers: int = 0
+    """Threads or processes; 0 for all processors. Never changes a result."""
+    quiet: bool = False
+    """No progress bars."""
+    robot_name: str = "h1"
+
+    @cached_property
+    def task(self) -> Task:
+        """The task. Raises UnknownName."""
+        return get_task(self.slug)
+
+    @cached_property
+    def robot(self) -> Robot:
+        """The robot. Raises UnknownName."""
+        return load_robot(self.robot_name)
+
+    def folder(self, stage: str) -> Path:
+        """`<workdir>/<task>/<stage>`."""
+        return self.workdir / self.slug / stage
+
+    def finished(self, stage: str) -> Stage:
+        """An earlier stage. Raises BadFile with the command that makes it."""
+        return read_stage(self.folder(stage), f"mimicbench {stage} --task {self.slug} --workdir {self.workdir}")
+
+    def objects(self) -> dict[str, SceneObject]:
+        """All objects by id."""
+        self.finished("objects")
+        return read_objects(self.folder("objects"))
+
+    def motions(self, split: str | None = None) -> list[RobotMotion]:
+        """Retargeted clips that fulfil K, of one split or of both."""
+        self.finished("retarget")
+        objects = self.objects()
+        return [m for m in read_retargeted(self.folder("retarget"), self.robot.name) if split is None or objects[m.object_id].split == split]
+
+
+def objects_stage(ws: Workspace, config: ObjectsConfig) -> Stage:
+    """Make objects of the task's family."""
+    return make_objects(ws.folder("objects"), ws.slug, ws.task.family, config, ws.seed)
+
+
+def references_stage(ws: Workspace, config: ReferencesConfig) -> Stage:
+    """Make human clips on the objects."""
+    return make_references(ws.folder("references"), ws.finished("objects"), ws.slug, config, ws.seed, ws.workers, ws.quiet)
+
+
+def import_stage(ws: Workspace, files: Sequence[Path], say: Say) -> Stage:
+    """Human clips from recordings instead of made ones, on objects fitted to them."""
+    return import_references(ws.folder("objects"), ws.folder("references"), ws.slug, files, say)[1]
+
+
+def retarget_stage(ws: Workspace, config: RetargetConfig) -> Stage:
+    """Retarget the clips and judge each by K."""
+    return make_retargeted(ws.folder("retarget"), ws.finished("references"), ws.folder("objects"), ws.slug, ws.task.fulfilled, config, ws.workers, ws.quiet)
+
+
+def track_stage(ws: Workspace, config: TrackConfig, say: Say = print) -> Stage:
+    """Train the tracker on the clips of training objects; objects of the test split only judge it."""
+    from mimicbench.track.train import train_tracker
+
+    stage = open_stage(ws.folder("track"), "track", ws.slug, ws.seed, asdict(config), {"retarget": ws.finished("retarget").fingerprint})
+    if stage.complete:
+        return stage
+    train, test = ws.motions("train"), ws.motions("test")
+
+    def report(row: dict) -> None:
+        say(
+            f"{row['samples'] / 1e6:6.2f} M samples  {row['samples'] / row['seconds']:6.0f}/s  reward {row['reward']:.3f}  "
+            f"K on training clips {row['k_train']:.2f}, on unseen objects {row['k_held_out']:.2f}"
+        )
+
+    train_tracker(stage.folder, ws.robot, ws.task, train, test, ws.objects(), config, ws.seed, ws.workers, report)
+    return stage.finish(clips=len(train), samples=config.samples)
+
+
+def evaluate_tracker(ws: Workspace, checkpoint: Path, episodes: int, split: str | None) -> list[EpisodeRow]:
+    """One row per clip: the tracker follows `episodes` clips of a split from their first frames."""
+    from mimicbench.evaluate.rollout import tracker_rows
+    from mimicbench.track.checkpoint import load_tracker
+    from mimicbench.track.rollout import track_clips
+
+    _one_thread()
+    tracker = load_tracker(checkpoint, ws.robot)
+    motions, objects = ws.motions(split)[:episodes], ws.objects()
+    rollout = track_clips(tracker, ws.robot, ws.task, motions, objects, ws.workers)
+    return tracker_rows(rollout, motions, objects, ws.task, ws.robot, "tracker", tracker.kind.name, ws.seed)
+
+
+def demos_stage(ws: Workspace, config: DemosConfig) -> Stage:
+    """Let the tracker turn the training clips into demonstrations."""
+    from mimicbench.imitate.demos import make_demos
+    from mimicbench.track.checkpoint import load_tracker
+
+    track = ws.finished("track")
+    tracker = load_tracker(track.folder / "checkpoint", ws.robot)
+    return make_demos(
+        ws.folder("demos"), ws.finished("retarget"), ws.robot, ws.task, tracker, track.fingerprint, ws.motions("train"), ws.objects(), config,
+        ws.seed, ws.workers, ws.quiet,
+    )  # fmt: skip
+
+
+def imitate_stage(ws: Workspace, name: str, config: ImitateConfig, say: Say = print) -> Stage:
+    """Learn the policy `name`, and before it what it needs: the tracker's copy, the eyes, the demonstrations."""
+    from mimicbench.imitate import make
+
+    track, folder, objects = ws.finished("track"), ws.folder("imitate"), ws.objects()
+    if not (folder / "tracker" / "config.json").exists():
+        copy_checkpoint(track.folder / "checkpoint", folder / "tracker")
+    train = [obj for obj in objects.values() if obj.split == "train"]
+    test = [obj for obj in objects.values() if obj.split == "test"]
+    made_from = {"objects": ws.finished("objects").fingerprint}
+    eyes = make.make_perception(folder / "perception", ws.slug, ws.robot, train, test, made_from, config.perception, ws.quiet)
+    if name == "planner":
+        made_from = {"track": track.fingerprint, "perception": eyes.fingerprint}
+        return make.make_planner(folder / name, ws.robot, ws.task, ws.motions("train"), objects, made_from, config.planner, ws.seed, ws.workers, say)
+    demos = demos_stage(ws, config.demos)
+    made_from = {"demos": demos.fingerprint, "perception": eyes.fingerprint}
+    return make.make_clone(folder / name, ws.robot, ws.task, name, demos.folder / "dataset", objects, made_from, config.clone, ws.seed, ws.quiet)
+
+
+def copy_checkpoint(source: Path, target: Path) -> None:
+    """Copy a checkpoint's two files, whole or not at all."""
+    from mimicbench.core.checkpoint import CONFIG, MODEL
+    from mimicbench.core.files import write_atomic
+
+    for name in (MODEL, CONFIG):  # config.json last: a folder with it is whole
+        data = (source / name).read_bytes()
+        write_atomic(target / name, lambda stream, data=data: stream.write(data))
+
+
+def _one_thread() -> None:
+    """Networks judge with one thread, whatever `workers` says: sums round differently on more."""
+    import torch
+
+    torch.set_num_threads(1)
+
+
+BEST = {"sit-chair": "planner"}
+"""The policy that we ship as our best, by task."""
+SHIPPED = Path(__file__).parent / "checkpoints"
+"""Checkpoints that come with the package, laid out as an `imitate` folder is, by task."""
+
+
+def policy_folder(ws: Workspace, policy: str) -> Path:
+    """Where a policy is: `best`, a name, or a path. A workdir's own comes before the shipped one. Raises UnknownName."""
+    name = BEST.get(ws.slug, "planner") if policy == "best" else policy
+    places = [ws.folder("imitate") / name, SHIPPED / ws.slug / name]
+    if "/" in policy or policy.startswith("."):
+        return Path(policy)
+    for place in places:
+        if (place / "config.json").exists():
+            return place
+    known = {path.parent.name for root in (ws.folder("imitate"), SHIPPED / ws.slug) for path in root.glob("*/config.json")}
+    raise UnknownName("policy", policy, ["best", *sorted(known - {"tracker", "perception"})])
+
+
+def tracker_folder(ws: Workspace) -> Path:
+    """The workdir's own tracker, or the shipped one."""
+    own = ws.folder("track") / "checkpoint"
+    return own if (own / "config.json").exists() else SHIPPED / ws.slug / "tracker"
+
+
+def evaluate_policy(
+    ws: Workspace, policy: str, episodes: int, record: Sequence[int] = (), linger: float = 0.0
+) -> tuple[list[EpisodeRow], dict[int, np.ndarray]]:
+    """One row per episode on unseen objects from unseen starts, and the states of the episodes in `record`.
+
+    The same episodes for every policy: the first `episodes` clips of the test split.
+    """
+    from mimicbench.core.parallel import counter
+    from mimicbench.evaluate.rollout import Protocol, policy_rows, run_policy
+    from mimicbench.imitate.make import load_any
+
+    _one_thread()
+    folder = policy_folder(ws, policy)
+    driver = load_any(folder, ws.robot)
+    starts, objects = ws.motions("test")[:episodes], ws.objects()
+    with counter(len(starts), f"evaluating {folder.name}", ws.quiet) as tick:
+        runs = run_policy(driver, ws.robot, ws.task, starts, objects, driver.gains, Protocol(linger=linger), ws.workers, record, tick)
+    rows = policy_rows(runs, starts, objects, ws.task, ws.robot, folder.name, driver.gains, ws.seed)
+    recordings = {}
+    for number, run in enumerate(runs):
+        recordings |= {number * Protocol().batch + episode: track for episode, track in run.recordings.items()}
+    return rows, recordings
+
+
+def prepare_episodes(ws: Workspace, episodes: int) -> None:
+    """See to it that there are `episodes` retargeted clips on objects of the test split to start from. Does nothing if the workdir has its own."""
+    if (ws.folder("retarget") / "header.json").exists():
+        ws.finished("retarget")
+        return
+    objects_stage(ws, ObjectsConfig())
+    references_stage(ws, ReferencesConfig(episodes, test_only=True))
+    retarget_stage(ws, RetargetConfig())
