@@ -210,7 +210,7 @@ class Recorder:
 
     def act(self, senses):
         numbers = [value for name, value in vars(senses).items() if name != "elevation"]
-        self.seen.append([part.numpy().copy() for part in (*numbers, senses.root_height, senses.elevation())])
+        self.seen.append([part.numpy().copy() for part in (*numbers, senses.root_height, senses.elevation(torch.arange(len(senses.time))))])
         return self.target
 
 

@@ -27,7 +27,7 @@ from mimicbench.core.motion import RobotMotion
 from mimicbench.core.seeds import digest
 from mimicbench.imitate.clock import SIZE as CLOCK_SIZE
 from mimicbench.imitate.clock import clock_features
-from mimicbench.imitate.perception import MEMORY_SIZE, Perception, SeatMemory, disturb_seat, load_perception, seat_in_root, seat_memory, seat_of
+from mimicbench.imitate.perception import MEMORY_SIZE, SEAT_SIZE, Perception, SeatMemory, disturb_seat, load_perception, seat_in_root, seat_memory, seat_of
 from mimicbench.imitate.policy import Senses, look_again, look_first
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robot.description import Robot
