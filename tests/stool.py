@@ -15,7 +15,7 @@ def block(height=0.42, half=0.25, movable=False, mass=None):
     ones = np.ones((1, 3))
     square = half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
     return SceneObject(f"block-{height}-{movable}", "chair", "stool", np.array([[0, 0, height / 2]]), rot.IDENTITY[None], np.array([[half, half, height / 2]]),
-                       0.5 * ones, height, square, movable, mass)  # fmt: skip
+                       0.5 * ones, height, square, movable=movable, mass=mass)  # fmt: skip
 
 
 def seated(height):

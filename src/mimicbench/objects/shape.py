@@ -32,9 +32,19 @@ class SceneObject:
     """H of the metric: height of the surface to sit or lie on [m]."""
     seat_polygon: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
     """(P, 2) outline of that surface seen from above [m], counter-clockwise."""
+    head_xy: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    """(2,) where the head of who lies on it goes, seen from above [m]; empty if it is not for lying."""
+    touch_points: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    """(P, 3) places on the surface that a hand can reach and use, such as handles and edges [m]."""
+    touch_normals: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    """(P, 3) unit vectors out of the surface at these places."""
     movable: bool = False
     mass: float | None = None
     """[kg], of movable objects."""
+    friction: float = 1.0
+    """Sliding friction of its surface."""
+    hulls: tuple[np.ndarray, ...] = ()
+    """Of an imported object: per box, the corners (V, 3) [m] of the convex piece that the box encloses, and that collides in its place."""
 
     def __post_init__(self) -> None:
         boxes = len(self.box_pos)
@@ -46,6 +56,12 @@ class SceneObject:
                 raise BadObject(f"object {self.id}: {name} must be {boxes} x {width} finite numbers")
         if (self.box_half <= 0).any():
             raise BadObject(f"object {self.id} has a box without thickness")
+        if self.touch_points.shape != self.touch_normals.shape or self.touch_points.shape[1:] != (3,):
+            raise BadObject(f"object {self.id}: every touch point needs a normal, both of three numbers")
+        if self.head_xy.shape not in ((0,), (2,)):
+            raise BadObject(f"object {self.id}: head_xy must be two numbers, or none")
+        if self.hulls and (len(self.hulls) != boxes or any(hull.ndim != 2 or hull.shape[1] != 3 or len(hull) < 4 for hull in self.hulls)):
+            raise BadObject(f"object {self.id}: there must be one convex piece of 4 or more corners for each box, or none at all")
 
     @property
     def split(self) -> str:
@@ -80,7 +96,9 @@ class SceneObject:
         return {
             "id": self.id, "family": self.family, "kind": self.kind, "box_pos": self.box_pos.tolist(), "box_quat": self.box_quat.tolist(),
             "box_half": self.box_half.tolist(), "box_rgb": self.box_rgb.tolist(), "seat_height": self.seat_height,
-            "seat_polygon": self.seat_polygon.tolist(), "movable": self.movable, "mass": self.mass,
+            "seat_polygon": self.seat_polygon.tolist(), "head_xy": self.head_xy.tolist(), "touch_points": self.touch_points.tolist(),
+            "touch_normals": self.touch_normals.tolist(), "movable": self.movable, "mass": self.mass, "friction": self.friction,
+            "hulls": [hull.tolist() for hull in self.hulls],
         }  # fmt: skip
 
     @staticmethod
@@ -90,7 +108,10 @@ class SceneObject:
             arrays = {name: np.array(data[name], dtype=float) for name in ("box_pos", "box_quat", "box_half", "box_rgb")}
             return SceneObject(
                 id=data["id"], family=data["family"], kind=data["kind"], **arrays, seat_height=data["seat_height"],
-                seat_polygon=np.array(data["seat_polygon"], dtype=float).reshape(-1, 2), movable=data["movable"], mass=data["mass"],
+                seat_polygon=np.array(data["seat_polygon"], dtype=float).reshape(-1, 2), head_xy=np.array(data["head_xy"], dtype=float),
+                touch_points=np.array(data["touch_points"], dtype=float).reshape(-1, 3),
+                touch_normals=np.array(data["touch_normals"], dtype=float).reshape(-1, 3), movable=data["movable"], mass=data["mass"],
+                friction=data["friction"], hulls=tuple(np.array(hull, dtype=float) for hull in data["hulls"]),
             )  # fmt: skip
         except (KeyError, TypeError, ValueError) as error:
             raise BadObject(f"not an object description: {error}") from None
