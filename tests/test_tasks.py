@@ -14,9 +14,13 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.sim.native import NativePhysics
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.judge import Judge
+from mimicbench.tasks.lie_bed import LIE_BED
+from mimicbench.tasks.lie_sofa import LIE_SOFA
+from mimicbench.tasks.lift_box import LIFT_BOX
 from mimicbench.tasks.registry import TASKS, get_task
 from mimicbench.tasks.sit_chair import SIT_CHAIR
 from mimicbench.tasks.task import BodyPoints, ObjectFacts, longest_run
+from mimicbench.tasks.touch_points import TOUCH_POINTS
 from stool import H1, block, place, seated, standing
 
 H, EPS = 0.5, 1e-9
@@ -182,7 +186,111 @@ def test_registry():
 
 @pytest.mark.parametrize("task", TASKS.values(), ids=TASKS)
 def test_every_task_is_whole(task):
-    assert task.time_limit in (10.0, 20.0) and 0 < task.hold_time < 1 and task.family and task.title
+    assert task.time_limit in (10.0, 20.0) and 0 <= task.hold_time <= 1 and task.family and task.title
     facts = ObjectFacts.of([make_chair(i) for i in range(3)])
     found = task.holds(BodyPoints(np.zeros((3, 3)), np.zeros((3, 2, 3)), np.zeros((3, 2, 3))), facts)
     assert found.shape == (3,) and found.dtype == bool
+
+
+def body(pelvis=(0, 0, 0), ankles=((0, 0, 0), (0, 0, 0)), wrists=((0, 0, 0), (0, 0, 0))):
+    """The key positions of one robot."""
+    return BodyPoints(*(np.array([points], float) for points in (pelvis, ankles, wrists)))
+
+
+def facts(height=0.5, half=0.25, goals=None):
+    return ObjectFacts.of([block(height, half)], goals)
+
+
+def test_sitting_on_a_sofa_is_judged_as_on_a_chair():
+    assert get_task("sit-sofa").holds is SIT_CHAIR.holds and get_task("sit-sofa").hold_time == SIT_CHAIR.hold_time == 0.3
+
+
+@pytest.mark.parametrize("joint", range(3))
+@pytest.mark.parametrize(
+    ("place", "expected"),
+    [
+        ((0, 0, H), True),
+        ((0, 0, H - EPS), False),
+        ((0, 0, H + 0.4 - EPS), True),
+        ((0, 0, H + 0.4 + EPS), False),
+        ((0.25, 0, H), True),
+        ((0.25 + EPS, 0, H), False),
+    ],
+)
+def test_lying_on_a_bed_needs_pelvis_and_both_ankles_on_it(joint, place, expected):
+    points = [(0.0, 0.0, H + 0.1)] * 3
+    points[joint] = place
+    assert LIE_BED.holds(body(points[0], points[1:]), facts())[0] == expected
+
+
+@pytest.mark.parametrize(
+    ("pelvis", "ankle", "expected"),
+    [(H, 0.25 + EPS, True), (H, 0.25, False), (H - EPS, 0.4, False), (H + 0.4 - EPS, 0.4, True), (H + 0.4 + EPS, 0.4, False)],
+)
+def test_lying_on_a_sofa_needs_ankles_above_half_of_its_height(pelvis, ankle, expected):
+    # the ankles may be anywhere seen from above, only not low
+    for ankles in (((2, 0, ankle), (0, 0, 1)), ((0, 0, 1), (0, 2, ankle))):
+        assert LIE_SOFA.holds(body((0, 0, pelvis), ankles), facts())[0] == expected
+
+
+@pytest.mark.parametrize(("off", "expected"), [(0.1 - EPS, True), (0.1 + EPS, False), (0.0, True)])
+def test_touching_points_needs_both_wrists_within_a_tenth_of_a_meter(off, expected):
+    goal = np.array([[0.4, 0.2, 0.8], [0.4, -0.2, 0.7]])
+    for wrist in (0, 1):
+        for direction in np.eye(3):
+            wrists = goal.copy()
+            wrists[wrist] += off * direction
+            assert TOUCH_POINTS.holds(body(wrists=wrists), facts(goals=[goal]))[0] == expected
+    assert not TOUCH_POINTS.holds(body(), facts())[0], "without a goal nothing is touched"
+    assert TOUCH_POINTS.hold_frames(50) == 50
+
+
+@pytest.mark.parametrize(("lift", "off", "expected"), [(0.2, 0.1 - EPS, True), (0.2 - EPS, 0.0, False), (0.5, 0.1 + EPS, False), (0.3, 0.05, True)])
+def test_lifting_a_box_needs_height_and_both_wrists_at_its_surface(lift, off, expected):
+    # turned by a quarter and shifted: its sides are still 0.25 m from its middle
+    scene = facts().moved(np.array([[0.1, 0.0, lift]]), rot.from_yaw(np.array([np.pi / 2])))
+    wrists = np.array([[0.1, 0.25 + off, lift + 0.3], [0.1, -0.25, lift + 0.3]])
+    for pair in (wrists, wrists[::-1]):
+        assert LIFT_BOX.holds(body(wrists=pair), scene)[0] == expected
+
+
+def test_lifting_a_box_is_judged_in_the_last_frame():
+    box = block(0.6, 0.2, movable=True, mass=2.0)
+    physics = NativePhysics(H1, [box], workers=1)
+    judge = Judge(LIFT_BOX, H1, [box], CONTROL_DT)
+    pos, joints = standing()
+    hands = BodyPoints.of(H1, *H1.forward_kinematics(pos[None], rot.IDENTITY[None], joints[None])).wrist_pos_w[0].mean(0)
+    for height, expected in ((0.0, False), (0.3, True), (0.1, False)):
+        place(physics, pos, joints)
+        physics.qpos()[0, -7:-4] = [hands[0], hands[1], height]
+        judge.see(physics, np.ones(1, bool))
+        # the hands hang beside the hips, 0.2 m to the left and right of the middle: at the sides of the box
+        assert judge.success.tolist() == judge.success_at_end.tolist() == [expected] and not judge.over().any()
+    assert judge.first_success[0] == pytest.approx(2 * CONTROL_DT)
+
+
+def test_who_lies_has_not_fallen_where_lying_is_the_task():
+    obj = block(0.42, 1.0)
+    for task, fallen in ((LIE_BED, False), (SIT_CHAIR, True)):
+        physics = NativePhysics(H1, [obj], workers=1)
+        judge = Judge(task, H1, [obj], CONTROL_DT)
+        physics.reset(np.arange(1), np.array([[0, 0, 0.6]]), rot.from_rotvec(np.array([[0, -1.5, 0]])), np.zeros((1, 19)))
+        judge.see(physics, np.ones(1, bool))
+        assert judge.fell.tolist() == [fallen]
+
+
+def test_k_of_a_motion_that_moves_its_object():
+    frames = 10
+    pos, joints = standing()
+    hands = BodyPoints.of(H1, *H1.forward_kinematics(pos[None], rot.IDENTITY[None], joints[None])).wrist_pos_w[0].mean(0)
+    track = np.tile([hands[0], hands[1], 0.0], (frames, 1))
+    still = np.tile(rot.IDENTITY, (frames, 1))
+    box = block(0.6, 0.2, movable=True, mass=2.0)
+
+    def lifted(heights):
+        track[:, 2] = heights
+        return RobotMotion("c", "lift-box", "h1", H1.joint_names, 50.0, np.tile(pos, (frames, 1)), still, np.tile(joints, (frames, 1)), box.id, "c",
+                           object_pos_w=track.copy(), object_quat_w=still)  # fmt: skip
+
+    assert LIFT_BOX.fulfilled(lifted(np.linspace(0, 0.25, frames)), box, H1)
+    assert not LIFT_BOX.fulfilled(lifted(np.linspace(0.25, 0, frames)), box, H1), "put down again"

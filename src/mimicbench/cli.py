@@ -178,6 +178,22 @@ def run(
         print(f"report: {page}")
 
 
+@app.command(name="table")
+def table(
+    files: tyro.conf.Positional[tuple[Path, ...]],
+    form: Annotated[Literal["terminal", "markdown", "latex", "csv"], tyro.conf.arg(name="format", help="how to print it")] = "terminal",
+) -> None:
+    """Print the results in files of episode rows (`<workdir>/<task>/evaluate/*.parquet`) beside the paper's, one table per task."""
+    from mimicbench.evaluate.rows import read_rows
+    from mimicbench.report import tables
+    from mimicbench.report.compare import beside_paper_table, summaries
+
+    write = {"terminal": tables.to_terminal, "markdown": tables.to_markdown, "latex": tables.to_latex, "csv": tables.to_csv}[form]
+    rows = [row for path in files for row in read_rows(path)]
+    for task in dict.fromkeys(row.task for row in rows):
+        print(write(beside_paper_table(task, summaries([row for row in rows if row.task == task]))))
+
+
 @app.command(name="bench")
 def bench(
     task: Task = "sit-chair",

@@ -70,12 +70,19 @@ class HumanMotion:
     """What the clip chose beyond start pose and object, by name."""
     source: str = "synthetic"
     """Where it came from: `synthetic`, or the imported file's name."""
+    object_pos_w: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    """(T, 3) where a movable object's origin is [m]; empty if the object stays at the origin."""
+    object_quat_w: np.ndarray = field(default_factory=lambda: np.zeros((0, 4)))
+    """(T, 4) how it is turned; empty if it stays."""
+    wrist_goal_w: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    """(2, 3) where left and right wrist are to go [m]; empty if the task has no such goal."""
 
     def __post_init__(self) -> None:
         joints = len(self.skeleton.joint_names)
         _check_frames(self.id, self.fps, {"root_pos_w": (self.root_pos_w, (3,)), "local_quat": (self.local_quat, (joints, 4))})
         _check_unit(self.id, "local_quat", self.local_quat)
         _check_contacts(self.id, self.frames, self.contact_names, self.contacts)
+        _check_scene(self.id, self.frames, self.object_pos_w, self.object_quat_w, self.wrist_goal_w)
 
     @property
     def frames(self) -> int:
@@ -101,7 +108,7 @@ class HumanMotion:
         }  # fmt: skip
         write_npz(path, header, {
             "offsets": self.skeleton.offsets, "root_pos_w": self.root_pos_w.astype(np.float32),
-            "local_quat": self.local_quat.astype(np.float32), "contacts": self.contacts,
+            "local_quat": self.local_quat.astype(np.float32), "contacts": self.contacts, **_scene_arrays(self),
         })  # fmt: skip
 
     @staticmethod
@@ -114,6 +121,7 @@ class HumanMotion:
             return HumanMotion(
                 header["id"], header["task"], skeleton, header["fps"], data["root_pos_w"].astype(float), _read_quat(data["local_quat"]),
                 header["object_id"], tuple(header["contact_names"]), data["contacts"], header["style"], header["source"],
+                **_read_scene(data),
             )  # fmt: skip
 
 
@@ -143,6 +151,12 @@ class RobotMotion:
     """What the retargeting measured of itself, by name."""
     success: bool = True
     """Whether the clip fulfils the task's kinematic metric K."""
+    object_pos_w: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    """(T, 3) where a movable object's origin is [m]; empty if the object stays at the origin."""
+    object_quat_w: np.ndarray = field(default_factory=lambda: np.zeros((0, 4)))
+    """(T, 4) how it is turned; empty if it stays."""
+    wrist_goal_w: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    """(2, 3) where left and right wrist are to go [m]; empty if the task has no such goal."""
 
     def __post_init__(self) -> None:
         n = len(self.joint_names)
@@ -150,6 +164,7 @@ class RobotMotion:
         _check_frames(self.id, self.fps, arrays)
         _check_unit(self.id, "root_quat_w", self.root_quat_w)
         _check_contacts(self.id, self.frames, self.contact_names, self.contacts)
+        _check_scene(self.id, self.frames, self.object_pos_w, self.object_quat_w, self.wrist_goal_w)
 
     @property
     def frames(self) -> int:
@@ -171,7 +186,13 @@ class RobotMotion:
         return replace(
             self, fps=fps, contacts=contacts, root_pos_w=rot.resample(self.root_pos_w, self.fps, fps),
             root_quat_w=rot.resample_quat(self.root_quat_w, self.fps, fps), joint_pos=rot.resample(self.joint_pos, self.fps, fps),
+            **self._resampled_object(fps),
         )  # fmt: skip
+
+    def _resampled_object(self, fps: float) -> dict[str, np.ndarray]:
+        if not len(self.object_pos_w):
+            return {}
+        return {"object_pos_w": rot.resample(self.object_pos_w, self.fps, fps), "object_quat_w": rot.resample_quat(self.object_quat_w, self.fps, fps)}
 
     def save(self, path: Path) -> None:
         """Write one `.npz` file, atomically."""
@@ -183,7 +204,7 @@ class RobotMotion:
         }  # fmt: skip
         write_npz(path, header, {
             "root_pos_w": self.root_pos_w.astype(np.float32), "root_quat_w": self.root_quat_w.astype(np.float32),
-            "joint_pos": self.joint_pos.astype(np.float32), "contacts": self.contacts,
+            "joint_pos": self.joint_pos.astype(np.float32), "contacts": self.contacts, **_scene_arrays(self),
         })  # fmt: skip
 
     @staticmethod
@@ -198,6 +219,7 @@ class RobotMotion:
                 header["id"], header["task"], header["robot"], tuple(header["joint_names"]), header["fps"], data["root_pos_w"].astype(float),
                 _read_quat(data["root_quat_w"]), data["joint_pos"].astype(float), header["object_id"], header["reference_id"],
                 tuple(header["contact_names"]), data["contacts"], header["style"], header["measures"], header["success"],
+                **_read_scene(data),
             )  # fmt: skip
 
 
@@ -239,6 +261,29 @@ def _check_unit(clip: str, name: str, quat: np.ndarray) -> None:
 def _check_contacts(clip: str, frames: int, names: tuple[str, ...], contacts: np.ndarray) -> None:
     if names and contacts.shape != (frames, len(names)):
         raise BadMotion(f"clip {clip}: contacts has shape {contacts.shape}, expected {(frames, len(names))}")
+
+
+def _check_scene(clip: str, frames: int, object_pos: np.ndarray, object_quat: np.ndarray, wrist_goal: np.ndarray) -> None:
+    if len(object_pos) or len(object_quat):
+        _check_frames(clip, 1.0, {"root_pos_w": (np.zeros((frames, 0)), (0,)), "object_pos_w": (object_pos, (3,)), "object_quat_w": (object_quat, (4,))})
+        _check_unit(clip, "object_quat_w", object_quat)
+    if wrist_goal.shape not in ((0, 3), (2, 3)) or not np.isfinite(wrist_goal).all():
+        raise BadMotion(f"clip {clip}: wrist_goal_w must be two places of three finite numbers, left and right, or none")
+
+
+_SCENE = {"object_pos_w": 3, "object_quat_w": 4, "wrist_goal_w": 3}
+
+
+def _scene_arrays(motion: HumanMotion | RobotMotion) -> dict[str, np.ndarray]:
+    """What a clip says of its object and goal, if anything."""
+    return {name: getattr(motion, name).astype(np.float32) for name in _SCENE if len(getattr(motion, name))}
+
+
+def _read_scene(data: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    arrays = {name: data[name].astype(float) for name in _SCENE if name in data}
+    if "object_quat_w" in arrays:
+        arrays["object_quat_w"] = _read_quat(arrays["object_quat_w"])
+    return arrays
 
 
 def _check_conventions(path: Path, header: dict) -> None:

@@ -78,14 +78,14 @@ def _run_batch(
     scene = [objects[motion.object_id] for motion in starts]
     physics = NativePhysics(robot, scene, preset=preset, workers=workers)
     place_at_start(physics, starts, task)
-    judge = Judge(task, robot, scene, CONTROL_DT)
+    judge = Judge(task, robot, scene, CONTROL_DT, [motion.wrist_goal_w for motion in starts])
     odometry = Odometry(n)
     everyone = torch.arange(n)
     odometry.reset(everyone, physics.state())
     last_target = torch.zeros(n, len(robot.joints))
     start_distance = _distances(physics, scene)
     end_distance = start_distance.copy()
-    limit, linger = round(task.time_limit / CONTROL_DT), round(protocol.linger / CONTROL_DT)
+    limit = round(task.time_limit / CONTROL_DT)
     running = np.ones(n, bool)
     tracks: dict[int, list[np.ndarray]] = {episode: [physics.qpos()[episode].copy()] for episode in record}
     for step in range(limit):
@@ -96,8 +96,7 @@ def _run_batch(
         physics.step(last_target, True, None if running.all() else np.flatnonzero(running))
         judge.see(physics, running)
         odometry.update(physics.state(), CONTROL_DT)
-        over = judge.diverged | (judge.success & (judge.steps >= judge.first_success / CONTROL_DT + linger - 0.5))
-        ended = running & over
+        ended = running & judge.over(protocol.linger)
         for episode in tracks:
             if running[episode]:
                 tracks[episode].append(physics.qpos()[episode].copy())

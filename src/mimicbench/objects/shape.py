@@ -85,6 +85,13 @@ class SceneObject:
         low, high = self.bounds()
         return np.all((points[..., :2] >= low[:2]) & (points[..., :2] <= high[:2]), axis=-1)
 
+    def distance(self, points: np.ndarray) -> np.ndarray:
+        """(...,) from points (..., 3) in the object's frame to its boxes [m]; 0 inside of one."""
+        from mimicbench.core import rotations as rot
+
+        local = np.abs(rot.rotate_inverse(self.box_quat, points[..., None, :] - self.box_pos)) - self.box_half
+        return np.linalg.norm(np.maximum(local, 0.0), axis=-1).min(-1)
+
     def require_seat(self) -> float:
         """The seat's height. Raises BadObject if there is none."""
         if self.seat_height is None:

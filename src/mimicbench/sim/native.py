@@ -108,6 +108,13 @@ class NativePhysics:
         lin = lin_com + np.cross(ang, xpos[:, rows] - com[:, rows.start, None])
         return LinkState(*(torch.from_numpy(a.astype(np.float32)) for a in (xpos[:, rows], xquat[:, rows], lin, ang)))
 
+    def object_pose(self) -> tuple[np.ndarray, np.ndarray]:
+        """Positions (N, 3) [m] and orientations (N, 4) of the objects now; the origin where they do not move."""
+        if not self.objects[0].movable:
+            return np.zeros((self.num_envs, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (self.num_envs, 1))
+        pose = self._qpos[:, self._joint_q.stop :]
+        return pose[:, :3].copy(), pose[:, 3:7].copy()
+
     def push(self, ids: np.ndarray, lin_vel_w: np.ndarray) -> None:
         """Add (n, 3) [m/s] to the root's velocity in scenes `ids`."""
         self._qvel[ids, :3] += lin_vel_w

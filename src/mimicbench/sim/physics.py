@@ -77,6 +77,10 @@ class Physics(Protocol):
         """Poses and velocities of all links now."""
         ...
 
+    def object_pose(self) -> tuple[np.ndarray, np.ndarray]:
+        """Positions (N, 3) [m] and orientations (N, 4) of the objects now; the origin where they do not move."""
+        ...
+
     def push(self, ids: np.ndarray, lin_vel_w: np.ndarray) -> None:
         """Add (n, 3) [m/s] to the root's velocity in scenes `ids`."""
         ...

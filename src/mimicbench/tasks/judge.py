@@ -20,15 +20,16 @@ FALLEN_DROP = 0.15
 class Judge:
     """Sees every control step of N episodes and keeps their verdicts. Policies never see a judge."""
 
-    def __init__(self, task: Task, robot: Robot, objects: Sequence[SceneObject], control_dt: float) -> None:
+    def __init__(self, task: Task, robot: Robot, objects: Sequence[SceneObject], control_dt: float, wrist_goals: Sequence[np.ndarray] | None = None) -> None:
+        """`wrist_goals` are (2, 3) or empty for each episode, if the task has such goals."""
         self._task, self._robot, self._dt = task, robot, control_dt
-        self._facts = ObjectFacts.of(objects)
+        self._facts = ObjectFacts.of(objects, wrist_goals)
         self._hold_frames = task.hold_frames(1 / control_dt)
         n = len(objects)
         self.run = np.zeros(n, int)
         """(N,) frames in a row that the condition holds now."""
         self.success = np.zeros(n, bool)
-        """(N,) K was fulfilled at some time."""
+        """(N,) K was fulfilled at some time; of a task that is judged in its last frame: K holds in the last frame seen."""
         self.first_success = np.full(n, np.nan)
         """(N,) when, [s]."""
         self.success_at_end = np.zeros(n, bool)
@@ -52,19 +53,27 @@ class Judge:
         self.diverged |= diverged
         active = active & ~self.diverged
         self.steps += active
-        holds = self._task.holds(points, self._facts)
+        holds = self._task.holds(points, self._facts.moved(*physics.object_pose()))
         self.run = np.where(active, np.where(holds, self.run + 1, 0), self.run)
         self.max_effort = np.where(active, np.maximum(self.max_effort, physics.effort.numpy()), self.max_effort)
         held = self.run >= self._hold_frames
-        new = held & active & ~self.success
+        new = held & active & np.isnan(self.first_success)
         self.first_success[new] = self.steps[new] * self._dt
         self.effort_at_success[new] = self.max_effort[new]
-        self.success |= new
         self.success_at_end = np.where(active, held, self.success_at_end)
+        self.success = self.success_at_end.copy() if self._task.in_last_frame else self.success | new
         up = rot.rotate(links.quat_w[:, 0], torch.tensor([0.0, 0.0, 1.0]).expand(len(active), 3))[:, 2].numpy()
         low = points.pelvis_pos_w[:, 2] < np.where(np.isnan(self._facts.seat_height), 0.3, self._facts.seat_height) - FALLEN_DROP
-        self.fell |= active & ((np.arccos(np.clip(up, -1, 1)) > FALLEN_TILT) | low)
+        tilted = (np.arccos(np.clip(up, -1, 1)) > FALLEN_TILT) & self._task.upright
+        self.fell |= active & (tilted | low)
+
+    def over(self, linger: float = 0.0) -> np.ndarray:
+        """(N,) whether there is nothing left to see: K has been fulfilled for `linger` [s], or the physics broke down."""
+        if self._task.in_last_frame:
+            return self.diverged.copy()
+        return self.diverged | (self.success & (self.steps * self._dt >= self.first_success + linger - 0.5 * self._dt))
 
     def effort(self) -> np.ndarray:
         """(N,) the e that P is judged by: up to the fulfilment of K, where the episode ends, or to the last frame."""
-        return np.where(self.success, self.effort_at_success, self.max_effort)
+        ended = self.success & (not self._task.in_last_frame)
+        return np.where(ended, self.effort_at_success, self.max_effort)

@@ -9,9 +9,8 @@ PELVIS_BAND = 0.27
 
 
 def pelvis_above_seat(body: BodyPoints, obj: ObjectFacts) -> np.ndarray:
-    """(N,) whether the root lies in the chair's interior in the bird-eye view, at a height in [H, H + 0.27 m]."""
-    height = body.pelvis_pos_w[:, 2] - obj.seat_height
-    return obj.interior_xy(body.pelvis_pos_w) & (height >= 0) & (height <= PELVIS_BAND)
+    """(N,) whether the root lies in the object's interior in the bird-eye view, at a height in [H, H + 0.27 m]."""
+    return obj.on_plane(body.pelvis_pos_w, PELVIS_BAND)
 
 
 SIT_CHAIR = Task(
@@ -22,6 +21,8 @@ SIT_CHAIR = Task(
     time_limit=20.0,
     hold_time=0.3,
     holds=pelvis_above_seat,
+    in_last_frame=False,
     requires_seat=True,
+    upright=True,
     max_start_distance=2.0,
 )

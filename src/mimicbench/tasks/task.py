@@ -1,10 +1,11 @@
 """What a task is: an object family, a time limit, and a kinematic metric K over named quantities."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mimicbench.core import rotations as rot
 from mimicbench.core.motion import RobotMotion
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robot.description import Robot
@@ -12,25 +13,53 @@ from mimicbench.robot.description import Robot
 
 @dataclass(frozen=True)
 class ObjectFacts:
-    """What K needs to know of N objects. Taken from their labels; no policy ever sees it."""
+    """What K needs to know of N objects and goals. Taken from their labels; no policy ever sees it."""
 
+    objects: Sequence[SceneObject]
+    """One per scene."""
     seat_height: np.ndarray
     """(N,) H [m]; NaN where there is no seat."""
     low: np.ndarray
-    """(N, 3) lowest corner of the bounding box [m]."""
+    """(N, 3) lowest corner of the bounding box at the origin [m]."""
     high: np.ndarray
     """(N, 3) highest corner [m]."""
+    pos_w: np.ndarray
+    """(N, 3) where the objects are now [m]; the origin unless they move."""
+    quat_w: np.ndarray
+    """(N, 4) how they are turned now."""
+    wrist_goal_w: np.ndarray
+    """(N, 2, 3) where left and right wrist are to go [m]; NaN without such a goal."""
 
     @staticmethod
-    def of(objects: Sequence[SceneObject]) -> "ObjectFacts":
-        """Gather the facts of several objects."""
+    def of(objects: Sequence[SceneObject], wrist_goals: Sequence[np.ndarray] | None = None) -> "ObjectFacts":
+        """Gather the facts of several objects; `wrist_goals` are (2, 3) or empty, one per object."""
         bounds = [obj.bounds() for obj in objects]
         heights = [np.nan if obj.seat_height is None else obj.seat_height for obj in objects]
-        return ObjectFacts(np.array(heights), np.array([low for low, _ in bounds]), np.array([high for _, high in bounds]))
+        nowhere = np.full((2, 3), np.nan)
+        goals = [goal if len(goal) else nowhere for goal in wrist_goals] if wrist_goals is not None else [nowhere] * len(objects)
+        n = len(objects)
+        return ObjectFacts(
+            objects, np.array(heights), np.array([low for low, _ in bounds]), np.array([high for _, high in bounds]),
+            np.zeros((n, 3)), np.tile(rot.IDENTITY, (n, 1)), np.array(goals),
+        )  # fmt: skip
+
+    def moved(self, pos_w: np.ndarray, quat_w: np.ndarray) -> "ObjectFacts":
+        """The same with the objects at (N, 3) and turned by (N, 4)."""
+        return replace(self, pos_w=pos_w, quat_w=quat_w)
 
     def interior_xy(self, pos_w: np.ndarray) -> np.ndarray:
-        """(N,) whether positions (N, 3) lie in the object's interior in the bird-eye view (appendix D.1)."""
+        """(N,) whether positions (N, 3) lie in the fixed object's interior in the bird-eye view (appendix D.1)."""
         return np.all((pos_w[:, :2] >= self.low[:, :2]) & (pos_w[:, :2] <= self.high[:, :2]), axis=-1)
+
+    def on_plane(self, pos_w: np.ndarray, band: float) -> np.ndarray:
+        """(N,) whether positions (N, 3) are in the interior seen from above, at a height in [H, H + band] (appendix D.1)."""
+        height = pos_w[:, 2] - self.seat_height
+        return self.interior_xy(pos_w) & (height >= 0) & (height <= band)
+
+    def distance(self, pos_w: np.ndarray) -> np.ndarray:
+        """(N, K) from positions (N, K, 3) to the surface of each object where it is now [m]; 0 inside of it."""
+        local = rot.rotate_inverse(self.quat_w[:, None], pos_w - self.pos_w[:, None])
+        return np.stack([obj.distance(points) for obj, points in zip(self.objects, local, strict=True)])
 
 
 @dataclass(frozen=True)
@@ -70,8 +99,12 @@ class Task:
     """[s] that the condition has to hold without a break."""
     holds: Callable[[BodyPoints, ObjectFacts], np.ndarray]
     """(N,) whether the condition of K holds in a frame."""
+    in_last_frame: bool
+    """K is judged in the last frame of the episode, not at any time in it."""
     requires_seat: bool
     """Whether the object must have something to sit or lie on."""
+    upright: bool
+    """Whether who lies down has fallen."""
     max_start_distance: float | None
     """[m] Starts are clipped to this distance from the object (appendix C.1)."""
 
@@ -82,8 +115,11 @@ class Task:
     def fulfilled(self, motion: RobotMotion, obj: SceneObject, robot: Robot) -> bool:
         """Whether a robot motion fulfils K: the filter between retargeting and tracking (section 4.1)."""
         points = BodyPoints.of(robot, *robot.forward_kinematics(motion.root_pos_w, motion.root_quat_w, motion.joint_pos))
-        holds = self.holds(points, ObjectFacts.of([obj] * motion.frames))
-        return longest_run(holds) >= self.hold_frames(motion.fps)
+        facts = ObjectFacts.of([obj] * motion.frames, [motion.wrist_goal_w] * motion.frames)
+        if len(motion.object_pos_w):
+            facts = facts.moved(motion.object_pos_w, motion.object_quat_w)
+        holds, needed = self.holds(points, facts), self.hold_frames(motion.fps)
+        return bool(holds[-needed:].all()) if self.in_last_frame else longest_run(holds) >= needed
 
 
 def longest_run(values: np.ndarray) -> int:

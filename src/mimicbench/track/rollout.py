@@ -61,7 +61,7 @@ def track_clips(
     spin = rot.rotate_inverse(quat, first.root_ang_vel_w.numpy().astype(float))
     physics.reset(np.arange(n), first.root_pos_w.numpy(), quat, first.joint_pos.numpy(), first.root_lin_vel_w.numpy(), spin, first.joint_vel.numpy())
     lengths = torch.clamp(bank.lengths + round(settle / CONTROL_DT), max=round(task.time_limit / CONTROL_DT))
-    judge = Judge(task, robot, scene, CONTROL_DT)
+    judge = Judge(task, robot, scene, CONTROL_DT, [motion.wrist_goal_w for motion in motions])
     action = torch.zeros(n, len(robot.joints))
     draw = rng(seed, "action noise", *(motion.id for motion in motions))
     qpos, qvel, targets, executed = [], [], [], []
@@ -77,7 +77,7 @@ def track_clips(
             executed.append(applied.numpy())
         active = (index < lengths).numpy()
         if not go_on:
-            active &= ~(judge.success | judge.fell)
+            active &= ~(judge.over() | judge.fell)
         if not active.any():
             break
         physics.step(applied, True, None if active.all() else np.flatnonzero(active))

@@ -1,0 +1,29 @@
+"""Lying on a sofa (LS): navigate, locate, and stably lie on a fixed, unseen sofa."""
+
+import numpy as np
+
+from mimicbench.tasks.task import BodyPoints, ObjectFacts, Task
+
+PELVIS_BAND = 0.4
+"""[m] The pelvis is on the sofa while its height lies in [H, H + 0.4] (appendix D.1)."""
+
+
+def pelvis_on_sofa_and_ankles_up(body: BodyPoints, obj: ObjectFacts) -> np.ndarray:
+    """(N,) whether the root is on the sofa and both ankles are above half of the sofa's height."""
+    half = 0.5 * obj.high[:, 2]
+    return obj.on_plane(body.pelvis_pos_w, PELVIS_BAND) & (body.ankle_pos_w[..., 2] > half[:, None]).all(-1)
+
+
+LIE_SOFA = Task(
+    slug="lie-sofa",
+    abbreviation="LS",
+    title="Lie on a sofa",
+    family="couch",
+    time_limit=20.0,
+    hold_time=0.3,
+    holds=pelvis_on_sofa_and_ankles_up,
+    in_last_frame=False,
+    requires_seat=True,
+    upright=False,
+    max_start_distance=2.0,
+)

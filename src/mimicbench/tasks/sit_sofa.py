@@ -1,0 +1,18 @@
+"""Sitting on a sofa (SS): navigate, locate, and stably sit on a fixed, unseen sofa."""
+
+from mimicbench.tasks.sit_chair import pelvis_above_seat
+from mimicbench.tasks.task import Task
+
+SIT_SOFA = Task(
+    slug="sit-sofa",
+    abbreviation="SS",
+    title="Sit on a sofa",
+    family="sofa",
+    time_limit=20.0,
+    hold_time=0.3,
+    holds=pelvis_above_seat,  # "K is the same as that for SC" (appendix D.1)
+    in_last_frame=False,
+    requires_seat=True,
+    upright=True,
+    max_start_distance=2.0,
+)

@@ -1,0 +1,28 @@
+"""Touching points near an object (T): move both wrists to targets from where an unseen household object can be handled."""
+
+import numpy as np
+
+from mimicbench.tasks.task import BodyPoints, ObjectFacts, Task
+
+REACHED = 0.1
+"""[m] A wrist is at its target while it is no farther away than this (appendix D.1)."""
+
+
+def wrists_at_targets(body: BodyPoints, obj: ObjectFacts) -> np.ndarray:
+    """(N,) whether both wrists are within 0.1 m of their targets."""
+    return (np.linalg.norm(body.wrist_pos_w - obj.wrist_goal_w, axis=-1) <= REACHED).all(-1)
+
+
+TOUCH_POINTS = Task(
+    slug="touch-points",
+    abbreviation="T",
+    title="Touch points near an object",
+    family="household",
+    time_limit=10.0,
+    hold_time=1.0,
+    holds=wrists_at_targets,
+    in_last_frame=False,
+    requires_seat=False,
+    upright=True,
+    max_start_distance=None,
+)
