@@ -11,6 +11,7 @@ import numpy as np
 
 from mimicbench.core.errors import BadObject
 from mimicbench.core.seeds import rng
+from mimicbench.objects.draws import FABRICS, WOODS, SizeDistribution, tint, truncated
 from mimicbench.objects.parts import Color, Parts
 from mimicbench.objects.shape import SceneObject
 
@@ -22,32 +23,12 @@ MAX_SEAT_DEPTH = 0.56
 MIN_BETWEEN_ARMS = 0.52
 """[m]; a robot's two thighs at +-0.2 m need this."""
 
-
-@dataclass(frozen=True)
-class SizeDistribution:
-    """Where the sizes of one kind of chair come from: truncated normal distributions, (mean, deviation, least, most) [m]."""
-
-    share: float
-    """Part of the family that is of this kind."""
-    length: tuple[float, float, float, float]
-    width: tuple[float, float, float, float]
-    height: tuple[float, float, float, float]
-    """Of the whole chair; a stool's is its seat height."""
-    seat: tuple[float, float, float, float]
-    """Height of the seat."""
-
-
 SIZES = {
     "dining": SizeDistribution(0.46, (0.505, 0.100, 0.41, 0.72), (0.420, 0.045, 0.42, 0.58), (0.875, 0.130, 0.66, 1.24), (0.450, 0.030, 0.38, 0.54)),
     "stool": SizeDistribution(0.13, (0.410, 0.060, 0.35, 0.56), (0.430, 0.060, 0.42, 0.62), (0.455, 0.035, 0.38, 0.54), (0.455, 0.035, 0.38, 0.54)),
     "armchair": SizeDistribution(0.24, (0.570, 0.085, 0.46, 0.80), (0.620, 0.050, 0.60, 0.78), (0.855, 0.115, 0.70, 1.20), (0.440, 0.030, 0.38, 0.52)),
     "easy": SizeDistribution(0.17, (0.825, 0.115, 0.62, 1.10), (0.815, 0.110, 0.70, 1.10), (0.800, 0.120, 0.62, 1.10), (0.410, 0.025, 0.36, 0.46)),
 }
-
-WOODS: tuple[Color, ...] = ((0.72, 0.53, 0.33), (0.55, 0.35, 0.20), (0.36, 0.23, 0.15), (0.83, 0.70, 0.50), (0.20, 0.18, 0.17), (0.90, 0.88, 0.84))
-FABRICS: tuple[Color, ...] = (
-    (0.55, 0.60, 0.63), (0.25, 0.36, 0.45), (0.64, 0.34, 0.26), (0.44, 0.50, 0.36), (0.80, 0.73, 0.62), (0.78, 0.60, 0.28), (0.33, 0.31, 0.36),
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -95,10 +76,10 @@ def draw_shape(random: np.random.Generator, kind: str | None = None) -> ChairSha
     sizes = SIZES[kind]
     # one scale for the whole chair, and a stretch of each side by itself
     scale = random.standard_normal()
-    length, width, height = (_truncated(random, side, scale) for side in (sizes.length, sizes.width, sizes.height))
-    seat = _truncated(random, sizes.seat, 0.0)
-    wood = _tint(random, WOODS)
-    fabric = _tint(random, FABRICS)
+    length, width, height = (truncated(random, side, scale) for side in (sizes.length, sizes.width, sizes.height))
+    seat = truncated(random, sizes.seat, 0.0)
+    wood = tint(random, WOODS)
+    fabric = tint(random, FABRICS)
     upholstered = random.uniform() < 0.4
     back = str(random.choice(["slats", "rails", "panel"], p=[0.4, 0.35, 0.25]))
     most = 3 if kind == "armchair" else 5  # armrests and slats share the box budget
@@ -274,20 +255,3 @@ def _legs(parts: Parts, shape: ChairShape, x: tuple[float, float], top: float) -
         reach = half_width - 0.45 * lean
         for side in (-1, 1):
             parts.box((x[0] + inset, x[1] - inset), (side * reach - 0.01, side * reach + 0.01), (height - 0.015, height + 0.015), shape.wood)
-
-
-def _truncated(random: np.random.Generator, distribution: tuple[float, float, float, float], scale: float) -> float:
-    """Draw from N(mean, deviation) within limits; a third of the variance is shared by all sides, which is `scale` ~ N(0, 1)."""
-    mean, deviation, least, most = distribution
-    value = mean
-    for _ in range(20):
-        value = mean + deviation * (np.sqrt(1 / 3) * scale + np.sqrt(2 / 3) * random.standard_normal())
-        if least <= value <= most:
-            return float(value)
-    return float(np.clip(value, least, most))
-
-
-def _tint(random: np.random.Generator, palette: tuple[Color, ...]) -> Color:
-    """A color of the palette, a little lighter or darker."""
-    r, g, b = np.clip(np.array(palette[random.integers(len(palette))]) * random.uniform(0.88, 1.1), 0, 1)
-    return float(r), float(g), float(b)
