@@ -255,7 +255,7 @@ def test_lifting_a_box_needs_height_and_both_wrists_at_its_surface(lift, off, ex
 
 
 def test_lifting_a_box_is_judged_in_the_last_frame():
-    box = block(0.6, 0.2, movable=True, mass=2.0)
+    box = block(0.8, 0.2, movable=True, mass=2.0)
     physics = NativePhysics(H1, [box], workers=1)
     judge = Judge(LIFT_BOX, H1, [box], CONTROL_DT)
     pos, joints = standing()
@@ -285,7 +285,7 @@ def test_k_of_a_motion_that_moves_its_object():
     hands = BodyPoints.of(H1, *H1.forward_kinematics(pos[None], rot.IDENTITY[None], joints[None])).wrist_pos_w[0].mean(0)
     track = np.tile([hands[0], hands[1], 0.0], (frames, 1))
     still = np.tile(rot.IDENTITY, (frames, 1))
-    box = block(0.6, 0.2, movable=True, mass=2.0)
+    box = block(0.8, 0.2, movable=True, mass=2.0)
 
     def lifted(heights):
         track[:, 2] = heights
