@@ -6,8 +6,13 @@ from collections.abc import Callable
 from mimicbench.core.errors import BadObject, UnknownName
 from mimicbench.objects.chairs import make_chair
 from mimicbench.objects.shape import SceneObject
+from mimicbench.objects.sofas import make_couch, make_sofa
 
-FAMILIES: dict[str, Callable[[int, int], SceneObject]] = {"chair": make_chair}
+FAMILIES: dict[str, Callable[[int, int], SceneObject]] = {
+    "chair": make_chair,
+    "sofa": make_sofa,
+    "couch": make_couch,
+}
 """family -> function of (index, seed). Ids are `<family>-<seed>-<index>`."""
 
 

@@ -10,18 +10,37 @@ import numpy as np
 from mimicbench.objects.shape import SceneObject
 
 
+VIEW_ANGLE = np.deg2rad(45)
+"""Of the camera, from bottom to top: MuJoCo's own."""
+
+
 def contact_sheet(objects: Sequence[SceneObject], path: Path, columns: int = 6, cell: tuple[int, int] = (220, 200)) -> None:
     """Write a picture with one object per cell; `cell` is its (height, width) in pixels. All objects are drawn to the same scale."""
     blank = np.full((*cell, 3), 255, np.uint8)
-    tiles = [picture(obj, cell) for obj in objects]
+    reach = max(extent(obj) for obj in objects)
+    middle = float(np.mean([obj.bounds()[1][2] / 2 for obj in objects]))
+    tiles = [picture(obj, cell, reach, middle) for obj in objects]
     tiles += [blank] * (-len(tiles) % columns)
     rows = [np.concatenate(tiles[i : i + columns], 1) for i in range(0, len(tiles), columns)]
     path.parent.mkdir(parents=True, exist_ok=True)
     iio.imwrite(path, np.concatenate(rows, 0))
 
 
-def picture(obj: SceneObject, size: tuple[int, int]) -> np.ndarray:
-    """(H, W, 3) view of an object from the front left, above."""
+def extent(obj: SceneObject) -> float:
+    """Radius of the sphere around an object's bounding box [m]."""
+    low, high = obj.bounds()
+    return float(np.linalg.norm(high - low) / 2)
+
+
+def picture(obj: SceneObject, size: tuple[int, int], reach: float | None = None, middle: float | None = None) -> np.ndarray:
+    """(H, W, 3) view of an object from the front left, above.
+
+    Args:
+        obj: the object.
+        size: height and width in pixels.
+        reach: radius around the object that the picture must show [m]; the object's own by default.
+        middle: height that is in the middle of the picture [m]; the object's own by default.
+    """
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
     spec.visual.headlight.ambient = [0.48, 0.48, 0.48]
@@ -45,8 +64,11 @@ def picture(obj: SceneObject, size: tuple[int, int]) -> np.ndarray:
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     camera = mujoco.MjvCamera()
-    camera.lookat[:] = (0, 0, 0.47)
-    camera.distance, camera.azimuth, camera.elevation = 1.95, 215, -22
+    camera.lookat[:] = (0, 0, obj.bounds()[1][2] / 2 if middle is None else middle)
+    narrow = np.arctan(np.tan(VIEW_ANGLE / 2) * min(1.0, size[1] / size[0]))
+    # furniture does not fill its sphere: a tenth may stick out
+    camera.distance = 0.9 * (extent(obj) if reach is None else reach) / np.sin(narrow)
+    camera.azimuth, camera.elevation = 215, -22
     with mujoco.Renderer(model, *size) as renderer:
         renderer.update_scene(data, camera)
         return renderer.render().copy()

@@ -1,0 +1,109 @@
+"""Sofas to sit on (family `sofa`) and to lie on (family `couch`), drawn with the statistics of the paper's table of objects.
+
+The table's length is a sofa's long side, here y, and its width the side from front to back, here x, since who sits on
+it faces +x: 131.1 +- 21.1 x 63.0 +- 21.7 x 57.3 +- 21.8 cm to sit on, 191.2 +- 28.3 x 86.7 +- 25.2 x 78.5 +- 25.7 cm
+to lie on. A mean height of 57 cm says that about half of what is sat on has no back: benches, ottomans, daybeds.
+"""
+
+import numpy as np
+
+from mimicbench.core.seeds import rng
+from mimicbench.objects.draws import FABRICS, WOODS, Range, SizeDistribution, tint, truncated
+from mimicbench.objects.shape import SceneObject
+from mimicbench.objects.upholstery import MIN_BETWEEN_ARMS, SofaShape, build_sofa
+
+SEAT: Range = (0.425, 0.030, 0.36, 0.50)
+MAX_SEAT_DEPTH = 0.64
+"""[m]; of a sofa with a back; a deeper one has a thicker back."""
+
+SOFAS = {
+    "bench": SizeDistribution(0.20, (1.24, 0.20, 0.80, 1.85), (0.44, 0.06, 0.38, 0.66), SEAT, SEAT),
+    "ottoman": SizeDistribution(0.20, (1.16, 0.18, 0.78, 1.70), (0.68, 0.20, 0.40, 1.20), SEAT, SEAT),
+    "daybed": SizeDistribution(0.12, (1.36, 0.19, 0.90, 1.90), (0.52, 0.09, 0.40, 0.80), (0.58, 0.06, 0.50, 0.80), SEAT),
+    "loveseat": SizeDistribution(0.18, (1.34, 0.16, 1.00, 1.75), (0.80, 0.15, 0.56, 1.25), (0.76, 0.18, 0.52, 1.25), SEAT),
+    "settee": SizeDistribution(0.12, (1.30, 0.16, 0.95, 1.75), (0.60, 0.08, 0.52, 0.90), (0.86, 0.15, 0.62, 1.25), SEAT),
+    "chesterfield": SizeDistribution(0.08, (1.42, 0.16, 1.10, 1.90), (0.76, 0.08, 0.60, 0.98), (0.70, 0.08, 0.56, 0.95), SEAT),
+    "three-seater": SizeDistribution(0.10, (1.58, 0.15, 1.30, 2.00), (0.82, 0.15, 0.58, 1.25), (0.78, 0.18, 0.52, 1.25), SEAT),
+}
+"""Sizes of sofas to sit on. Length is the long side (y), width from front to back (x)."""
+
+COUCHES = {
+    "couch": SizeDistribution(0.26, (1.95, 0.24, 1.55, 2.60), (0.88, 0.14, 0.68, 1.40), (0.90, 0.18, 0.60, 1.30), SEAT),
+    "chesterfield": SizeDistribution(0.12, (1.95, 0.22, 1.60, 2.60), (0.84, 0.09, 0.70, 1.10), (0.78, 0.10, 0.62, 1.00), SEAT),
+    "sectional": SizeDistribution(0.14, (2.25, 0.20, 1.90, 2.75), (1.32, 0.14, 1.10, 1.65), (0.86, 0.14, 0.62, 1.20), SEAT),
+    "chaise": SizeDistribution(0.13, (1.80, 0.20, 1.50, 2.30), (0.72, 0.10, 0.55, 1.00), (0.86, 0.14, 0.62, 1.20), SEAT),
+    "futon": SizeDistribution(0.12, (1.85, 0.22, 1.50, 2.40), (0.84, 0.12, 0.66, 1.20), (0.84, 0.14, 0.62, 1.20), SEAT),
+    "daybed": SizeDistribution(0.10, (1.90, 0.20, 1.55, 2.40), (0.78, 0.12, 0.58, 1.10), (0.84, 0.18, 0.56, 1.25), SEAT),
+    "ottoman": SizeDistribution(0.13, (1.72, 0.20, 1.40, 2.30), (0.70, 0.14, 0.52, 1.10), SEAT, SEAT),
+}
+"""Sizes of sofas to lie on."""
+
+BACKLESS = ("bench", "ottoman")
+
+
+def make_sofa(index: int, seed: int = 0) -> SceneObject:
+    """Sofa to sit on, number `index` of the family that `seed` names."""
+    return build_sofa(f"sofa-{seed}-{index:05d}", "sofa", draw_sofa(rng(seed, "sofa", index)))
+
+
+def make_couch(index: int, seed: int = 0) -> SceneObject:
+    """Sofa to lie on, number `index` of the family that `seed` names."""
+    return build_sofa(f"couch-{seed}-{index:05d}", "couch", draw_sofa(rng(seed, "couch", index), COUCHES, lying=True))
+
+
+def draw_sofa(random: np.random.Generator, kinds: dict[str, SizeDistribution] = SOFAS, lying: bool = False) -> SofaShape:
+    """Draw one sofa of any of the kinds; one to lie on has an end for the head.
+
+    Its arms are low enough, and its seat high enough, that the ankles of who lies on it are above half of its height.
+    """
+    kind = str(random.choice(list(kinds), p=[sizes.share for sizes in kinds.values()]))
+    sizes = kinds[kind]
+    # one scale for the whole sofa, and a stretch of each side by itself
+    scale = random.standard_normal()
+    length, width, height = (truncated(random, side, scale) for side in (sizes.length, sizes.width, sizes.height))
+    seat = truncated(random, sizes.seat, 0.0)
+    wood, fabric, accent = tint(random, WOODS), tint(random, FABRICS), tint(random, FABRICS)
+    head = int(random.choice([-1, 1])) if lying else 0
+    pillow = random.uniform(0.03, 0.05) if lying and random.uniform() < 0.6 else 0.0
+    feet, plinth = random.uniform(0.05, 0.13), bool(random.uniform() < 0.3)
+    recline, arm = random.uniform(0.08, 0.26), random.uniform(0.10, 0.19)
+    rise, thickness = random.uniform(0.12, 0.22), random.uniform(0.09, 0.14)
+    seats = int(np.clip(round(length / random.uniform(0.62, 0.85)), 1, 3))
+    fancy, side = random.uniform(), random.uniform()
+    common = {"length": length, "width": width, "seats": seats, "head": head, "pillow": pillow, "feet": feet, "plinth": plinth, "recline": recline}
+    colors = {"wood": wood, "fabric": fabric, "accent": accent}
+    if kind in BACKLESS:
+        return SofaShape(kind, height=seat, seat_height=seat, back="none", cushion=0.07 if kind == "bench" else 0.12, **common, **colors)
+    if lying:
+        seat = max(seat, height / 2 - 0.05)
+    height = max(height, seat + 0.14)
+    between = (length - MIN_BETWEEN_ARMS) / 2
+    if kind == "daybed":
+        back = "rails" if fancy < 0.3 and lying else "none"
+        return SofaShape(kind, height=height, seat_height=seat, back=back, arm_width=0.055, cushion=0.14, **{**common, "seats": 1}, **colors)
+    if kind in ("settee", "futon"):
+        soft = kind == "futon" or fancy < 0.5
+        return SofaShape(
+            kind, height=max(height, seat + 0.2), seat_height=seat, back="cushions" if soft else "rails", back_thickness=0.035,
+            back_cushion=0.12 if soft and width > 0.66 else 0.05 if soft else 0.0, arms=(side < 0.8, side < 0.8), arm_width=0.055, arm_height=rise,
+            cushion=0.13 if kind == "futon" else 0.08, **{**common, "seats": 1 if kind == "futon" else min(seats, 2)}, **colors,
+        )  # fmt: skip
+    if kind == "chesterfield":
+        arm = min(max(arm, 0.16) + 0.4 * max(width - 0.8, 0.0), between)
+        return SofaShape(kind, height=height, seat_height=seat, arm_width=arm, cushion=0.13, **{**common, "seats": 2, "pillow": 0.0}, **colors)
+    if kind == "chaise":
+        return SofaShape(kind, height=height, seat_height=seat, back="panel" if fancy < 0.7 else "none", arm_width=0.13, cushion=0.12, **common, **colors)
+    chaise = random.uniform(0.58, 0.72) if kind == "sectional" else 0.0
+    run = min(random.uniform(0.78, 0.95), width - 0.3) if chaise else 0.0
+    loose = fancy < 0.65 and (run or width) > 0.66
+    tallest = height - seat
+    deep = (run or width) - MAX_SEAT_DEPTH - tallest * np.tan(recline)
+    thick = float(np.clip(deep, thickness, 0.40))
+    arms = (True, True)
+    if lying and side < 0.35 or chaise:  # legs lie more easily over an end without arm
+        arms = (head < 0, head > 0)
+    return SofaShape(
+        kind, height=height, seat_height=seat, back="cushions" if loose else "panel", back_thickness=thick - (0.45 * thick if loose else 0.0),
+        back_cushion=0.45 * thick if loose else 0.0, arms=arms, arm_width=min(arm, between), arm_height=min(rise, height - seat - 0.02), cushion=0.13,
+        chaise=chaise, run=run, **common, **colors,
+    )  # fmt: skip
