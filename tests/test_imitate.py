@@ -17,20 +17,18 @@ from mimicbench.imitate.clock import clock_features
 from mimicbench.imitate.dataset import DemoFrames, odometry, proprioception
 from mimicbench.imitate.encoder import Encoder, EncoderConfig
 from mimicbench.imitate.inputs import LAST_ACTION, Batch, InputConfig
+from mimicbench.imitate.learn_perception import draw_maps, train_perception, turned
 from mimicbench.imitate.learners import load_learner, make_learner, save_learner
 from mimicbench.imitate.lerobot import Demos
 from mimicbench.imitate.perception import (
     Perception,
     PerceptionConfig,
     SeatMemory,
-    draw_maps,
     load_perception,
     save_perception,
     seat_in_root,
     seat_memory,
     seat_of,
-    train_perception,
-    turned,
     unit_direction,
     window,
 )
@@ -256,7 +254,7 @@ SIGHT = PerceptionConfig(steps=150, maps=256, seen=0.25, batch=32, widths=(8, 16
 
 
 def test_perception_learns_a_few_chairs(chairs, tmp_path):
-    net = train_perception(SIGHT, list(chairs.values()))
+    net = train_perception(tmp_path / "training", SIGHT, list(chairs.values()))
     maps, height, seat = draw_maps(SIGHT, list(chairs.values()), 64, "check", seen=0.0)
     found = net.perceive(maps, height)
     untrained = Perception(SIGHT).eval().perceive(maps, height)
@@ -267,6 +265,24 @@ def test_perception_learns_a_few_chairs(chairs, tmp_path):
     torch.testing.assert_close(found, unit_direction(found))
     # a map without anything gives numbers too
     assert torch.isfinite(net.perceive(-torch.ones(1, 128, 128), torch.ones(1))).all()
+
+
+def test_a_killed_perception_goes_on(chairs, tmp_path):
+    config = replace(SIGHT, steps=6, maps=64, save_every=0.0)
+    whole = train_perception(tmp_path / "whole", config, list(chairs.values())).state_dict()
+    done = 0
+
+    def kill(batches, loss):
+        nonlocal done
+        done += batches
+        if done == 4:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train_perception(tmp_path / "killed", config, list(chairs.values()), kill)
+    seen = []
+    resumed = train_perception(tmp_path / "killed", config, list(chairs.values()), lambda batches, loss: seen.append(batches)).state_dict()
+    assert seen == [4, 1, 1] and all(torch.equal(whole[name], resumed[name]) for name in whole)
 
 
 @pytest.mark.parametrize(("quarters", "mirror"), [(1, False), (2, False), (3, True), (0, True)])

@@ -21,9 +21,10 @@ from mimicbench.imitate.bc import BCConfig
 from mimicbench.imitate.dataset import DemoFrames, MapMaker
 from mimicbench.imitate.demos import DemosConfig
 from mimicbench.imitate.inputs import InputConfig
+from mimicbench.imitate.learn_perception import evaluate_perception, train_perception
 from mimicbench.imitate.learners import LearnerConfig, save_learner
 from mimicbench.imitate.lerobot import load_demos
-from mimicbench.imitate.perception import PerceptionConfig, evaluate_perception, save_perception, train_perception
+from mimicbench.imitate.perception import PerceptionConfig, save_perception
 from mimicbench.imitate.planner import PlannerConfig, load_planner, save_planner, train_planner
 from mimicbench.imitate.policy import Policy, load_policy
 from mimicbench.imitate.train import TrainConfig, train
@@ -70,9 +71,9 @@ def make_perception(
     if stage.complete:
         return stage
     with counter(config.steps, "seat perception", quiet) as tick:
-        network = train_perception(config, objects, lambda step, loss: tick(1))
+        network = train_perception(folder, config, objects, lambda batches, loss: tick(batches))
     error = evaluate_perception(network, held_out)
-    save_perception(folder, network, robot.name, error)
+    save_perception(folder, network, robot.name, asdict(error))
     return stage.finish(**asdict(error))
 
 

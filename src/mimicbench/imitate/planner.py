@@ -14,21 +14,20 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-import safetensors.numpy
 import torch
 from torch import nn
 from torch.nn import functional
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.checkpoint import load_checkpoint, read_tensors, save_checkpoint
+from mimicbench.core.checkpoint import load_checkpoint, save_checkpoint
 from mimicbench.core.errors import MimicbenchError
-from mimicbench.core.files import read_json, write_atomic, write_json
 from mimicbench.core.motion import RobotMotion
 from mimicbench.core.seeds import digest
 from mimicbench.imitate.clock import SIZE as CLOCK_SIZE
 from mimicbench.imitate.clock import clock_features
 from mimicbench.imitate.perception import MEMORY_SIZE, SEAT_SIZE, Perception, SeatMemory, disturb_seat, load_perception, seat_in_root, seat_memory, seat_of
 from mimicbench.imitate.policy import Senses, look_again, look_first
+from mimicbench.imitate.resume import resume_training, save_training
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robot.description import Robot
 from mimicbench.sense.proprioception import body_state
@@ -65,8 +64,10 @@ class PlannerConfig:
     """Of Adam at the start; falls to a tenth along a cosine."""
     save_every: float = 120.0
     """Seconds between saves: what a kill can lose at most."""
-    tracking: TrackingConfig = field(default_factory=lambda: TrackingConfig(first_frame=0.5, max_pos_error=0.5, max_angle_error=1.0, max_drop=0.25))
-    """Starts, disturbances and ends of training episodes."""
+    threads: int = 2
+    """Threads of the network's arithmetic. Sums round differently with another number, so it is part of the result."""
+    tracking: TrackingConfig = field(default_factory=lambda: TrackingConfig(first_frame=0.5, push=0.2, max_pos_error=0.5, max_angle_error=1.0, max_drop=0.25))
+    """Starts, disturbances and ends of training episodes. Pushed no harder than what the tracker survives: who falls teaches nothing."""
 
 
 class PlannerNetwork(nn.Module):
@@ -152,12 +153,13 @@ def train_planner(
     if tracker.kind is not RESIDUAL:
         raise MimicbenchError(f"the planner needs a tracker of preset 'improved', not {tracker.kind.name!r}")
     torch.manual_seed(digest(seed, "planner") % (1 << 63))
+    torch.set_num_threads(config.threads)
     env = TrackingEnv(RESIDUAL, robot, motions, objects, config.num_envs, config.tracking, seed, workers)
     episodes = _Episodes(env, objects, seed)
     joints = len(robot.joints)
     network = PlannerNetwork(episodes.inputs().shape[1], plan_size(joints), config.hidden)
     optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate)
-    progress = _resume(folder, network, optimizer)
+    progress = resume_training(folder, network, optimizer, {"round": 0, "samples": 0, "seconds": 0.0})
     store = _Store(config.memory, network.input_mean.numel(), joints, plan_size(joints))
     rounds = config.samples // (config.num_envs * config.steps)
     teacher = torch.rand(config.num_envs) < _teacher_share(progress["round"] / rounds, config)
@@ -177,7 +179,7 @@ def train_planner(
         if progress["round"] % 10 == 0 and report:
             report({**progress, "loss": float(np.mean(losses)), "failed": failures / max(endings, 1)})
         if now - saved > config.save_every or progress["round"] == rounds:
-            _save(folder, network, optimizer, progress)
+            save_training(folder, network, optimizer, progress)
             row = {**progress, "loss": float(np.mean(losses)), "failed": failures / max(endings, 1), "teacher_share": _teacher_share(part, config)}
             with open(folder / "metrics.jsonl", "a") as stream:
                 stream.write(json.dumps(row) + "\n")
@@ -307,29 +309,3 @@ def load_planner(folder: Path, robot: Robot) -> PlannerPolicy:
     arrays = checkpoint.matching({name: tuple(value.shape) for name, value in network.state_dict().items()})
     network.load_state_dict({name: torch.from_numpy(array.copy()) for name, array in arrays.items()})
     return PlannerPolicy(robot, network.eval(), tracker, perception)
-
-
-def _save(folder: Path, network: PlannerNetwork, optimizer: torch.optim.Optimizer, progress: Mapping[str, float]) -> None:
-    tensors = {f"network/{name}": value.numpy() for name, value in network.state_dict().items()}
-    for i, moments in optimizer.state_dict()["state"].items():
-        tensors |= {f"optimizer/{i}/{name}": np.asarray(value) for name, value in moments.items()}
-    data = safetensors.numpy.save(tensors)
-    write_atomic(folder / "training.safetensors", lambda stream: stream.write(data))
-    write_json(folder / "training.json", dict(progress))
-
-
-def _resume(folder: Path, network: PlannerNetwork, optimizer: torch.optim.Optimizer) -> dict[str, float]:
-    if not (folder / "training.json").exists():
-        return {"round": 0, "samples": 0, "seconds": 0.0}
-    moments: dict[int, dict[str, torch.Tensor]] = {}
-    weights = {}
-    for name, value in read_tensors(folder / "training.safetensors").items():
-        head, _, rest = name.partition("/")
-        if head == "network":
-            weights[rest] = torch.from_numpy(value.copy())
-        else:
-            index, _, key = rest.partition("/")
-            moments.setdefault(int(index), {})[key] = torch.from_numpy(np.array(value))
-    network.load_state_dict(weights)
-    optimizer.load_state_dict({"state": moments, "param_groups": optimizer.state_dict()["param_groups"]})
-    return read_json(folder / "training.json")
