@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable
 
 from mimicbench.core.errors import BadObject, UnknownName
+from mimicbench.objects.beds import make_bed
 from mimicbench.objects.chairs import make_chair
 from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.sofas import make_couch, make_sofa
@@ -12,6 +13,7 @@ FAMILIES: dict[str, Callable[[int, int], SceneObject]] = {
     "chair": make_chair,
     "sofa": make_sofa,
     "couch": make_couch,
+    "bed": make_bed,
 }
 """family -> function of (index, seed). Ids are `<family>-<seed>-<index>`."""
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from mimicbench.objects.shape import SceneObject
 
-
 VIEW_ANGLE = np.deg2rad(45)
 """Of the camera, from bottom to top: MuJoCo's own."""
 
@@ -66,8 +65,8 @@ def picture(obj: SceneObject, size: tuple[int, int], reach: float | None = None,
     camera = mujoco.MjvCamera()
     camera.lookat[:] = (0, 0, obj.bounds()[1][2] / 2 if middle is None else middle)
     narrow = np.arctan(np.tan(VIEW_ANGLE / 2) * min(1.0, size[1] / size[0]))
-    # furniture does not fill its sphere: a tenth may stick out
-    camera.distance = 0.9 * (extent(obj) if reach is None else reach) / np.sin(narrow)
+    # furniture does not fill the sphere around it
+    camera.distance = 0.8 * (extent(obj) if reach is None else reach) / np.sin(narrow)
     camera.azimuth, camera.elevation = 215, -22
     with mujoco.Renderer(model, *size) as renderer:
         renderer.update_scene(data, camera)

@@ -75,7 +75,10 @@ class SofaShape:
 def build_sofa(object_id: str, family: str, shape: SofaShape) -> SceneObject:
     """The sofa of that shape. Raises BadObject if nobody could sit on it."""
     parts = Parts()
-    builders = {"bench": _bench, "ottoman": _ottoman, "settee": _framed, "futon": _framed, "chesterfield": _chesterfield, "daybed": _daybed, "chaise": _chaise}
+    builders = {
+        "bench": _bench, "ottoman": _ottoman, "divan": _ottoman, "settee": _framed, "futon": _framed, "chesterfield": _chesterfield, "daybed": _daybed,
+        "chaise": _chaise,
+    }  # fmt: skip
     rear, front, right, left = builders.get(shape.kind, _upholstered)(parts, shape)
     if front - rear < MIN_SEAT_DEPTH - 1e-9 or left - right < MIN_BETWEEN_ARMS - 1e-9:
         raise BadObject(
@@ -121,8 +124,8 @@ def roll(parts: Parts, center: np.ndarray, axis: int, radius: float, half_length
     """Add an eight-sided bolster along x (axis 0) or y (axis 1), on top of an upright panel `radius` * 2 tan(pi / 8) thick that is its fourth box."""
     half = np.full(3, radius)
     half[1 - axis] = radius * np.tan(np.pi / 8)
-    half[axis] = half_length
     for eighth in (1, 2, 3):
+        half[axis] = half_length - 0.004 * (eighth - 1)  # faces in one plane would flicker in pictures
         turn = np.zeros(3)
         turn[axis] = eighth * np.pi / 4
         parts.add(center, half, rgb, rot.from_rotvec(turn))
@@ -291,7 +294,7 @@ def _daybed(parts: Parts, shape: SofaShape) -> Area:
     parts.box((-half_width + 0.01, half_width - 0.01), (-inner - 0.01, inner + 0.01), (board - 0.09, board + 0.02), shape.wood)
     parts.box((-half_width + behind, half_width), (-inner, inner), (board, height), shape.fabric)
     for side in (-1, 1):
-        top = shape.height if side * shape.head >= 0 else height + 0.6 * (shape.height - height)
+        top = shape.height if side * shape.head >= 0 or behind else height + 0.6 * (shape.height - height)
         y = (min(side * half_length, side * inner), max(side * half_length, side * inner))
         for x in (-half_width, half_width - post):
             parts.box((x, x + post), y, (0.0, top), shape.wood)
@@ -312,13 +315,23 @@ def _chaise(parts: Parts, shape: SofaShape) -> Area:
     rise = shape.height - height
     slope = min(2.2 * shape.recline, 0.5)
     foot = half_length - rise * np.tan(slope) - thick * np.cos(slope)
-    y = (min(side * (foot + 0.02), -side * half_length), max(side * (foot + 0.02), -side * half_length))
+    end = foot + 0.8 * thick * np.cos(slope)
+    y = (min(side * end, -side * half_length), max(side * end, -side * half_length))
     back = shape.back_thickness if shape.back == "panel" else 0.0
     body_x, body_y = (-half_width + 0.012, half_width - 0.012), (y[0] + 0.012, y[1] - 0.012)
     parts.box(body_x, body_y, (shape.feet, height - GROOVE), shade(shape.fabric, 0.84))
     parts.box((-half_width + back, half_width), y, (height - shape.cushion, height), shape.fabric)
     top = rise / np.cos(slope)
-    lean(parts, np.array([0.0, side * foot, height]), -side * np.pi / 2, slope, (-thick, 0.0), (-half_width, half_width), (-shape.cushion, top), shape.fabric)
+    lean(
+        parts,
+        np.array([0.0, side * foot, height]),
+        -side * np.pi / 2,
+        slope,
+        (-thick, 0.0),
+        (-half_width + 0.005, half_width - 0.005),
+        (-shape.cushion, top),
+        shape.fabric,
+    )
     if back:
         reach = foot - 1.1 * shape.length * 0.55
         ends = (min(side * (foot + 0.3 * thick), side * reach), max(side * (foot + 0.3 * thick), side * reach))
