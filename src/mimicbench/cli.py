@@ -15,16 +15,18 @@ if TYPE_CHECKING:
     from mimicbench.evaluate.rows import EpisodeRow
 
 app = tyro.extras.SubcommandApp()
+_objects_app = tyro.extras.SubcommandApp()
 
 Task = Annotated[str, tyro.conf.arg(help="which task; `sit-chair`")]
 Workdir = Annotated[Path, tyro.conf.arg(help="where all artefacts go, in <workdir>/<task>/<stage>")]
 Seed = Annotated[int, tyro.conf.arg(help="same seed, same results, whatever the number of workers")]
 Workers = Annotated[int, tyro.conf.arg(help="threads or processes; 0 for all processors")]
 Json = Annotated[bool, tyro.conf.arg(name="json", help="print the summary as one line of JSON and nothing else on stdout")]
+Axis = Literal["x+", "x-", "y+", "y-", "z+", "z-"]
 WORK = Path("work")
 
 
-@app.command(name="objects")
+@_objects_app.command(name="make", is_default=True)
 def objects(task: Task = "sit-chair", count: int = 400, workdir: Workdir = WORK, seed: Seed = 0, workers: Workers = 0, as_json: Json = False) -> None:
     """Make the task's objects."""
     from mimicbench import workspace
@@ -32,6 +34,39 @@ def objects(task: Task = "sit-chair", count: int = 400, workdir: Workdir = WORK,
 
     ws = workspace.Workspace(workdir, task, seed, workers, as_json)
     _done(workspace.objects_stage(ws, ObjectsConfig(count)).header, as_json)
+
+
+@_objects_app.command(name="import")
+def import_objects_(
+    files: tyro.conf.Positional[tuple[Path, ...]],
+    task: Task = "sit-chair",
+    unit: Annotated[Literal["m", "cm", "mm", "in", "normalized"] | None, tyro.conf.arg(help="unit of the files' numbers; guessed if not given")] = None,
+    height: Annotated[float | None, tyro.conf.arg(help="height that the objects shall have [m], instead of a unit")] = None,
+    scale: Annotated[float | None, tyro.conf.arg(help="meters per unit of the files, instead of a unit")] = None,
+    up: Annotated[Axis | None, tyro.conf.arg(help="the files' axis that points up; guessed if not given")] = None,
+    front: Annotated[Axis | None, tyro.conf.arg(help="the files' axis that points to the objects' front; guessed if not given")] = None,
+    pieces: Annotated[Literal["convex", "boxes"], tyro.conf.arg(help="what the objects collide with: convex pieces, or the boxes around them")] = "convex",
+    mass: Annotated[float, tyro.conf.arg(help="of an object to be lifted [kg]")] = 2.0,
+    workdir: Annotated[Path, tyro.conf.arg(help="a workdir of its own for these objects; the other commands go on from there")] = Path("work/own"),
+    as_json: Json = False,
+) -> None:
+    """Make objects of your own meshes (OBJ, PLY, STL, GLB)."""
+    from dataclasses import asdict
+
+    from mimicbench import workspace
+    from mimicbench.objects.own import ImportConfig, import_objects
+    from mimicbench.objects.placing import Wishes
+
+    ws = workspace.Workspace(workdir, task, quiet=as_json)
+    config = ImportConfig(Wishes(unit, up, front, height, scale), pieces, mass)
+    stage, evidence = import_objects(ws.folder("objects"), ws.slug, ws.task.family, files, config, _say)
+    if as_json:
+        print(json.dumps({"stage": "objects", "task": ws.slug, **stage.header["summary"], "imported": [asdict(found) for found in evidence]}))
+    else:
+        _done(stage.header, as_json)
+
+
+app.command(_objects_app, name="objects", help="Make the task's objects, or import your own meshes.")
 
 
 @app.command(name="references")

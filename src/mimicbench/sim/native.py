@@ -7,6 +7,7 @@ import numpy as np
 import torch
 from mujoco.batch import Batch
 
+from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.parallel import cpu_count
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robot.description import Robot
@@ -20,10 +21,13 @@ class NativePhysics:
     """N scenes on `workers` threads (0: all processors). See the Physics protocol for the methods."""
 
     def __init__(
-        self, robot: Robot, objects: Sequence[SceneObject], preset: str = "improved", control: str = "position", workers: int = 0, visuals: bool = False
-    ) -> None:
+        self, robot: Robot, objects: Sequence[SceneObject], preset: str = "improved", control: str = "position", workers: int = 0, visuals: bool = False,
+        meshes: bool | None = None,
+    ) -> None:  # fmt: skip
         self.robot, self.num_envs, self.device = robot, len(objects), "cpu"
         self._preset, self._control, self._visuals = preset, control, visuals
+        # room for imported objects' convex pieces, now or by set_objects; by default if there are any now
+        self._meshes = any(obj.hulls for obj in objects) if meshes is None else meshes
         self._compiled: dict[str, mujoco.MjModel] = {}
         self.objects: Sequence[SceneObject] = list(objects)
         models = [self._model(obj) for obj in objects]
@@ -39,8 +43,10 @@ class NativePhysics:
 
     def _model(self, obj: SceneObject) -> mujoco.MjModel:
         """Compile a scene once for each object."""
+        if obj.hulls and not self._meshes:
+            raise MimicbenchError(f"object {obj.id} has convex pieces, and this simulation has room for boxes only; make it with meshes=True")
         if obj.id not in self._compiled:
-            self._compiled[obj.id] = build_model(self.robot, obj, self._preset, self._control, self._visuals)
+            self._compiled[obj.id] = build_model(self.robot, obj, self._preset, self._control, self._visuals, self._meshes)
         return self._compiled[obj.id]
 
     def model(self, env: int) -> mujoco.MjModel:

@@ -6,8 +6,9 @@ share one batch.
 
 import mujoco
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 
-from mimicbench.core.errors import UnknownName
+from mimicbench.core.errors import BadObject, UnknownName
 from mimicbench.objects.shape import SLOTS, SceneObject
 from mimicbench.robot.description import Robot, Shape
 
@@ -21,11 +22,15 @@ FRICTION = (1.0, 0.005, 0.0001)
 ROBOT_GROUP, OBJECT_GROUP, FLOOR_GROUP, VISUAL_GROUP = 3, 1, 0, 2
 """Geom groups: rays that look at the scene leave out the robot's own."""
 OBJECT_BODY = "object"
+MESH_NODES = SLOTS * (2 * 44 - 1) + 14
+"""Nodes of the bounding-volume trees over all meshes of a scene that has any: SLOTS pieces of 24 corners, which have 44 faces, and what `_add_ballast` adds."""
 _WORLD_BIT = 1
 _COLORS = {"robot": (0.6, 0.62, 0.65, 1.0)}
 
 
-def build_model(robot: Robot, obj: SceneObject, preset: str = "improved", control: str = "position", visuals: bool = False) -> mujoco.MjModel:
+def build_model(
+    robot: Robot, obj: SceneObject, preset: str = "improved", control: str = "position", visuals: bool = False, meshes: bool | None = None
+) -> mujoco.MjModel:
     """Compile the scene of one robot and one object.
 
     Args:
@@ -34,6 +39,8 @@ def build_model(robot: Robot, obj: SceneObject, preset: str = "improved", contro
         preset: which of the robot's gains to use.
         control: `position` (PD towards joint angles), `velocity` (damping towards joint velocities) or `torque`.
         visuals: add what is only there for pictures: shells, floor pattern, lights. The state stays the same.
+        meshes: make room for an object's convex pieces, so that the scene can share a batch with scenes of imported
+            objects; None: only if this object has any.
     """
     if preset not in robot.gains:
         raise UnknownName("preset", preset, list(robot.gains))
@@ -43,7 +50,7 @@ def build_model(robot: Robot, obj: SceneObject, preset: str = "improved", contro
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     _add_floor(spec, visuals)
     _add_robot(spec, robot, visuals)  # first, so that its coordinates come first whether or not the object moves
-    _add_object(spec, obj)
+    _add_object(spec, obj, bool(obj.hulls) if meshes is None else meshes or bool(obj.hulls))
     _add_actuators(spec, robot, preset, control)
     return spec.compile()
 
@@ -71,12 +78,13 @@ def _add_floor(spec: mujoco.MjSpec, visuals: bool) -> None:
     spec.worldbody.add_light(pos=[1.5, -1.5, 4.0], dir=[-0.3, 0.35, -1.0], diffuse=[0.65, 0.64, 0.62], castshadow=True)
 
 
-def _add_object(spec: mujoco.MjSpec, obj: SceneObject) -> None:
+def _add_object(spec: mujoco.MjSpec, obj: SceneObject, meshes: bool) -> None:
     body = spec.worldbody.add_body(name=OBJECT_BODY)
+    hulls = [None if _is_box(hull) else hull for hull in obj.hulls] or [None] * len(obj.box_pos)
     if obj.movable:
         body.add_freejoint()
-        # boxes share the mass by volume
-        volume = obj.box_half.prod(-1)
+        # pieces share the mass by volume
+        volume = np.array([8 * half.prod() if hull is None else _hull(obj, hull).volume for half, hull in zip(obj.box_half, hulls, strict=True)])
         masses = (obj.mass or 1.0) * volume / volume.sum()
     else:
         masses = np.zeros(len(obj.box_pos))
@@ -91,6 +99,59 @@ def _add_object(spec: mujoco.MjSpec, obj: SceneObject) -> None:
         geom.rgba = [*obj.box_rgb[used], 1.0]
         geom.contype = geom.conaffinity = _WORLD_BIT
         geom.mass = 0.0 if spare else masses[slot]
+        hull = None if spare else hulls[slot]
+        if hull is not None:
+            _add_mesh(spec, f"object_{slot}", hull, _hull(obj, hull).simplices)
+            geom.type, geom.meshname, geom.size = mujoco.mjtGeom.mjGEOM_MESH, f"object_{slot}", np.zeros(3)
+            geom.pos, geom.quat = np.zeros(3), (1, 0, 0, 0)  # corners are in the object's frame
+    if meshes:
+        _add_ballast(spec, obj)
+
+
+def _is_box(hull: np.ndarray) -> bool:
+    """Whether a convex piece has eight corners that are those of a box, which is quicker and steadier as such."""
+    if len(hull) != 8:
+        return False
+    away = np.linalg.norm(hull - hull.mean(0), axis=1)
+    opposite = (np.linalg.norm(hull[:, None] + hull[None] - 2 * hull.mean(0), axis=-1) < 1e-7).sum()
+    return bool(np.ptp(away) < 1e-7 and opposite == 8)
+
+
+def _hull(obj: SceneObject, corners: np.ndarray) -> ConvexHull:
+    try:
+        return ConvexHull(corners)
+    except (QhullError, ValueError):
+        raise BadObject(f"object {obj.id} has a convex piece without volume; import it again") from None
+
+
+def _add_mesh(spec: mujoco.MjSpec, name: str, corners: np.ndarray, faces: np.ndarray) -> None:
+    a, b, c = (corners[faces[:, i]] for i in range(3))
+    inward = (np.cross(b - a, c - a) * (a - corners.mean(0))).sum(1) < 0
+    faces = np.where(inward[:, None], faces[:, ::-1], faces)
+    spec.add_mesh(name=name, uservert=corners.ravel(), userface=faces.ravel().astype(np.int32), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX)
+
+
+def _add_ballast(spec: mujoco.MjSpec, obj: SceneObject) -> None:
+    """A mesh that no geom uses, so that all scenes with meshes have bounding-volume trees of one size and can share a batch.
+
+    A batch takes models of boxes and of meshes, and of meshes of any size, as long as MjData's layout is the same; of a
+    mesh, MjData holds a mark per node of its tree, and a tree over F faces has 2 F - 1 nodes.
+    """
+    used = [len(mesh.userface) // 3 for mesh in spec.meshes]
+    left = MESH_NODES - sum(2 * faces - 1 for faces in used)
+    if left % 2 == 0:  # a tree of an even size is two odd ones
+        _add_tetrahedra(spec, "ballast_0", 4)
+        left -= 7
+    if left < 7:
+        raise BadObject(f"object {obj.id} has {sum(used)} faces in its convex pieces, which is more than a scene has room for; simplify the mesh and import it again")
+    _add_tetrahedra(spec, "ballast_1", (left + 1) // 2)
+
+
+def _add_tetrahedra(spec: mujoco.MjSpec, name: str, faces: int) -> None:
+    """A mesh of so many faces: a tetrahedron's, again and again."""
+    corners = np.concatenate([np.zeros((1, 3)), np.eye(3)])
+    four = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.int32)
+    spec.add_mesh(name=name, uservert=corners.ravel(), userface=np.resize(four, (faces, 3)).ravel(), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
 
 
 def _add_robot(spec: mujoco.MjSpec, robot: Robot, visuals: bool) -> None:

@@ -1,0 +1,226 @@
+"""Makes scene objects of the user's own meshes: stage `objects` from files instead of from a seed."""
+
+import hashlib
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mimicbench.core.errors import BadObject, MimicbenchError
+from mimicbench.core.files import write_json
+from mimicbench.core.stage import Stage, open_stage
+from mimicbench.objects.convex import box_around, split
+from mimicbench.objects.mend import close_holes
+from mimicbench.objects.mesh import Mesh, read_mesh
+from mimicbench.objects.placing import ANYTHING, KINDS, LIE, Placed, Wishes, place
+from mimicbench.objects.planes import LevelPlane
+from mimicbench.objects.shape import SceneObject, save_object
+
+TOLERANCE = 0.03
+"""[m]; if the pieces' top is farther from the mesh's plane than this, it is said; if farther than three times this, the object is refused."""
+BOX_LIKE = 0.985
+"""A piece that fills this share of its box is replaced by the box."""
+COLORS = ((0.62, 0.55, 0.47), (0.56, 0.52, 0.49), (0.68, 0.61, 0.53), (0.50, 0.47, 0.44))
+
+
+@dataclass(frozen=True)
+class ImportConfig:
+    """How meshes become objects."""
+
+    wishes: Wishes = Wishes()
+    pieces: str = "convex"
+    """`convex`, or `boxes` to replace every convex piece by the box around it."""
+    mass: float = 2.0
+    """[kg], of objects to be lifted."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What an imported object was made from, and why it came out as it did."""
+
+    id: str
+    file: str
+    sha256: str
+    meters_per_unit: float
+    up: str
+    front: str
+    size: tuple[float, float, float]
+    """Front to back, width, height [m]."""
+    pieces: int
+    boxes: int
+    """How many of the pieces are boxes."""
+    filled: float
+    """Volume of the convex pieces over the volume of the boxes around them."""
+    seat_height: float | None
+    """Of the pieces' top within the outline [m]."""
+    mesh_seat_height: float | None
+    """Of the mesh itself [m]."""
+    seat_area: float | None
+    """[m^2]"""
+    seat_polygon: list[list[float]]
+    reasons: tuple[str, ...]
+
+    def text(self) -> str:
+        """A few lines to read."""
+        lines = [f"{self.file} -> {self.id}: {' x '.join(f'{side:.2f}' for side in self.size)} m, {self.pieces} pieces ({self.boxes} of them boxes)"]
+        if self.seat_height is not None and self.seat_area is not None:
+            low, high = np.min(self.seat_polygon, 0), np.max(self.seat_polygon, 0)
+            lines.append(
+                f"  plane at {self.seat_height:.3f} m, {self.seat_area:.2f} m2, x {low[0]:.2f} to {high[0]:.2f}, y {low[1]:.2f} to {high[1]:.2f}, "
+                f"{len(self.seat_polygon)} corners"
+            )
+        return "\n".join([*lines, *(f"  {reason}" for reason in self.reasons)])
+
+
+def import_mesh(path: Path, family: str, config: ImportConfig, object_id: str | None = None) -> tuple[SceneObject, Evidence]:
+    """One object of one file. Raises BadFile or BadObject with the file's name in it."""
+    mesh = read_mesh(path)
+    try:
+        return _make(mesh, path, family, config, object_id or own_id(path))
+    except BadObject as error:
+        raise BadObject(f"{path}: {error}") from None
+
+
+def _make(mesh: Mesh, path: Path, family: str, config: ImportConfig, object_id: str) -> tuple[SceneObject, Evidence]:
+    kind = KINDS.get(family, ANYTHING)
+    placed = place(mesh, kind, path.suffix.lower()[1:], config.wishes)
+    if kind.needs is not None and placed.plane is None:
+        low, high = kind.needs.heights
+        raise BadObject(
+            f"no level, free surface of {kind.needs.size[0]:.2f} x {kind.needs.size[1]:.2f} m is {low:.2f} to {high:.2f} m high "
+            f"({'; '.join(placed.reasons)}); give --up, --unit or --height if that is wrong"
+        )
+    solid, found, mended = close_holes(placed.mesh, placed.topology)
+    pieces, how = split(solid, found)
+    reasons = [*placed.reasons, *mended, *how]
+    boxes = [box_around(piece) for piece in pieces]
+    volumes, filled = _volumes(pieces), np.array([8 * half.prod() for _, _, half in boxes])
+    is_box = (volumes >= BOX_LIKE * filled) | (config.pieces == "boxes")
+    hulls = tuple(_corners(box) if flat else piece for piece, box, flat in zip(pieces, boxes, is_box, strict=True))
+    drop = min(float(hull[:, 2].min()) for hull in hulls)
+    hulls = tuple(hull - np.array([0, 0, drop]) for hull in hulls)
+    height, polygon = None, np.zeros((0, 2))
+    if placed.plane is not None:
+        polygon = placed.plane.polygon
+        height, deviation = _top_of(hulls, placed.plane)
+        if deviation > 3 * TOLERANCE:
+            raise BadObject(f"its {len(hulls)} pieces are {100 * deviation:.0f} cm off the plane at {placed.plane.height:.2f} m; mend or simplify the mesh")
+        note = ": too much to trust contacts there; look at the pieces" if deviation > TOLERANCE else ""
+        reasons.append(f"the pieces' top is within {1000 * deviation:.0f} mm of the mesh over 90 % of the plane{note}")
+    lies = kind.needs is LIE
+    rgb = np.array([COLORS[i % len(COLORS)] for i in range(len(boxes))])
+    obj = SceneObject(
+        object_id, family, "own", np.array([box[0] for box in boxes]) - np.array([0, 0, drop]), np.array([box[1] for box in boxes]),
+        np.array([box[2] for box in boxes]), rgb, height, polygon, head_xy=_head(placed) if lies else np.zeros(0),
+        movable=family == "box", mass=config.mass if family == "box" else None, hulls=() if is_box.all() else hulls,
+    )  # fmt: skip
+    low, high = obj.bounds()
+    evidence = Evidence(
+        object_id, path.name, hashlib.sha256(path.read_bytes()).hexdigest(), placed.scale, placed.up, placed.front, tuple((high - low).tolist()), len(pieces),
+        int(is_box.sum()), float(volumes.sum() / filled.sum()), height, placed.plane.height if placed.plane else None,
+        placed.plane.area if placed.plane else None, polygon.round(4).tolist(), tuple(reasons),
+    )  # fmt: skip
+    return obj, evidence
+
+
+def import_objects(
+    folder: Path, task: str, family: str, files: Sequence[Path], config: ImportConfig, say: Callable[[str], None]
+) -> tuple[Stage, list[Evidence]]:
+    """Stage `objects` made of files: `<id>.json` per object, and `evidence/<id>.json` beside them.
+
+    All files are read before anything is written. Raises MimicbenchError at the first that cannot be used.
+    """
+    if not files:
+        raise MimicbenchError("give at least one file: mimicbench objects import chair.obj")
+    made = []
+    for path, object_id in zip(files, own_ids(files), strict=True):
+        made.append(import_mesh(path, family, config, object_id))
+        say(made[-1][1].text())
+    source = {"imported": {evidence.id: evidence.sha256 for _, evidence in made}, "import": asdict(config)}
+    stage = open_stage(folder, "objects", task, 0, source)
+    if not stage.complete:
+        for obj, evidence in made:
+            save_object(folder, obj)
+            write_json(folder / "evidence" / f"{obj.id}.json", asdict(evidence))
+        stage = stage.finish(count=len(made), test=sum(obj.split == "test" for obj, _ in made))
+    return stage, [evidence for _, evidence in made]
+
+
+def own_id(path: Path) -> str:
+    """`own-` and the file's name in small letters, digits and hyphens: safe as a file name, and no family's id."""
+    name = re.sub(r"[^a-z0-9]+", "-", path.stem.lower()).strip("-")[:60].strip("-")
+    return f"own-{name or 'object'}"
+
+
+def own_ids(files: Sequence[Path]) -> list[str]:
+    """One id per file; where two would be the same, a few digits of the files' content tell them apart, whatever their order."""
+    names = [own_id(path) for path in files]
+    for i, path in enumerate(files):
+        if names.count(own_id(path)) > 1 and path.is_file() and sum(own_id(path) == own_id(other) for other in files) > 1:
+            names[i] = f"{own_id(path)}-{hashlib.sha256(path.read_bytes()).hexdigest()[:8]}"
+    if len(set(names)) < len(names):
+        raise MimicbenchError("the same file is given twice; give each once")
+    return names
+
+
+def _volumes(pieces: Sequence[np.ndarray]) -> np.ndarray:
+    from scipy.spatial import ConvexHull
+
+    return np.array([ConvexHull(piece).volume for piece in pieces])
+
+
+def _corners(box: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:
+    """(8, 3) corners of a box."""
+    from mimicbench.core import rotations as rot
+
+    signs = np.stack(np.meshgrid([-1, 1], [-1, 1], [-1, 1], indexing="ij"), -1).reshape(8, 3)
+    return box[0] + rot.rotate(box[1], signs * box[2])
+
+
+def tops(hulls: Sequence[np.ndarray], points: np.ndarray) -> np.ndarray:
+    """Height (N,) of the highest convex piece over points (N, 2) [m], -inf where there is none."""
+    from scipy.spatial import ConvexHull
+
+    best = np.full(len(points), -np.inf)
+    for hull in hulls:
+        planes = ConvexHull(hull).equations
+        a, b = planes[:, :2] @ points.T + planes[:, 3:], planes[:, 2:3]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            bound = -a / b
+        high = np.where(b > 1e-9, bound, np.inf).min(0)
+        low = np.where(b < -1e-9, bound, -np.inf).max(0)
+        beside = np.where(np.abs(b) <= 1e-9, a, -np.inf).max(0) > 1e-9
+        best = np.where((high >= low) & ~beside & (high > best), high, best)
+    return best
+
+
+def _top_of(hulls: Sequence[np.ndarray], plane: LevelPlane) -> tuple[float, float]:
+    """Median height of the pieces' top within a plane's outline, and how far 90 % of it is from the mesh's plane at most [m]."""
+    from scipy.spatial import Delaunay
+
+    axes = [np.linspace(low, high, 25) for low, high in zip(plane.polygon.min(0), plane.polygon.max(0), strict=True)]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 2)
+    middle = plane.polygon.mean(0)
+    inside = Delaunay(middle + 0.95 * (plane.polygon - middle)).find_simplex(grid) >= 0
+    height = tops(hulls, grid[inside])
+    off = np.maximum(np.abs(height - plane.height) - plane.spread, 0.0)
+    return float(np.median(height)), float(np.quantile(np.nan_to_num(off, posinf=1e3), 0.9))
+
+
+def _head(placed: Placed) -> np.ndarray:
+    """Where the head goes (2,) [m]: at the end of the plane's longer side where more stands higher than it; 0.25 m from that end."""
+    assert placed.plane is not None
+    polygon = placed.plane.polygon
+    low, high = polygon.min(0), polygon.max(0)
+    axis = int(np.argmax(high - low))
+    above = placed.mesh.vertices[placed.mesh.vertices[:, 2] > placed.plane.height + 0.05]
+    middle = (low + high) / 2
+    side = -1.0
+    if len(above):
+        reach = [above[(above[:, axis] - middle[axis]) * sign > 0.3 * (high - low)[axis], 2].max(initial=0.0) for sign in (-1.0, 1.0)]
+        side = 1.0 if reach[1] > reach[0] + 0.02 else -1.0
+    head = middle.copy()
+    head[axis] += side * ((high - low)[axis] / 2 - 0.25)
+    return head

@@ -1,0 +1,215 @@
+"""Stands a mesh of unknown unit and axes on the floor: which unit, which way up, which side is the front, and why.
+
+Every guess comes with its reason, and every one can be overruled.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from mimicbench.core.errors import BadObject
+from mimicbench.objects.convex import Topology, outward, topology
+from mimicbench.objects.mesh import Mesh
+from mimicbench.objects.planes import LIE, SIT, LevelPlane, PlaneNeeds, find_plane, surfaces
+
+Axis = Literal["x+", "x-", "y+", "y-", "z+", "z-"]
+Unit = Literal["m", "cm", "mm", "in", "normalized"]
+METERS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What is known of a family of objects before one is seen."""
+
+    size: tuple[float, float, float]
+    """Longer and shorter side on the floor, and height, as they are on average [m]."""
+    needs: PlaneNeeds | None
+    """What its plane must have, if it is for sitting or lying."""
+
+
+KINDS = {
+    "chair": Kind((0.62, 0.54, 0.81), SIT),
+    "sofa": Kind((1.65, 0.78, 0.70), SIT),
+    "sitsofa": Kind((1.31, 0.66, 0.60), SIT),
+    "liesofa": Kind((1.91, 0.87, 0.79), LIE),
+    "bed": Kind((2.27, 1.78, 0.86), LIE),
+    "box": Kind((0.60, 0.43, 0.60), None),
+}
+"""By family. Sizes are near the paper's table of objects; of other families nothing is expected."""
+ANYTHING = Kind((0.65, 0.5, 0.6), None)
+TOO_FAR = np.log(3.0)
+"""A side may differ from the average by this factor, three, before the size is refused."""
+_PRIOR = {"glb": {"y+": 0.0, "z+": -1.5}, "obj": {"y+": 0.0, "z+": -0.4}, "ply": {"y+": -0.3, "z+": 0.0}, "stl": {"y+": -0.6, "z+": 0.0}}
+"""What is usual in a format: GLB has y up by its definition, ShapeNet's OBJ files too; what goes to a printer has z up."""
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What the user says of a mesh; None: to be guessed."""
+
+    unit: Unit | None = None
+    """Unit of the file's numbers; `normalized` if it has none."""
+    up: Axis | None = None
+    """The file's axis that points up."""
+    front: Axis | None = None
+    """The file's axis that points to the front, where people come from."""
+    height: float | None = None
+    """Height that it shall have [m], instead of a unit."""
+    scale: float | None = None
+    """Meters per unit of the file, instead of a unit."""
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A mesh on the floor at the origin, facing +x."""
+
+    mesh: Mesh
+    """z up, metres."""
+    topology: Topology
+    scale: float
+    """Meters per unit of the file."""
+    up: str
+    front: str
+    plane: LevelPlane | None
+    """The plane to sit or lie on, if there is one."""
+    reasons: tuple[str, ...]
+
+
+def place(mesh: Mesh, kind: Kind, file_format: str, wishes: Wishes) -> Placed:
+    """Scale, turn and centre a mesh and drop it to the floor. Raises BadObject if no reading of its numbers makes sense."""
+    if wishes.front and wishes.up and wishes.front[0] == wishes.up[0]:
+        raise BadObject(f"front {wishes.front} and up {wishes.up} are the same axis; give two different ones")
+    ups = [wishes.up] if wishes.up else [up for up in ("y+", "z+", "x+") if not (wishes.front and wishes.front[0] == up[0])]
+    tried: list[tuple[float, str, Placed]] = []
+    problems: list[str] = []
+    for up in ups:
+        try:
+            placed, cost = _stand(mesh, kind, up, wishes)
+        except BadObject as error:
+            problems.append(str(error))
+            continue
+        seat = 0.0 if kind.needs is None else (3.0 if placed.plane else 0.0)
+        tried.append((seat - cost + _PRIOR[file_format].get(up, -2.0), up, placed))
+    if not tried:
+        raise BadObject(problems[0])
+    _, up, best = max(tried, key=lambda entry: entry[0])
+    if wishes.up:
+        why = f"up is {up}, as given"
+    else:
+        others = [other for _, other, placed in tried if other != up and placed.plane is not None]
+        usual = max(_PRIOR[file_format], key=lambda axis: _PRIOR[file_format][axis])
+        evidence = "the size fits" if kind.needs is None else ("a plane fits" if best.plane else "the size fits, though no plane does")
+        why = f"up is {up}: {evidence}{', and it is usual in ' + file_format.upper() if up == usual else ''}"
+        why += f" (a plane would fit with {' and '.join(others)} too: give --up if this is wrong)" if others else ""
+    return _face(best, kind, wishes, why)
+
+
+def _stand(mesh: Mesh, kind: Kind, up: str, wishes: Wishes) -> tuple[Placed, float]:
+    """The mesh on the floor with one axis up, its front not yet known, and how unlikely its size is."""
+    turned = Mesh(mesh.vertices @ _rotation(up, _usual_front(up)).T, mesh.faces)
+    low, high = turned.bounds()
+    scale, cost, why = _scale(high - low, turned, kind, wishes)
+    middle = np.array([*(low + high)[:2] / 2, low[2]])
+    standing = Mesh((turned.vertices - middle) * scale, turned.faces)
+    found = topology(standing)
+    standing = outward(standing, found)
+    plane = None
+    if kind.needs is not None:
+        plane = find_plane(surfaces(standing, found.closed[found.part]), kind.needs)
+    return Placed(standing, found, scale, up, _usual_front(up), plane, (why,)), cost
+
+
+def _scale(size: np.ndarray, mesh: Mesh, kind: Kind, wishes: Wishes) -> tuple[float, float, str]:
+    """Meters per unit, how unlikely the size is, and why. `size` (3,) is the bounding box in the file's unit, z up."""
+    shape = f"{size[0]:.4g} x {size[1]:.4g} x {size[2]:.4g}"
+    expected = np.array(kind.size)
+    logs = np.log(np.maximum([max(size[:2]), min(size[:2]), size[2]], 1e-12) / expected)
+    if sum(value is not None for value in (wishes.unit, wishes.height, wishes.scale)) > 1:
+        raise BadObject("give only one of --unit, --height and --scale")
+    if wishes.height is not None or wishes.scale is not None:
+        scale = float(wishes.scale if wishes.height is None else wishes.height / size[2])
+        why = f"1 unit is {scale:.4g} m, as given"
+    elif wishes.unit == "normalized" or (wishes.unit is None and _normalized(size, mesh) and np.abs(logs).max() > 0.15):
+        scale = float(np.exp(-logs.mean()))
+        why = f"1 unit is {scale:.4g} m: the mesh is normalized ({shape}), so it gets the usual size of its family; give --height to set it"
+    elif wishes.unit is not None:
+        scale, why = METERS[wishes.unit], f"the unit is {wishes.unit}, as given"
+    else:
+        costs = {unit: float(np.square(logs + np.log(meters)).sum()) for unit, meters in METERS.items()}
+        first, second = sorted(costs, key=lambda unit: costs[unit])[:2]
+        scale, why = METERS[first], f"the unit is {first}: {shape} of it is the likeliest size"
+        if costs[second] < costs[first] + 1.0:
+            why += f" ({second} is possible too: give --unit if this is wrong)"
+    final = logs + np.log(scale)
+    if not (0 < scale < np.inf) or np.abs(final).max() > TOO_FAR + 0.7 * (kind is ANYTHING):
+        meters = " x ".join(f"{side * scale:.3g}" for side in size)
+        fits = [unit for unit, value in METERS.items() if np.abs(logs + np.log(value)).max() <= TOO_FAR]
+        hint = f"its numbers look like {fits[0]}: leave --unit out or give --unit {fits[0]}" if fits else "give --height with its height in metres"
+        raise BadObject(f"it would be {meters} m large, which is not the size of such an object; {hint}")
+    return scale, float(np.square(final).mean()), why
+
+
+def _normalized(size: np.ndarray, mesh: Mesh) -> bool:
+    """Whether the diagonal is 1, as in ShapeNet, or the mesh fits just into the unit ball, as in PartNet."""
+    if abs(np.linalg.norm(size) - 1) < 2e-3:
+        return True
+    low, high = mesh.bounds()
+    radius = np.linalg.norm(mesh.vertices[np.unique(mesh.faces)], axis=1).max()
+    return bool(abs(radius - 1) < 2e-3 and np.abs(low + high).max() < 0.2)
+
+
+def _face(placed: Placed, kind: Kind, wishes: Wishes, why_up: str) -> Placed:
+    """Turn the front to +x and centre again."""
+    if wishes.front:
+        front, why = wishes.front, f"front is {wishes.front}, as given"
+    else:
+        front, why = _front(placed)
+    # from the usual front to the wanted one, both seen in the file's axes
+    turn = _rotation(placed.up, front) @ _rotation(placed.up, placed.front).T
+    mesh = Mesh(placed.mesh.vertices @ turn.T, placed.mesh.faces)
+    low, high = mesh.bounds()
+    mesh = Mesh(mesh.vertices - np.array([*(low + high)[:2] / 2, low[2]]), mesh.faces)
+    plane = None
+    if kind.needs is not None:
+        plane = find_plane(surfaces(mesh, placed.topology.closed[placed.topology.part]), kind.needs)
+    return Placed(mesh, placed.topology, placed.scale, placed.up, front, plane, (*placed.reasons, why_up, why))
+
+
+def _front(placed: Placed) -> tuple[str, str]:
+    """The file's axis to the front: away from what stands higher than the plane, which is the back."""
+    usual = placed.front
+    if placed.plane is None:
+        return usual, f"front is {usual}, as usual with {placed.up} up: there is no plane to tell it by"
+    found = surfaces(placed.mesh)
+    above = found.height > placed.plane.height + 0.10
+    middle = placed.plane.polygon.mean(0)
+    low, high = placed.mesh.bounds()
+    if above.any():
+        back = (found.xy(found.cell[above]) - middle).mean(0) / (high - low)[:2]
+        if np.abs(back).max() > 0.12:
+            axis = int(np.abs(back).argmax())
+            direction = np.zeros(3)
+            direction[axis] = -np.sign(back[axis])
+            in_file = _rotation(placed.up, usual).T @ direction
+            index = int(np.abs(in_file).argmax())
+            front = "xyz"[index] + ("+" if in_file[index] > 0 else "-")
+            return front, f"front is {front}: what stands higher than the plane is on the other side"
+    return usual, f"front is {usual}, as usual with {placed.up} up: nothing stands higher than the plane on one side; give --front if this is wrong"
+
+
+def _usual_front(up: str) -> str:
+    """ShapeNet has y up and -z in front; with z up, -y is usual."""
+    return {"x": "z-", "y": "z-", "z": "y-"}[up[0]]
+
+
+def _vector(axis: str) -> np.ndarray:
+    vector = np.zeros(3)
+    vector["xyz".index(axis[0])] = 1.0 if axis[1] == "+" else -1.0
+    return vector
+
+
+def _rotation(up: str, front: str) -> np.ndarray:
+    """(3, 3) that turns the file's `front` to +x and its `up` to +z."""
+    x, z = _vector(front), _vector(up)
+    return np.stack([x, np.cross(z, x), z])
