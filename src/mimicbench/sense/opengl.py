@@ -1,0 +1,62 @@
+"""A place to draw without a screen: EGL on Linux, what the platform has elsewhere."""
+
+import os
+import sys
+from types import TracebackType
+from typing import Any, Self
+
+import mujoco
+
+from mimicbench.core.errors import MimicbenchError
+
+_ADVICE = "pictures and videos are left out (on Linux, install libegl1, or set MUJOCO_GL)"
+
+
+class NoPictures(MimicbenchError):
+    """There is no OpenGL to draw with. Everything but pictures and videos works all the same."""
+
+
+class Canvas:
+    """An off-screen buffer and one model's shapes and textures in it. Use as a context manager: GL contexts are few, and must be given back."""
+
+    def __init__(self, model: mujoco.MjModel, height: int, width: int) -> None:
+        """Open it for `model`, whose `vis.global_.offwidth` and `offheight` must be no smaller. Raises NoPictures."""
+        try:
+            self._context = _context_class()(width, height)
+            self._context.make_current()
+            self.drawing = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+            mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self.drawing)
+        except Exception as error:  # noqa: BLE001 every platform and driver fails in its own way, with its own exception
+            raise NoPictures(f"there is no OpenGL to draw with ({type(error).__name__}: {error}); {_ADVICE}") from None
+        if self.drawing.offWidth < width or self.drawing.offHeight < height:
+            raise NoPictures(f"OpenGL gives no off-screen buffer of {width}x{height}; {_ADVICE}")
+
+    def make_current(self) -> None:
+        """Let what is drawn next go here."""
+        self._context.make_current()
+
+    def close(self) -> None:
+        """Give the GL context back."""
+        self._context.make_current()
+        self.drawing.free()
+        self._context.free()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+
+def _context_class() -> Any:
+    """EGL on Linux unless MUJOCO_GL says otherwise, even when MuJoCo was imported before; elsewhere MuJoCo's own choice."""
+    if sys.platform.startswith("linux"):
+        os.environ.setdefault("MUJOCO_GL", "egl")
+    backend = os.environ.get("MUJOCO_GL", "").strip().lower()
+    if backend in ("disable", "disabled", "off", "false", "0"):
+        raise RuntimeError(f"MUJOCO_GL is {backend!r}")
+    if backend == "egl":
+        from mujoco.egl import GLContext
+
+        return GLContext
+    return mujoco.GLContext
