@@ -5,7 +5,9 @@ from collections.abc import Callable
 
 from mimicbench.core.errors import BadObject, UnknownName
 from mimicbench.objects.beds import make_bed
+from mimicbench.objects.boxes import make_box
 from mimicbench.objects.chairs import make_chair
+from mimicbench.objects.household import make_household
 from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.sofas import make_couch, make_sofa
 
@@ -14,6 +16,8 @@ FAMILIES: dict[str, Callable[[int, int], SceneObject]] = {
     "sofa": make_sofa,
     "couch": make_couch,
     "bed": make_bed,
+    "household": make_household,
+    "box": make_box,
 }
 """family -> function of (index, seed). Ids are `<family>-<seed>-<index>`."""
 
