@@ -13,6 +13,11 @@ SLOTS = 16
 """Boxes that every scene reserves for its object, so that all scenes have the same size and can share a batch."""
 
 
+def split_of(object_id: str) -> str:
+    """`train` or `test`, 3:1, decided by an object's id alone."""
+    return "test" if digest(0, "split", object_id) % 4 == 0 else "train"
+
+
 @dataclass(frozen=True)
 class SceneObject:
     """A rigid object made of boxes, standing on the floor at the origin and facing +x."""
@@ -66,7 +71,7 @@ class SceneObject:
     @property
     def split(self) -> str:
         """`train` or `test`, 3:1, decided by the id alone."""
-        return "test" if digest(0, "split", self.id) % 4 == 0 else "train"
+        return split_of(self.id)
 
     def corners(self) -> np.ndarray:
         """(B, 8, 3) corners of all boxes [m]."""

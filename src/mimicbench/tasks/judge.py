@@ -8,7 +8,7 @@ import torch
 from mimicbench.core import rotations as rot
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robot.description import Robot
-from mimicbench.sim.physics import Physics
+from mimicbench.sim.physics import LinkState, Physics
 from mimicbench.tasks.task import BodyPoints, ObjectFacts, Task
 
 FALLEN_TILT = 1.2
@@ -45,9 +45,22 @@ class Judge:
         self.steps = np.zeros(n, int)
         """(N,) control steps seen."""
 
-    def see(self, physics: Physics, active: np.ndarray) -> None:
-        """Look at one control step of the episodes `active` (N,) bool; call it after a step that measured effort."""
-        links = physics.links()
+    def restart(self, ids: np.ndarray, objects: Sequence[SceneObject], wrist_goals: Sequence[np.ndarray] | None = None) -> None:
+        """Forget the episodes `ids` (n,), which begin anew with these objects and goals."""
+        self._facts = self._facts.exchanged(ids, ObjectFacts.of(objects, wrist_goals))
+        for counts in (self.run, self.steps, self.max_effort):
+            counts[ids] = 0
+        for verdicts in (self.success, self.success_at_end, self.fell, self.diverged):
+            verdicts[ids] = False
+        for unknown in (self.first_success, self.effort_at_success):
+            unknown[ids] = np.nan
+
+    def see(self, physics: Physics, active: np.ndarray, links: LinkState | None = None) -> None:
+        """Look at one control step of the episodes `active` (N,) bool; call it after a step that measured effort.
+
+        `links` are the physics' links now, if they are at hand already.
+        """
+        links = links or physics.links()
         points = BodyPoints.of(self._robot, links.pos_w.numpy(), links.quat_w.numpy())
         diverged = physics.diverged.numpy() & active
         self.diverged |= diverged

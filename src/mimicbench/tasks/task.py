@@ -9,6 +9,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.motion import RobotMotion
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robot.description import Robot
+from mimicbench.sense.rigs import Rig
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,16 @@ class ObjectFacts:
     def moved(self, pos_w: np.ndarray, quat_w: np.ndarray) -> "ObjectFacts":
         """The same with the objects at (N, 3) and turned by (N, 4)."""
         return replace(self, pos_w=pos_w, quat_w=quat_w)
+
+    def exchanged(self, ids: np.ndarray, others: "ObjectFacts") -> "ObjectFacts":
+        """The same with the facts of scenes `ids` (n,) replaced by those of `others`."""
+        objects = list(self.objects)
+        arrays = {name: value.copy() for name, value in vars(self).items() if name != "objects"}
+        for row, env in enumerate(ids):
+            objects[env] = others.objects[row]
+        for name, array in arrays.items():
+            array[ids] = getattr(others, name)
+        return ObjectFacts(objects, **arrays)
 
     def interior_xy(self, pos_w: np.ndarray) -> np.ndarray:
         """(N,) whether positions (N, 3) lie in the fixed object's interior in the bird-eye view (appendix D.1)."""
@@ -107,6 +118,10 @@ class Task:
     """Whether who lies down has fallen."""
     max_start_distance: float | None
     """[m] Starts are clipped to this distance from the object (appendix C.1)."""
+    rig: Rig
+    """The robot's cameras (appendix C.2)."""
+    map_cell: float
+    """[m] Side of a cell of the elevation map (appendix C.2)."""
 
     def hold_frames(self, fps: float) -> int:
         """Frames in a row that count as holding."""

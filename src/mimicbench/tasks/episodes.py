@@ -1,0 +1,187 @@
+"""N episodes of a task side by side: the part of the Gymnasium environments that knows nothing of Gymnasium."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from mimicbench.core import rotations as rot
+from mimicbench.core.errors import MimicbenchError, UnknownName
+from mimicbench.core.motion import RobotMotion
+from mimicbench.objects.shape import SceneObject
+from mimicbench.robot.description import load_robot
+from mimicbench.sense.elevation import camera_map
+from mimicbench.sense.proprioception import body_state, s_current
+from mimicbench.sim.native import NativePhysics
+from mimicbench.sim.physics import LinkState
+from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.tasks.judge import Judge
+from mimicbench.tasks.start import Start, Starts
+from mimicbench.tasks.task import Task
+from mimicbench.tasks.touch_points import TOUCH_POINTS
+
+SENSES = ("proprio", "state", "time", "elevation")
+"""What can be observed, besides the targets of tasks that have some."""
+BOUND = 1000.0
+"""Observations beyond this are clipped; no robot that is still in one piece comes near it."""
+
+
+@dataclass(frozen=True)
+class EnvConfig:
+    """The arguments of an environment, all of them optional."""
+
+    split: str = "train"
+    """Which objects to meet: `train`, `test`, or `all`."""
+    control: str = "position"
+    """What actions are: `position`, `velocity` or `torque`."""
+    preset: str = "improved"
+    """Which of the robot's gains drive position and velocity control: `improved`, or the paper's 100/5 on all joints, `paper`."""
+    observe: Sequence[str] = ("proprio", "state", "time")
+    """Which of `proprio`, `state`, `time` and `elevation` are observed."""
+    time_limit: float | None = None
+    """Seconds to a truncation; None: the task's, 20 s or 10 s (appendix C.1)."""
+    starts: Sequence[RobotMotion] | Path | str | None = None
+    """Motions in whose first frames episodes start, beside the motions' objects: as such, or the folder of a `--workdir`, whose
+    retargeted clips are taken. None: starts are drawn by rule."""
+    objects: Sequence[str | SceneObject] | None = None
+    """The objects to meet instead of those of the split, as objects or by their ids; with `starts`, those that have no id to be made from."""
+    pool: int = 1000
+    """How many objects of the task's family there are to meet, both splits together: numbers 0 to pool - 1 of seed 0."""
+    robot: str = "h1"
+    """The robot."""
+    workers: int = 0
+    """Threads that step the physics; 0: all processors. Never changes a result. Single environments use one."""
+    height: int = 480
+    """Of the pictures [px]."""
+    width: int = 640
+    """Of the pictures [px]."""
+
+    def __post_init__(self) -> None:
+        for sense in self.observe:
+            if sense not in SENSES:
+                raise UnknownName("observation", sense, list(SENSES))
+        if self.time_limit is not None and not CONTROL_DT <= self.time_limit <= 3600:
+            raise MimicbenchError(f"a time limit of {self.time_limit} s is none; give seconds from {CONTROL_DT} to 3600")
+        if not 1 <= self.pool <= 99999:
+            raise MimicbenchError(f"a pool of {self.pool} objects is none; give a number from 1 to 99999")
+        if not (16 <= self.height <= 4096 and 16 <= self.width <= 4096):
+            raise MimicbenchError(f"pictures can have 16 to 4096 rows and columns, not {self.height} x {self.width}")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one control step did to N episodes."""
+
+    reward: np.ndarray
+    """(N,) 1 where the episode ends with K fulfilled, else 0."""
+    terminated: np.ndarray
+    """(N,) whether K is fulfilled, or the physics broke down."""
+    truncated: np.ndarray
+    """(N,) whether the time is over."""
+
+
+class Episodes:
+    """N episodes, each with its own robot, object, goal and clock. `begin` all of them before anything else."""
+
+    def __init__(self, task: Task, num_envs: int, config: EnvConfig) -> None:
+        if num_envs < 1:
+            raise MimicbenchError(f"{num_envs} environments are none; give at least 1")
+        self.task, self.num_envs, self.config = task, num_envs, config
+        self.robot = load_robot(config.robot)
+        self.limit = round((config.time_limit or task.time_limit) / CONTROL_DT)
+        """Control steps to a truncation."""
+        self._draw = Starts(task, self.robot, config.split, config.objects, config.pool, config.starts).draw
+        self.starts: list[Start] = []
+        """(N,) how each episode started."""
+        self.seeds = np.zeros(num_envs, np.int64)
+        """(N,) of each episode."""
+        self._last_target = np.zeros((num_envs, len(self.robot.joints)), np.float32)
+        self._scene: tuple[NativePhysics, Judge] | None = None
+        self._links: LinkState | None = None
+
+    @property
+    def physics(self) -> NativePhysics:
+        """The physics that all episodes run in."""
+        return self._running()[0]
+
+    @property
+    def judge(self) -> Judge:
+        """The judge that watches them."""
+        return self._running()[1]
+
+    def _running(self) -> tuple[NativePhysics, Judge]:
+        if self._scene is None:
+            raise MimicbenchError("no episode has begun; call reset() first")
+        return self._scene
+
+    def begin(self, ids: np.ndarray, seeds: Sequence[int]) -> None:
+        """Begin the episodes `ids` (n,) anew, each from its seed. The first time, that must be all."""
+        starts = [self._draw(seed) for seed in seeds]
+        objects, goals = [start.obj for start in starts], [start.wrist_goal_w for start in starts]
+        if self._scene is None:
+            if len(ids) != self.num_envs:
+                raise MimicbenchError("no episode has begun; call reset() for all environments first")
+            config, self.starts = self.config, starts
+            room = any(not isinstance(obj, str) and obj.hulls for obj in (*(config.objects or ()), *objects))
+            physics = NativePhysics(self.robot, objects, config.preset, config.control, config.workers, meshes=room)
+            self._scene = physics, Judge(self.task, self.robot, objects, CONTROL_DT, goals)
+        else:
+            self.physics.set_objects(objects, ids)
+            self.judge.restart(ids, objects, goals)
+        for env, start, seed in zip(ids, starts, seeds, strict=True):
+            self.starts[env], self.seeds[env] = start, seed
+        pose = (np.stack([getattr(start, name) for start in starts]) for name in
+                ("root_pos_w", "root_quat_w", "joint_pos", "root_lin_vel_w", "root_ang_vel_b", "joint_vel"))  # fmt: skip
+        self.physics.reset(ids, *pose)
+        self._last_target[ids] = 0.0
+        self._links = self.physics.links()
+
+    def step(self, target: np.ndarray, running: np.ndarray) -> Outcome:
+        """One control step of the episodes `running` (N,) bool with joint targets (N, J); the others stay as they are."""
+        target = np.asarray(target, np.float32)
+        if target.shape != self._last_target.shape or not np.isfinite(target[running]).all():
+            raise MimicbenchError(f"actions must be {' x '.join(map(str, self._last_target.shape))} finite numbers, one for each joint of each robot")
+        target = np.where(running[:, None], target, self._last_target)
+        if running.any():
+            self.physics.step(torch.from_numpy(target), True, None if running.all() else np.flatnonzero(running))
+        self._last_target = target
+        self._links = self.physics.links()
+        judge = self.judge
+        judge.see(self.physics, running, self._links)
+        terminated = running & judge.over()
+        truncated = running & ~terminated & (judge.steps >= self.limit)
+        reward = ((terminated | truncated) & self.success()).astype(float)
+        return Outcome(reward, terminated, truncated)
+
+    def success(self) -> np.ndarray:
+        """(N,) whether K is fulfilled: at some time, or for lift-box now."""
+        return self.judge.success & ~self.judge.diverged
+
+    def observe(self) -> dict[str, np.ndarray]:
+        """What all robots sense now, float32, one row a robot. See gym.TaskEnv."""
+        state, links, senses = self.physics.state(), self._links, self.config.observe
+        assert links is not None  # begin() looked
+        seen: dict[str, np.ndarray] = {}
+        if "proprio" in senses:
+            seen["proprio"] = body_state(state).numpy()
+        if "state" in senses:
+            seen["state"] = s_current(state, links, torch.from_numpy(self._last_target)).numpy()
+        if "time" in senses:
+            seen["time"] = (self.judge.steps[:, None] * CONTROL_DT).astype(np.float32)
+        if "elevation" in senses:
+            seen["elevation"] = camera_map(self.physics).numpy()
+        if self.task is TOUCH_POINTS:
+            goal = np.stack([start.wrist_goal_w for start in self.starts]) - state.root_pos_w.numpy()[:, None]
+            seen["targets"] = rot.rotate_inverse(state.root_quat_w.numpy()[:, None], goal).astype(np.float32)
+        return {name: np.clip(np.nan_to_num(values), -BOUND, BOUND) for name, values in seen.items()}
+
+    def facts(self) -> dict[str, np.ndarray]:
+        """What is known of each episode now, one entry a robot. See gym.TaskEnv."""
+        judge = self.judge
+        return {
+            "success": self.success(), "effort": judge.effort().copy(), "fell": judge.fell.copy(), "diverged": judge.diverged.copy(),
+            "object_id": np.array([start.obj.id for start in self.starts], object),
+            "reference_id": np.array([start.reference_id for start in self.starts], object), "seed": self.seeds.copy(),
+        }  # fmt: skip

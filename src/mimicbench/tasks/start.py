@@ -1,0 +1,178 @@
+"""How an episode starts (appendix C.1): the object at the origin facing +x, the robot in the first pose of a reference.
+
+A start comes from a motion (`start_of`), or, where there are no motions, from a rule (`draw_start`): the robot stands at
+rest, around the object for the tasks that navigate, in front of it and facing it for the other two.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from mimicbench.core import rotations as rot
+from mimicbench.core.errors import BadMotion, BadObject, UnknownName
+from mimicbench.core.motion import RobotMotion
+from mimicbench.core.seeds import rng
+from mimicbench.objects.families import FAMILIES, make_object
+from mimicbench.objects.make import read_objects
+from mimicbench.objects.shape import SceneObject, split_of
+from mimicbench.objects.touch import stance_before, touch_pair
+from mimicbench.references.sit_chair import draw_start as draw_place
+from mimicbench.retarget.make import read_retargeted
+from mimicbench.robot.description import Robot
+from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.tasks.task import Task
+from mimicbench.tasks.touch_points import TOUCH_POINTS
+
+SPLITS = ("train", "test", "all")
+CLEARANCE = 0.005
+"""[m] between the soles and the floor, so that no start begins inside of it."""
+BACK, SIDE, TURN = 0.3, 0.1, 0.2
+"""How far from where it could begin at once a robot in front of an object may stand: back [m], to either side [m], turned [rad]."""
+_HEAD = 40
+"""Frames of a motion that its first frame's velocity is taken from; what comes later changes it by less than rounding does."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """The first frame of one episode."""
+
+    obj: SceneObject
+    root_pos_w: np.ndarray
+    """(3,) [m]."""
+    root_quat_w: np.ndarray
+    """(4,)."""
+    joint_pos: np.ndarray
+    """(J,) [rad]."""
+    root_lin_vel_w: np.ndarray
+    """(3,) [m/s]."""
+    root_ang_vel_b: np.ndarray
+    """(3,) in the root's own frame [rad/s]."""
+    joint_vel: np.ndarray
+    """(J,) [rad/s]."""
+    wrist_goal_w: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    """(2, 3) where left and right wrist are to go [m]; empty if the task has no such goal."""
+    reference_id: str = ""
+    """The motion that it is the first frame of; empty if it was drawn by rule."""
+
+
+def start_of(motion: RobotMotion, obj: SceneObject, robot: Robot, task: Task) -> Start:
+    """The first frame of a motion, velocities included, no farther from the origin than the task allows. Raises BadMotion."""
+    if motion.joint_names != robot.joint_names:
+        raise BadMotion(f"clip {motion.id} is for {motion.robot!r} with other joints than {robot.name!r}; retarget it again")
+    head = slice(0, _HEAD)
+    times = np.arange(motion.frames)[head] / motion.fps
+    quat = motion.root_quat_w[head].copy()
+    # a quaternion and its negative are the same turn; keep to one side so that a spline may pass through them
+    quat[1:] *= np.cumprod(np.where((quat[1:] * quat[:-1]).sum(-1) < 0, -1.0, 1.0))[:, None]
+    turning = rot.normalize(CubicSpline(times, quat)(np.array([0.0, CONTROL_DT])))
+    spin_w = rot.angular_velocity(turning, 1 / CONTROL_DT)[0]
+    return Start(
+        obj, clipped(motion.root_pos_w[0], task.max_start_distance), turning[0], np.clip(motion.joint_pos[0], *robot.joint_range.T),
+        CubicSpline(times, motion.root_pos_w[head])(0.0, 1), rot.rotate_inverse(turning[0], spin_w), CubicSpline(times, motion.joint_pos[head])(0.0, 1),
+        motion.wrist_goal_w, motion.id,
+    )  # fmt: skip
+
+
+def clipped(root_pos_w: np.ndarray, limit: float | None) -> np.ndarray:
+    """(3,) the position, moved towards the origin until it is within `limit` [m] of it seen from above (None: anywhere)."""
+    pos = np.array(root_pos_w, float)
+    if limit is not None:
+        pos[:2] *= min(1.0, limit / max(float(np.linalg.norm(pos[:2])), 1e-9))
+    return pos
+
+
+def draw_start(task: Task, obj: SceneObject, robot: Robot, random: np.random.Generator) -> Start:
+    """A start without a reference: at rest in the robot's rest pose.
+
+    Tasks that navigate: anywhere 1 to 2 m from the origin, within 100 degrees of the front and 0.45 m clear of the object, any heading, as the
+    clips of sit-chair start. The others: in front of the object, facing it, up to 0.3 m behind where it could begin, 0.1 m to the side
+    and turned by 0.2 rad.
+    """
+    goal = np.stack(touch_pair(obj, random)) if task is TOUCH_POINTS else np.zeros((0, 3))
+    if task.max_start_distance is not None:
+        xy, yaw = _around(obj, task.max_start_distance, random)
+    else:
+        before = goal if len(goal) else np.zeros((2, 3))  # two hands at the object's middle, where there are no targets
+        *xy, yaw = stance_before(obj, *before) + random.uniform([0.0, -SIDE, -TURN], [BACK, SIDE, TURN])
+    still = np.zeros(3)
+    pos, quat = standing(robot, np.array(xy), float(yaw))
+    return Start(obj, pos, quat, np.array(robot.rest_pose, float), still, still, np.zeros(len(robot.joints)), goal)
+
+
+def standing(robot: Robot, ankles_xy: np.ndarray, yaw: float) -> tuple[np.ndarray, np.ndarray]:
+    """Position (3,) [m] and orientation (4,) of the root of a robot in its rest pose, the middle of its ankles above `ankles_xy` (2,) [m]."""
+    links = robot.forward_kinematics(np.zeros(3), rot.IDENTITY, np.array(robot.rest_pose, float))
+    sides = ("left", "right")
+    height = CLEARANCE - min(robot.keypoint_pos(f"{side}_sole", *links)[2] for side in sides)
+    quat = rot.from_yaw(np.array(yaw))
+    ankles = rot.rotate(quat, np.mean([robot.keypoint_pos(f"{side}_ankle", *links) for side in sides], 0))
+    return np.array([*(ankles_xy - ankles[:2]), height]), quat
+
+
+def _around(obj: SceneObject, limit: float, random: np.random.Generator) -> tuple[np.ndarray, float]:
+    """A place (2,) [m] and heading [rad] by the rule of sit-chair's clips, within `limit` [m] of the origin."""
+    for _ in range(100):
+        xy, yaw = draw_place(random, obj)
+        if np.linalg.norm(xy) <= limit:
+            return xy, yaw
+    raise BadObject(f"object {obj.id} leaves no room to stand within {limit:g} m of its middle; scale it down")
+
+
+class Starts:
+    """Where the episodes of a task start. An episode's seed alone decides its object and its start."""
+
+    def __init__(
+        self, task: Task, robot: Robot, split: str, objects: Sequence[str | SceneObject] | None, pool: int, motions: Sequence[RobotMotion] | Path | str | None
+    ) -> None:
+        """See gym.EnvConfig for `split`, `objects`, `pool`, and `motions`, which is its `starts`."""
+        if split not in SPLITS:
+            raise UnknownName("split", split, list(SPLITS))
+        self.task, self.robot = task, robot
+        own = {obj.id: obj for obj in objects or () if isinstance(obj, SceneObject)}
+        if isinstance(motions, Path | str):
+            own, motions = _read_workdir(Path(motions), task, robot, own)
+        self._own: Mapping[str, SceneObject] = own
+        self._motions = None if motions is None else [motion for motion in motions if split in ("all", split_of(motion.object_id))]
+        self._ids: Sequence[str] = [obj if isinstance(obj, str) else obj.id for obj in objects or ()]
+        if objects is None and motions is None:
+            if task.family not in FAMILIES:
+                raise UnknownName("family of objects", task.family, list(FAMILIES))
+            every = (f"{task.family}-0-{index:05d}" for index in range(pool))
+            self._ids = [object_id for object_id in every if split in ("all", split_of(object_id))]
+        if self._motions is not None and not self._motions:
+            raise BadMotion(f"none of the motions to start from is beside an object of split {split!r}; make more, or choose another split")
+        if self._motions is None and not self._ids:
+            raise BadObject(f"there is no object of split {split!r} to start beside; give a larger pool, other objects or another split")
+
+    def draw(self, seed: int) -> Start:
+        """The start of the episode `seed`."""
+        random = rng(seed, "episode", self.task.slug)
+        if self._motions is not None:
+            motion = self._motions[int(random.integers(len(self._motions)))]
+            return start_of(motion, self._object(motion.object_id), self.robot, self.task)
+        obj = self._object(self._ids[int(random.integers(len(self._ids)))])
+        return draw_start(self.task, obj, self.robot, random)
+
+    def _object(self, object_id: str) -> SceneObject:
+        obj = self._own.get(object_id) or _made(object_id)
+        if self.task.requires_seat:
+            obj.require_seat()
+        return obj
+
+
+@lru_cache(maxsize=4096)
+def _made(object_id: str) -> SceneObject:
+    return make_object(object_id)
+
+
+def _read_workdir(workdir: Path, task: Task, robot: Robot, own: Mapping[str, SceneObject]) -> tuple[Mapping[str, SceneObject], Sequence[RobotMotion]]:
+    """The objects and the retargeted clips that fulfil K of a work folder."""
+    folder = workdir / task.slug
+    motions = read_retargeted(folder / "retarget", robot.name)
+    if not motions:
+        raise BadMotion(f"{folder} holds no retargeted clips; run `mimicbench retarget --task {task.slug} --workdir {workdir}` first")
+    return {**read_objects(folder / "objects"), **own}, motions

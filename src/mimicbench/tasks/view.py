@@ -1,0 +1,78 @@
+"""Pictures of running episodes, from a camera that stands at the object's side and follows the robot."""
+
+import mujoco
+import numpy as np
+
+from mimicbench.objects.shape import SceneObject
+from mimicbench.robot.description import Robot
+from mimicbench.sense.opengl import Canvas
+from mimicbench.sim.scene import build_model
+
+_MAX_SHAPES = 1000
+
+
+class View:
+    """Draws any number of scenes of one robot, one after the other, through one OpenGL context. Close it after use."""
+
+    def __init__(self, robot: Robot, height: int, width: int) -> None:
+        self._robot, self.height, self.width = robot, height, width
+        self._canvas: Canvas | None = None
+        self._scenes: dict[int, tuple[SceneObject, mujoco.MjModel, mujoco.MjData]] = {}
+        self._camera, self._option = mujoco.MjvCamera(), mujoco.MjvOption()
+        self._drawn: mujoco.MjModel | None = None
+
+    def draw(self, env: int, obj: SceneObject, qpos: np.ndarray, goal_w: np.ndarray) -> np.ndarray:
+        """A picture (height, width, 3), uint8, of scene `env`.
+
+        Args:
+            env: which of the scenes it is; one whose object is the same as before is not compiled again.
+            obj: its object.
+            qpos: (nq,) its positions.
+            goal_w: (K, 3) places that are marked by red balls [m].
+        """
+        model, data = self._scene(env, obj)
+        canvas = self._open(model)
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_camlight(model, data)
+        low, high = obj.bounds()
+        self._camera.lookat[:] = [*(0.5 * (qpos[:2] + 0.5 * (low + high)[:2])), 0.65]
+        apart = float(np.linalg.norm(qpos[:2]))
+        self._camera.distance = 2.6 + 0.6 * apart + 0.5 * float(np.linalg.norm((high - low)[:2]))
+        self._camera.azimuth, self._camera.elevation = 128.0 if qpos[1] >= 0 else -128.0, -14.0
+        scene = mujoco.MjvScene(model, _MAX_SHAPES)
+        scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0  # it would draw everything twice
+        mujoco.mjv_updateScene(model, data, self._option, None, self._camera, mujoco.mjtCatBit.mjCAT_ALL, scene)
+        for place in goal_w:
+            ball = scene.geoms[scene.ngeom]
+            red = np.array([0.85, 0.1, 0.1, 1.0], np.float32)
+            mujoco.mjv_initGeom(ball, mujoco.mjtGeom.mjGEOM_SPHERE, np.full(3, 0.03), place, np.eye(3).ravel(), red)
+            scene.ngeom += 1
+        rect = mujoco.MjrRect(0, 0, self.width, self.height)
+        mujoco.mjr_render(rect, scene, canvas.drawing)
+        pixels = np.empty((self.height, self.width, 3), np.uint8)
+        mujoco.mjr_readPixels(pixels, None, rect, canvas.drawing)
+        return pixels[::-1].copy()  # OpenGL's first row is the lowest
+
+    def _scene(self, env: int, obj: SceneObject) -> tuple[mujoco.MjModel, mujoco.MjData]:
+        if env not in self._scenes or self._scenes[env][0] is not obj:
+            model = build_model(self._robot, obj, visuals=True)
+            model.vis.global_.offheight, model.vis.global_.offwidth = self.height, self.width
+            model.vis.quality.shadowsize, model.vis.quality.offsamples = 1024, 4
+            self._scenes[env] = obj, model, mujoco.MjData(model)
+        return self._scenes[env][1:]
+
+    def _open(self, model: mujoco.MjModel) -> Canvas:
+        """The canvas. It holds the textures, which all scenes share, and one model's meshes, which they do not."""
+        if self._canvas is not None and self._drawn is not model and (model.nmesh or (self._drawn is not None and self._drawn.nmesh)):
+            self.close()
+        if self._canvas is None:
+            self._canvas, self._drawn = Canvas(model, self.height, self.width), model
+        self._canvas.make_current()
+        return self._canvas
+
+    def close(self) -> None:
+        """Give the OpenGL context back; the next picture opens another."""
+        if self._canvas is not None:
+            self._canvas.close()
+        self._canvas = None
