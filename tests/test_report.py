@@ -24,12 +24,13 @@ from mimicbench.report.curves import read_curve
 from mimicbench.report.paper_tables import TABLES, TASKS, methods, paper_table
 from mimicbench.report.person import place, solids_of
 from mimicbench.report.provenance import Provenance, package_versions, this_machine
-from mimicbench.report.render import FIELD_OF_VIEW, Camera, NoPictures, Painter, Picture, frame_all, robot_frames
+from mimicbench.report.render import FIELD_OF_VIEW, Camera, Painter, Picture, frame_all, robot_frames
 from mimicbench.report.showcase import Clip, Recording, Showcase, ShowConfig, draw, moments, positions
 from mimicbench.report.tables import Reported, Table, to_csv, to_latex, to_markdown, to_terminal
 from mimicbench.report.video import strip, write_video
 from mimicbench.report.write import ReportInputs, draw_plots, write_report
 from mimicbench.robot.description import load_robot
+from mimicbench.sense.opengl import NoPictures
 from mimicbench.sim.scene import build_model
 
 SMALL = Picture(96, 64, shadow=0, samples=0)

@@ -5,12 +5,10 @@ in the same light on the same floor beside the same object.
 """
 
 import copy
-import os
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 import mujoco
 import numpy as np
@@ -20,16 +18,13 @@ from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.shape import SceneObject
 from mimicbench.report.person import Placed, place, solids_of
+from mimicbench.sense.opengl import Canvas
 from mimicbench.sim.scene import ROBOT_GROUP, VISUAL_GROUP
 
 FIELD_OF_VIEW = 0.61
 """Vertical opening of the camera [rad], 35 degrees: long enough that nothing near the edge is stretched."""
 _BACKDROP = (0.90, 0.915, 0.935)
 _MAX_SHAPES = 2000
-
-
-class NoPictures(MimicbenchError):
-    """There is no OpenGL to draw with. Everything but pictures and videos works all the same."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +63,7 @@ class Painter:
         self.model = _dressed(model, picture, camera)
         self.data = mujoco.MjData(self.model)
         self.option = mujoco.MjvOption()
-        self._context, self._drawing = _open_context(self.model, picture)
+        self._canvas = Canvas(self.model, picture.height, picture.width)
         self._scene = mujoco.MjvScene(self.model, _MAX_SHAPES)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = picture.shadow > 0
         self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
@@ -96,18 +91,16 @@ class Painter:
         mujoco.mjv_updateScene(self.model, self.data, self.option, None, self._camera, mujoco.mjtCatBit.mjCAT_ALL, self._scene)
         if add is not None:
             add(self._scene)
-        self._context.make_current()
+        self._canvas.make_current()
         rect = mujoco.MjrRect(0, 0, self.picture.width, self.picture.height)
-        mujoco.mjr_render(rect, self._scene, self._drawing)
+        mujoco.mjr_render(rect, self._scene, self._canvas.drawing)
         pixels = np.empty((self.picture.height, self.picture.width, 3), np.uint8)
-        mujoco.mjr_readPixels(pixels, None, rect, self._drawing)
+        mujoco.mjr_readPixels(pixels, None, rect, self._canvas.drawing)
         return pixels[::-1].copy()
 
     def close(self) -> None:
         """Give the GL context back."""
-        self._context.make_current()
-        self._drawing.free()
-        self._context.free()
+        self._canvas.close()
 
     def __enter__(self) -> Self:
         return self
@@ -221,35 +214,6 @@ def _dressed(model: mujoco.MjModel, picture: Picture, camera: Camera) -> mujoco.
         model.light_castshadow[0] = True
         model.light_bodyid[0], model.light_mode[0] = 0, mujoco.mjtCamLight.mjCAMLIGHT_FIXED
     return model
-
-
-def _open_context(model: mujoco.MjModel, picture: Picture) -> tuple[Any, mujoco.MjrContext]:
-    """An OpenGL context and MuJoCo's resources in it. Raises NoPictures."""
-    advice = "pictures and videos are left out (on Linux, install libegl1, or set MUJOCO_GL)"
-    try:
-        context = _context_class()(picture.width, picture.height)
-        context.make_current()
-        drawing = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, drawing)
-    except Exception as error:  # noqa: BLE001 every platform and driver fails in its own way, with its own exception
-        raise NoPictures(f"there is no OpenGL to draw with ({type(error).__name__}: {error}); {advice}") from None
-    if drawing.offWidth < picture.width or drawing.offHeight < picture.height:
-        raise NoPictures(f"OpenGL gives no off-screen buffer of {picture.width}x{picture.height}; {advice}")
-    return context, drawing
-
-
-def _context_class() -> Any:
-    """EGL on Linux unless MUJOCO_GL says otherwise, even when MuJoCo was imported before; elsewhere MuJoCo's own choice."""
-    if sys.platform.startswith("linux"):
-        os.environ.setdefault("MUJOCO_GL", "egl")
-    backend = os.environ.get("MUJOCO_GL", "").strip().lower()
-    if backend in ("disable", "disabled", "off", "false", "0"):
-        raise RuntimeError(f"MUJOCO_GL is {backend!r}")
-    if backend == "egl":
-        from mujoco.egl import GLContext
-
-        return GLContext
-    return mujoco.GLContext
 
 
 def _add_shapes(scene: mujoco.MjvScene, placed: list[Placed]) -> None:

@@ -1,86 +1,154 @@
-"""The elevation map (appendix C.2) by casting rays into the physical scene.
+"""The elevation map (appendix C.2) of the physical scene. See heightmap.py for the map's layout.
 
-Two ways that fill the same map: through the four cameras around the pelvis, which do not see what is hidden behind
-something else, and straight down, which is what many looks from all sides would add up to. Both see shapes only. The
-robot's own body is left out. See heightmap.py for the map's layout.
+Three makers of the same map. From depth images, as the paper does it: depth beyond 6 m is left out, every other pixel becomes
+a point in the robot's frame, and each cell keeps its highest point. By rays through the cameras' pixels, which is the
+same without drawing anything. And by rays straight down, which is what many looks from all sides would add up to: the
+cameras do not see what is hidden behind something else, and miss cells that lie between their pixels.
+
+All see shapes only, never labels, and leave out the robot's own body. The frame is the heading frame: its origin is the
+root and its x axis the root's heading, but z is up, so that the floor stays level when the robot leans. A cell without
+a point is at floor level, as the root's height is known; so lines of sight that can only meet the floor need not be followed.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 import torch
 
 from mimicbench.core import rotations as rot
+from mimicbench.objects.shape import SceneObject
 from mimicbench.sense.heightmap import CELL, CELLS, cell_centers
+from mimicbench.sense.rigs import PELVIS_RIG, Rig
 from mimicbench.sim.native import NativePhysics
-from mimicbench.sim.scene import FLOOR_GROUP, OBJECT_GROUP
+from mimicbench.sim.scene import OBJECT_GROUP
 
 RANGE = 6.0
 """[m] Depth beyond this is left out (C.2)."""
-PITCH = np.deg2rad(35.0)
-"""Every camera looks down by this (C.2)."""
-FIELD_OF_VIEW = np.deg2rad(120.0)
-"""Horizontal opening of every camera (C.2)."""
-BEARINGS = np.deg2rad([-45.0, 45.0, 135.0, -135.0])
-"""Right front, left front, left back, right back (C.2)."""
+_RAYS_AT_ONCE = 1 << 18
+"""Bounds the memory: about 15 MB."""
 
 
-def camera_rays(height: int, width: int) -> np.ndarray:
-    """(4 * height * width, 3) unit directions of all pixels of the four cameras, in the root frame."""
-    focal = 0.5 * width / np.tan(0.5 * FIELD_OF_VIEW)
-    u = (np.arange(width) + 0.5 - width / 2) / focal
-    v = (np.arange(height) + 0.5 - height / 2) / focal
-    v, u = np.meshgrid(v, u, indexing="ij")
-    # camera looking along +x: image right is -y, image down is -z
-    rays = np.stack([np.ones_like(u), -u, -v], -1).reshape(-1, 3)
-    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
-    turns = rot.multiply(rot.from_yaw(BEARINGS), rot.from_rotvec(np.array([0.0, PITCH, 0.0]))[None].repeat(4, 0))
-    return rot.rotate(turns[:, None], rays[None]).reshape(-1, 3)
+def map_from_depth(depth: np.ndarray, root_pos: np.ndarray, root_quat: np.ndarray, rig: Rig = PELVIS_RIG, cell: float = CELL) -> torch.Tensor:
+    """(N, 128, 128) elevation maps of depth images: E(g) = max{p_z : proj(p) in g}, relative to the root [m].
+
+    Args:
+        depth: (N, C, height, width) of N robots' cameras, along the cameras' axes [m].
+        root_pos: (N, 3) where their roots are [m]; only the height is used.
+        root_quat: (N, 4) how they are turned.
+        rig: The cameras.
+        cell: Side of a cell [m].
+    """
+    rays = rig.rays(*depth.shape[2:]).astype(np.float32)
+    maps = _floors(root_pos)
+    for i, (turn, seen) in enumerate(zip(_tilts(root_quat), depth, strict=True)):
+        points = np.concatenate([origin + (ray * d[..., None])[d <= RANGE] for origin, ray, d in zip(rig.origins().astype(np.float32), rays, seen, strict=True)])
+        _raise(maps[i], points @ turn.T, cell)
+    return torch.from_numpy(maps)
 
 
-def camera_map(physics: NativePhysics, ids: np.ndarray | None = None, height: int = 90, width: int = 120) -> torch.Tensor:
-    """(N, 128, 128) elevation maps of scenes `ids` (None: all) as the pelvis cameras see them; unseen cells are at floor level."""
+def camera_map(
+    physics: NativePhysics, ids: np.ndarray | None = None, height: int = 90, width: int = 120, rig: Rig = PELVIS_RIG, cell: float = CELL
+) -> torch.Tensor:
+    """(N, 128, 128) elevation maps of scenes `ids` (None: all) by the lines of sight of cameras of `height` x `width` pixels."""
     ids = np.arange(physics.num_envs) if ids is None else ids
-    rays = camera_rays(height, width)
-    maps = []
-    for chunk in np.array_split(ids, max(1, len(ids) // 32)):  # 32 robots at a time bound the memory
-        root_pos, root_quat = physics.qpos()[chunk, :3], physics.qpos()[chunk, 3:7]
-        directions = rot.rotate(root_quat[:, None], rays[None])
-        depth, _ = physics.batch.ray(root_pos[:, None], directions, geomgroup=_groups(), ids=chunk)
-        points = directions * depth[..., None]
-        hit = (depth > 0) & (depth < RANGE)
-        maps.append(_project(points, hit, root_pos, root_quat))
-    return torch.from_numpy(np.concatenate(maps))
+    root_pos, root_quat = physics.qpos()[ids, :3], physics.qpos()[ids, 3:7]
+    rays, origins = rig.rays(height, width).reshape(len(rig.mounts), -1, 3), rig.origins()
+    units = (rays / np.linalg.norm(rays, axis=-1, keepdims=True)).astype(np.float32)
+    center, radius = bounding_spheres(physics, ids)
+    maps = _floors(root_pos)
+    eyes, looks = [], []
+    for pos, quat, middle, reach in zip(root_pos, root_quat, center, radius, strict=True):
+        to_object = rot.rotate_inverse(quat, middle - pos) - origins
+        near = [_within(unit, to, reach) for unit, to in zip(units, to_object, strict=True)]
+        eyes.append(np.repeat(origins, [len(some) for some in near], 0))
+        looks.append(np.concatenate([ray[some] for ray, some in zip(rays, near, strict=True)]))
+    turns = rot.to_matrix(root_quat)
+    depths = _cast(physics, ids, [pos + eye @ turn.T for pos, turn, eye in zip(root_pos, turns, eyes, strict=True)],
+                   [look @ turn.T for turn, look in zip(turns, looks, strict=True)])  # fmt: skip
+    for i, (turn, eye, look, depth) in enumerate(zip(_tilts(root_quat), eyes, looks, depths, strict=True)):
+        hit = (depth >= 0) & (depth <= RANGE)
+        _raise(maps[i], (eye[hit] + look[hit] * depth[hit, None]).astype(np.float32) @ turn.T, cell)
+    return torch.from_numpy(maps)
 
 
-def down_map(physics: NativePhysics, ids: np.ndarray | None = None) -> torch.Tensor:
-    """(N, 128, 128) elevation maps of scenes `ids` (None: all) by vertical rays through the cells' centres."""
+def down_map(physics: NativePhysics, ids: np.ndarray | None = None, cell: float = CELL) -> torch.Tensor:
+    """(N, 128, 128) elevation maps of scenes `ids` (None: all) by vertical rays through the cells' centers."""
     ids = np.arange(physics.num_envs) if ids is None else ids
-    axis = cell_centers(CELLS, CELL)
-    x, y = (part.ravel() for part in np.meshgrid(axis, axis, indexing="ij"))
     root_pos, yaw = physics.qpos()[ids, :3], rot.yaw_of(physics.qpos()[ids, 3:7])
-    cos, sin = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
-    top = 4.0
-    origin = np.stack([root_pos[:, :1] + cos * x - sin * y, root_pos[:, 1:2] + sin * x + cos * y, np.full((len(ids), x.size), top)], -1)
-    depth, _ = physics.batch.ray(origin, np.array([0.0, 0.0, -1.0]), geomgroup=_groups(), ids=ids)
-    maps = (top - depth - root_pos[:, 2:]).astype(np.float32)
+    center, radius = bounding_spheres(physics, ids)
+    axis = cell_centers(CELLS, cell)
+    maps = _floors(root_pos).reshape(len(ids), -1)
+    cells, starts = [], []
+    for pos, cos, sin, middle, reach in zip(root_pos, np.cos(yaw), np.sin(yaw), center, radius, strict=True):
+        dx, dy = middle[:2] - pos[:2]
+        x, y = axis - (cos * dx + sin * dy), axis - (cos * dy - sin * dx)
+        row, column = np.nonzero(x[:, None] ** 2 + y[None, :] ** 2 <= reach**2)
+        cells.append(row * CELLS + column)
+        x, y = axis[row], axis[column]
+        starts.append(np.stack([pos[0] + cos * x - sin * y, pos[1] + sin * x + cos * y, np.full(len(x), middle[2] + reach)], -1))
+    depths = _cast(physics, ids, starts, [np.broadcast_to([0.0, 0.0, -1.0], start.shape) for start in starts])
+    for i, (some, start, depth) in enumerate(zip(cells, starts, depths, strict=True)):
+        hit = depth >= 0
+        maps[i, some[hit]] = np.maximum(maps[i, some[hit]], start[hit, 2] - depth[hit] - root_pos[i, 2])
     return torch.from_numpy(maps.reshape(-1, CELLS, CELLS))
 
 
-def _project(points: np.ndarray, hit: np.ndarray, root_pos: np.ndarray, root_quat: np.ndarray) -> np.ndarray:
-    """Highest point of each cell: E(g) = max{p_z : proj(p) in g}. Points (N, R, 3) are relative to the root, world axes [m]."""
-    n = len(points)
-    yaw = rot.yaw_of(root_quat)[:, None]
-    x = np.cos(yaw) * points[..., 0] + np.sin(yaw) * points[..., 1]
-    y = np.cos(yaw) * points[..., 1] - np.sin(yaw) * points[..., 0]
-    row, column = np.floor(x / CELL + CELLS / 2).astype(int), np.floor(y / CELL + CELLS / 2).astype(int)
-    inside = hit & (row >= 0) & (row < CELLS) & (column >= 0) & (column < CELLS)
-    maps = np.repeat(-root_pos[:, 2:].astype(np.float32), CELLS * CELLS, 1)
-    env = np.broadcast_to(np.arange(n)[:, None], row.shape)
-    np.maximum.at(maps.reshape(-1), (env * CELLS * CELLS + row * CELLS + column)[inside], points[..., 2][inside].astype(np.float32))
-    return maps.reshape(n, CELLS, CELLS)
+def bounding_spheres(physics: NativePhysics, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Centers (N, 3) and radii (N,) [m] of spheres that hold the objects of scenes `ids`, where they are now."""
+    objects: Sequence[SceneObject] = [physics.objects[env] for env in ids]
+    starts = np.cumsum([0, *(len(obj.box_pos) for obj in objects[:-1])])
+    pos, quat, half = (np.concatenate(parts) for parts in zip(*((obj.box_pos, obj.box_quat, obj.box_half) for obj in objects), strict=True))
+    reach = (abs(rot.to_matrix(quat)) * half[:, None, :]).sum(-1)  # half the size of each box's own bounding box
+    low, high = np.minimum.reduceat(pos - reach, starts), np.maximum.reduceat(pos + reach, starts)
+    at, turn = (pose[ids] for pose in physics.object_pose())
+    return at + rot.rotate(turn, 0.5 * (low + high)), 0.5 * np.linalg.norm(high - low, axis=-1)
 
 
-def _groups() -> np.ndarray:
-    """Geom groups that the rays see."""
-    groups = np.zeros(6, np.uint8)
-    groups[[OBJECT_GROUP, FLOOR_GROUP]] = 1
-    return groups
+def _within(units: np.ndarray, to_object: np.ndarray, radius: float) -> np.ndarray:
+    """Which of the directions (R, 3) can meet a sphere at `to_object` (3,)."""
+    distance = float(np.linalg.norm(to_object))
+    if distance <= radius:
+        return np.arange(len(units))
+    # a hair wider than the cone around the sphere, for directions are rounded
+    return np.flatnonzero(units @ (to_object / distance).astype(np.float32) >= np.sqrt(1 - (radius / distance) ** 2) - 1e-6)
+
+
+def _cast(physics: NativePhysics, ids: np.ndarray, starts: Sequence[np.ndarray], rays: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """For each scene, how many lengths of its rays (R, 3) it is from their starts (R, 3) to the object; -1 for a miss."""
+    group = np.zeros(6, np.uint8)
+    group[OBJECT_GROUP] = 1
+    counts = np.array([len(some) for some in rays])
+    depths = [np.zeros(0)] * len(ids)
+    order = np.argsort(-counts, kind="stable")
+    first = 0
+    while first < len(order) and counts[order[first]]:
+        # scenes with about as many rays go together, for each call needs the same number in all
+        most = counts[order[first]]
+        last = min(first + max(1, _RAYS_AT_ONCE // most), first + int((counts[order[first:]] > 0.75 * most).sum()))
+        chunk = np.sort(order[first:last])  # as the batch wants them
+        start, ray = np.zeros((len(chunk), most, 3)), np.zeros((len(chunk), most, 3))
+        start[..., 2] = ray[..., 2] = 1e3  # up and away, for those that have fewer
+        for row, i in enumerate(chunk):
+            start[row, : counts[i]], ray[row, : counts[i]] = starts[i], rays[i]
+        depth, _ = physics.batch.ray(start, ray, geomgroup=group, ids=ids[chunk])
+        for row, i in enumerate(chunk):
+            depths[i] = depth[row, : counts[i]]
+        first = last
+    return depths
+
+
+def _floors(root_pos: np.ndarray) -> np.ndarray:
+    """(N, 128, 128) maps of nothing but floor."""
+    return np.repeat(-root_pos[:, 2].astype(np.float32), CELLS * CELLS).reshape(-1, CELLS, CELLS)
+
+
+def _tilts(root_quat: np.ndarray) -> np.ndarray:
+    """(N, 3, 3) float32: from the root's frame to its heading frame."""
+    return rot.to_matrix(rot.multiply(rot.from_yaw(-rot.yaw_of(root_quat)), root_quat)).astype(np.float32)
+
+
+def _raise(heights: np.ndarray, points: np.ndarray, cell: float) -> None:
+    """Raise the cells of a map (128, 128) to the points (P, 3) of the heading frame that lie in them."""
+    place = np.floor(points[:, :2] / np.float32(cell)).astype(np.int32) + CELLS // 2
+    inside = ((place >= 0) & (place < CELLS)).all(-1)
+    np.maximum.at(heights.reshape(-1), place[inside, 0] * CELLS + place[inside, 1], points[inside, 2])

@@ -9,7 +9,7 @@ import mujoco
 
 from mimicbench.core.errors import MimicbenchError
 
-_ADVICE = "pictures and videos are left out (on Linux, install libegl1, or set MUJOCO_GL)"
+_ADVICE = "pictures and videos are left out (on Linux, install libegl1, or set MUJOCO_GL); everything else goes on"
 
 
 class NoPictures(MimicbenchError):
@@ -21,14 +21,18 @@ class Canvas:
 
     def __init__(self, model: mujoco.MjModel, height: int, width: int) -> None:
         """Open it for `model`, whose `vis.global_.offwidth` and `offheight` must be no smaller. Raises NoPictures."""
+        context = None
         try:
-            self._context = _context_class()(width, height)
-            self._context.make_current()
+            self._context = context = _context_class()(width, height)
+            context.make_current()
             self.drawing = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
             mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self.drawing)
         except Exception as error:  # noqa: BLE001 every platform and driver fails in its own way, with its own exception
+            if context is not None:
+                context.free()
             raise NoPictures(f"there is no OpenGL to draw with ({type(error).__name__}: {error}); {_ADVICE}") from None
         if self.drawing.offWidth < width or self.drawing.offHeight < height:
+            self.close()
             raise NoPictures(f"OpenGL gives no off-screen buffer of {width}x{height}; {_ADVICE}")
 
     def make_current(self) -> None:

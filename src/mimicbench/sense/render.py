@@ -56,6 +56,7 @@ class RigCameras:
         self.rig, self.height, self.width = rig, height, width
         self._model = copy.copy(model)
         self._model.vis.global_.offheight, self._model.vis.global_.offwidth = height, width
+        self._model.vis.quality.shadowsize = 1024
         self._model.vis.quality.offsamples = 0  # one sample per pixel, so that depth and labels belong to its center
         self._data = mujoco.MjData(self._model)
         self._option = mujoco.MjvOption()

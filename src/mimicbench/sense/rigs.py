@@ -6,6 +6,9 @@ depth camera gives: the distance along the camera's axis, not along the line of 
 
 The paper's 120 degrees are taken as the horizontal opening, the one that its simulator's cameras are specified by. At
 360 x 480 that makes 105 degrees from top to bottom, and neighbors of the four pelvis cameras overlap by 30 degrees.
+
+How far the cameras are from the root's vertical axis, the paper does not say. Here it is just as far as needed for them
+not to look out from inside of the robot, and little enough for them not to be inside of the furniture that it leans on.
 """
 
 from dataclasses import dataclass
@@ -29,7 +32,9 @@ class Mount:
     pitch: float
     """How far it looks down [rad]."""
     height: float
-    """Above the root's origin [m]; straight above it, for the paper names no distance to the side."""
+    """Above the root's origin [m]."""
+    out: float
+    """From the root's vertical axis, towards where it faces [m]."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +52,7 @@ class Rig:
 
     def origins(self) -> np.ndarray:
         """(C, 3) where the cameras are in the root frame [m]."""
-        return np.array([(0.0, 0.0, mount.height) for mount in self.mounts])
+        return np.array([(mount.out * np.cos(mount.bearing), mount.out * np.sin(mount.bearing), mount.height) for mount in self.mounts])
 
     def turns(self) -> np.ndarray:
         """(C, 4) orientations of the cameras' frames in the root frame."""
@@ -80,13 +85,19 @@ def _rays(rig: Rig, height: int, width: int) -> np.ndarray:
     return rays
 
 
-def _mount(name: str, bearing: float, pitch: float, height: float) -> Mount:
-    return Mount(name, float(np.deg2rad(bearing)), float(np.deg2rad(pitch)), height)
+def _mount(name: str, bearing: float, pitch: float, height: float, out: float) -> Mount:
+    return Mount(name, float(np.deg2rad(bearing)), float(np.deg2rad(pitch)), height, out)
 
 
 PELVIS_RIG = Rig(
-    "pelvis", (_mount("right front", -45, 35, 0), _mount("left front", 45, 35, 0), _mount("left back", 135, 35, 0), _mount("right back", -135, 35, 0))
+    "pelvis",
+    (
+        _mount("right front", -45, 35, 0.0, 0.1),
+        _mount("left front", 45, 35, 0.0, 0.1),
+        _mount("left back", 135, 35, 0.0, 0.1),
+        _mount("right back", -135, 35, 0.0, 0.1),
+    ),
 )
 """Four cameras around the pelvis, for the tasks that walk to furniture: SC, SS, LB, LS (C.2)."""
-HEAD_RIG = Rig("head", (_mount("front", 0, 55, 0.55),))
+HEAD_RIG = Rig("head", (_mount("front", 0, 55, 0.55, 0.15),))
 """One camera above the pelvis that looks at the hands: T and L (C.2)."""

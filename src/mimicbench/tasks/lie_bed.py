@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from mimicbench.sense.rigs import PELVIS_RIG
 from mimicbench.tasks.task import BodyPoints, ObjectFacts, Task
 
 BODY_BAND = 0.4
@@ -26,4 +27,6 @@ LIE_BED = Task(
     requires_seat=True,
     upright=False,
     max_start_distance=2.0,
+    rig=PELVIS_RIG,
+    map_cell=0.04,
 )

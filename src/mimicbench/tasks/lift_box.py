@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from mimicbench.sense.rigs import HEAD_RIG
 from mimicbench.tasks.task import BodyPoints, ObjectFacts, Task
 
 LIFT = 0.2
@@ -27,4 +28,6 @@ LIFT_BOX = Task(
     requires_seat=False,
     upright=True,
     max_start_distance=None,
+    rig=HEAD_RIG,
+    map_cell=0.04,
 )

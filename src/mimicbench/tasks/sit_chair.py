@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from mimicbench.sense.rigs import PELVIS_RIG
 from mimicbench.tasks.task import BodyPoints, ObjectFacts, Task
 
 PELVIS_BAND = 0.27
@@ -25,4 +26,6 @@ SIT_CHAIR = Task(
     requires_seat=True,
     upright=True,
     max_start_distance=2.0,
+    rig=PELVIS_RIG,
+    map_cell=0.04,
 )

@@ -1,5 +1,6 @@
 """Sitting on a sofa (SS): navigate, locate, and stably sit on a fixed, unseen sofa."""
 
+from mimicbench.sense.rigs import PELVIS_RIG
 from mimicbench.tasks.sit_chair import pelvis_above_seat
 from mimicbench.tasks.task import Task
 
@@ -15,4 +16,6 @@ SIT_SOFA = Task(
     requires_seat=True,
     upright=True,
     max_start_distance=2.0,
+    rig=PELVIS_RIG,
+    map_cell=0.04,
 )

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from mimicbench.sense.rigs import HEAD_RIG
 from mimicbench.tasks.task import BodyPoints, ObjectFacts, Task
 
 REACHED = 0.1
@@ -25,4 +26,6 @@ TOUCH_POINTS = Task(
     requires_seat=False,
     upright=True,
     max_start_distance=None,
+    rig=HEAD_RIG,
+    map_cell=0.01,
 )
