@@ -13,9 +13,9 @@ import numpy as np
 from mimicbench.core.errors import BadObject
 from mimicbench.core.seeds import rng
 from mimicbench.objects.draws import WOODS, Range, SizeDistribution, shade, tint, truncated
+from mimicbench.objects.joinery import feet, lean, roll
 from mimicbench.objects.parts import Color, Parts
 from mimicbench.objects.shape import SceneObject
-from mimicbench.objects.upholstery import feet, lean, roll
 
 MIN_MATTRESS = (1.70, 0.78)
 """Length and width [m]."""
@@ -27,17 +27,18 @@ LIE: Range = (0.49, 0.055, 0.36, 0.64)
 """Height of the plane to lie on."""
 
 BEDS = {
-    "platform": SizeDistribution(0.20, (2.12, 0.24, 1.76, 2.80), (1.74, 0.34, 0.95, 2.50), LIE, LIE),
-    "headboard": SizeDistribution(0.18, (2.08, 0.26, 1.76, 2.75), (1.62, 0.34, 0.85, 2.40), (0.92, 0.16, 0.66, 1.40), LIE),
-    "storage": SizeDistribution(0.10, (2.20, 0.26, 1.80, 2.80), (1.66, 0.34, 0.90, 2.40), (0.96, 0.16, 0.68, 1.45), LIE),
-    "panel": SizeDistribution(0.12, (2.12, 0.26, 1.86, 2.80), (1.60, 0.34, 0.85, 2.40), (0.94, 0.18, 0.66, 1.45), LIE),
-    "sleigh": SizeDistribution(0.08, (2.32, 0.24, 1.98, 2.95), (1.70, 0.30, 0.95, 2.40), (0.92, 0.13, 0.72, 1.30), LIE),
-    "poster": SizeDistribution(0.06, (2.15, 0.24, 1.86, 2.80), (1.70, 0.30, 1.00, 2.40), (1.45, 0.30, 0.95, 2.10), LIE),
-    "bench": SizeDistribution(0.14, (2.95, 0.28, 2.40, 3.60), (1.78, 0.28, 1.10, 2.50), (0.96, 0.18, 0.68, 1.45), LIE),
-    "suite": SizeDistribution(0.12, (2.20, 0.26, 1.85, 2.80), (2.48, 0.26, 1.90, 3.10), (0.98, 0.18, 0.70, 1.45), LIE),
+    "platform": SizeDistribution(0.24, (2.03, 0.28, 1.76, 2.80), (1.72, 0.34, 0.95, 2.50), LIE, LIE),
+    "headboard": SizeDistribution(0.16, (1.96, 0.30, 1.76, 2.80), (1.62, 0.34, 0.85, 2.40), (0.88, 0.19, 0.66, 1.45), LIE),
+    "storage": SizeDistribution(0.09, (2.03, 0.30, 1.80, 2.80), (1.66, 0.34, 0.90, 2.40), (0.92, 0.19, 0.68, 1.45), LIE),
+    "panel": SizeDistribution(0.11, (2.00, 0.30, 1.86, 2.80), (1.60, 0.34, 0.85, 2.40), (0.90, 0.19, 0.66, 1.45), LIE),
+    "sleigh": SizeDistribution(0.07, (2.24, 0.28, 1.98, 2.95), (1.70, 0.30, 0.95, 2.40), (0.90, 0.15, 0.72, 1.30), LIE),
+    "poster": SizeDistribution(0.06, (2.06, 0.28, 1.86, 2.80), (1.72, 0.30, 1.00, 2.40), (1.42, 0.32, 0.95, 2.10), LIE),
+    "bench": SizeDistribution(0.15, (3.12, 0.30, 2.45, 3.80), (1.78, 0.28, 1.10, 2.50), (0.94, 0.19, 0.68, 1.45), LIE),
+    "suite": SizeDistribution(0.12, (2.10, 0.30, 1.85, 2.80), (2.48, 0.26, 1.90, 3.10), (0.94, 0.19, 0.70, 1.45), LIE),
 }
 """Sizes by kind; length along x, width along y, height over everything (without a headboard, of the plane to lie on)."""
 
+GOLDEN = (5**0.5 - 1) / 2
 BEDDING: tuple[Color, ...] = (
     (0.55, 0.63, 0.72), (0.80, 0.76, 0.68), (0.62, 0.68, 0.58), (0.78, 0.62, 0.56), (0.38, 0.44, 0.55), (0.86, 0.84, 0.80), (0.58, 0.52, 0.60),
 )  # fmt: skip
@@ -79,12 +80,14 @@ class BedShape:
 
 def make_bed(index: int, seed: int = 0) -> SceneObject:
     """Bed number `index` of the family that `seed` names."""
-    return build_bed(f"bed-{seed}-{index:05d}", draw_bed(rng(seed, "bed", index)))
+    # steps of the golden ratio give every few dozen beds the kinds' shares: a family is small, and its statistics should not hang on luck
+    place = (index * GOLDEN + rng(seed, "bed", "kinds").uniform()) % 1.0
+    kind = list(BEDS)[int(np.searchsorted(np.cumsum([sizes.share for sizes in BEDS.values()])[:-1], place, side="right"))]
+    return build_bed(f"bed-{seed}-{index:05d}", draw_bed(rng(seed, "bed", index), kind))
 
 
-def draw_bed(random: np.random.Generator) -> BedShape:
-    """Draw one bed of any kind."""
-    kind = str(random.choice(list(BEDS), p=[sizes.share for sizes in BEDS.values()]))
+def draw_bed(random: np.random.Generator, kind: str) -> BedShape:
+    """Draw one bed of the given kind."""
     sizes = BEDS[kind]
     # one scale for the whole bed, and a stretch of each side by itself
     scale = random.standard_normal()
@@ -183,28 +186,29 @@ def _padded(parts: Parts, shape: BedShape, half_width: float) -> None:
 def _headboard(parts: Parts, shape: BedShape, half_width: float) -> tuple[float, float]:
     """A frame on feet below a headboard; perhaps a bench at the foot, or tables beside the head."""
     half_length, height = shape.length / 2, shape.seat_height
-    head, foot = -half_length + shape.headboard, half_length - shape.bench - 0.015
+    # the mattress begins where the lid of the headboard ends
+    head, foot = -half_length + shape.headboard + 0.012, half_length - shape.bench - 0.015
     low = 0.13
-    _rails(parts, shape, (head - 0.02, foot + 0.015), half_width, low)
+    _rails(parts, shape, (head - 0.03, foot + 0.015), half_width, low)
     feet(parts, (head + 0.05, foot - 0.02), (-half_width + 0.02, half_width - 0.02), low + 0.01, 0.07, shape.wood)
     outer = shape.width / 2
     if shape.headboard > 0.2:  # a bookcase: a body, and a lid that sticks out a little
-        parts.box((-half_length + 0.01, head), (-outer + 0.01, outer - 0.01), (0.0, shape.height - 0.03), shape.wood)
-        parts.box((-half_length, head + 0.01), (-outer, outer), (shape.height - 0.035, shape.height), shade(shape.wood, 1.12))
+        parts.box((-half_length + 0.01, head - 0.012), (-outer + 0.01, outer - 0.01), (0.0, shape.height - 0.03), shape.wood)
+        parts.box((-half_length, head), (-outer, outer), (shape.height - 0.035, shape.height), shade(shape.wood, 1.12))
     else:
-        parts.box((-half_length, head), (-outer, outer), (0.0 if shape.table else 0.10, shape.height - 0.03), shape.wood)
-        parts.box((-half_length, head + 0.012), (-outer, outer), (shape.height - 0.06, shape.height), shade(shape.wood, 1.12))
+        parts.box((-half_length, head - 0.012), (-outer, outer), (0.0 if shape.table else 0.10, shape.height - 0.03), shape.wood)
+        parts.box((-half_length, head), (-outer, outer), (shape.height - 0.06, shape.height), shade(shape.wood, 1.12))
     if shape.bench:
         y, top = 0.42 * shape.width, min(0.9 * height, 0.46)
         parts.box((foot + 0.005, half_length), (-y, y), (top - 0.10, top), shade(shape.fabric, 0.75))
         for side in (-1, 1):
             legs = (min(side * (y - 0.02), side * (y - 0.08)), max(side * (y - 0.02), side * (y - 0.08)))
-            parts.box((foot + 0.03, half_length - 0.03), legs, (0.0, top - 0.09), shape.wood)
+            parts.box((foot + 0.006, half_length - 0.03), legs, (0.0, top - 0.09), shape.wood)
     if shape.table:
         depth, top = min(0.42, 0.9 * shape.table), min(height + 0.03, 0.6)
         for side in (-1, 1):
             y = (min(side * (half_width + 0.03), side * outer), max(side * (half_width + 0.03), side * outer))
-            parts.box((head - 0.01, head + depth), y, (0.06, top), shape.wood)
+            parts.box((head - 0.02, head + depth), y, (0.06, top), shape.wood)
             parts.box((head, head + depth + 0.015), (y[0] + 0.02, y[1] - 0.02), (0.5 * top, top - 0.04), shade(shape.wood, 1.12))
     return head, foot
 
@@ -253,6 +257,6 @@ def _sleigh(parts: Parts, shape: BedShape, half_width: float) -> tuple[float, fl
         parts.box(below, (-half_width + 0.003, half_width - 0.003), (0.0, height - 0.004), shape.wood)
         quarter = np.array([end * (half_length - radius), 0.0, height + rise - radius])
         roll(parts, quarter, 1, radius, half_width + 0.01, shade(shape.wood, 1.05))
-        ends.append(end * x)
-    _rails(parts, shape, (ends[0] - 0.01, ends[1] + 0.01), half_width - 0.012, low)
+        ends.append(end * min(x, half_length - 2 * radius))  # the roll may overhang the foot of its board
+    _rails(parts, shape, (ends[0] - 0.045, ends[1] + 0.045), half_width - 0.012, low)
     return ends[0], ends[1]

@@ -12,29 +12,29 @@ from mimicbench.objects.draws import FABRICS, WOODS, Range, SizeDistribution, ti
 from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.upholstery import MIN_BETWEEN_ARMS, SofaShape, build_sofa
 
-SEAT: Range = (0.425, 0.030, 0.36, 0.50)
+SEAT: Range = (0.415, 0.032, 0.35, 0.50)
 MAX_SEAT_DEPTH = 0.64
 """[m]; of a sofa with a back; a deeper one has a thicker back."""
 
 SOFAS = {
-    "bench": SizeDistribution(0.28, (1.23, 0.20, 0.80, 1.85), (0.43, 0.06, 0.38, 0.66), SEAT, SEAT),
-    "ottoman": SizeDistribution(0.23, (1.16, 0.18, 0.78, 1.70), (0.58, 0.20, 0.40, 1.20), SEAT, SEAT),
-    "daybed": SizeDistribution(0.10, (1.36, 0.19, 0.90, 1.90), (0.50, 0.09, 0.40, 0.80), (0.57, 0.06, 0.50, 0.80), SEAT),
-    "loveseat": SizeDistribution(0.17, (1.34, 0.16, 1.00, 1.75), (0.88, 0.19, 0.56, 1.35), (0.80, 0.21, 0.52, 1.30), SEAT),
+    "bench": SizeDistribution(0.29, (1.24, 0.21, 0.80, 1.85), (0.42, 0.06, 0.38, 0.66), SEAT, SEAT),
+    "ottoman": SizeDistribution(0.24, (1.17, 0.19, 0.78, 1.70), (0.58, 0.20, 0.40, 1.20), SEAT, SEAT),
+    "daybed": SizeDistribution(0.08, (1.38, 0.19, 0.90, 1.90), (0.50, 0.09, 0.40, 0.80), (0.57, 0.06, 0.50, 0.80), SEAT),
+    "loveseat": SizeDistribution(0.17, (1.34, 0.16, 1.00, 1.75), (0.89, 0.21, 0.56, 1.40), (0.80, 0.21, 0.52, 1.30), SEAT),
     "settee": SizeDistribution(0.08, (1.30, 0.16, 0.95, 1.75), (0.60, 0.08, 0.52, 0.90), (0.88, 0.17, 0.62, 1.30), SEAT),
     "chesterfield": SizeDistribution(0.05, (1.42, 0.16, 1.10, 1.90), (0.78, 0.08, 0.60, 0.98), (0.70, 0.08, 0.56, 0.95), SEAT),
-    "three-seater": SizeDistribution(0.09, (1.58, 0.15, 1.30, 2.00), (0.90, 0.19, 0.58, 1.35), (0.82, 0.21, 0.52, 1.30), SEAT),
+    "three-seater": SizeDistribution(0.09, (1.58, 0.15, 1.30, 2.00), (0.91, 0.21, 0.58, 1.40), (0.82, 0.21, 0.52, 1.30), SEAT),
 }
 """Sizes of sofas to sit on. Length is the long side (y), width from front to back (x)."""
 
 COUCHES = {
-    "couch": SizeDistribution(0.24, (1.92, 0.28, 1.50, 2.70), (0.87, 0.16, 0.66, 1.45), (0.98, 0.23, 0.60, 1.30), SEAT),
-    "chesterfield": SizeDistribution(0.10, (1.92, 0.24, 1.55, 2.60), (0.82, 0.09, 0.68, 1.10), (0.80, 0.12, 0.62, 1.05), SEAT),
+    "couch": SizeDistribution(0.24, (1.90, 0.29, 1.50, 2.70), (0.86, 0.17, 0.66, 1.45), (0.98, 0.25, 0.60, 1.30), SEAT),
+    "chesterfield": SizeDistribution(0.10, (1.92, 0.24, 1.55, 2.60), (0.82, 0.09, 0.70, 1.10), (0.80, 0.12, 0.62, 1.05), SEAT),
     "sectional": SizeDistribution(0.14, (2.32, 0.24, 1.90, 2.85), (1.36, 0.17, 1.10, 1.75), (0.92, 0.18, 0.62, 1.25), SEAT),
-    "chaise": SizeDistribution(0.10, (1.78, 0.23, 1.45, 2.40), (0.70, 0.11, 0.54, 1.00), (0.92, 0.18, 0.62, 1.25), SEAT),
-    "futon": SizeDistribution(0.10, (1.84, 0.25, 1.45, 2.50), (0.81, 0.13, 0.64, 1.20), (0.90, 0.18, 0.62, 1.25), SEAT),
-    "daybed": SizeDistribution(0.08, (1.88, 0.23, 1.50, 2.50), (0.74, 0.12, 0.56, 1.10), (0.84, 0.20, 0.56, 1.25), SEAT),
-    "divan": SizeDistribution(0.14, (1.74, 0.24, 1.35, 2.40), (0.70, 0.15, 0.50, 1.15), SEAT, SEAT),
+    "chaise": SizeDistribution(0.10, (1.78, 0.23, 1.45, 2.40), (0.71, 0.10, 0.63, 1.00), (0.92, 0.18, 0.62, 1.25), SEAT),
+    "futon": SizeDistribution(0.09, (1.84, 0.25, 1.45, 2.50), (0.81, 0.13, 0.66, 1.20), (0.90, 0.18, 0.62, 1.25), SEAT),
+    "daybed": SizeDistribution(0.07, (1.88, 0.23, 1.50, 2.50), (0.74, 0.12, 0.56, 1.10), (0.84, 0.20, 0.56, 1.25), SEAT),
+    "divan": SizeDistribution(0.16, (1.74, 0.24, 1.35, 2.40), (0.70, 0.15, 0.50, 1.15), SEAT, SEAT),
     "bench": SizeDistribution(0.10, (1.78, 0.24, 1.35, 2.40), (0.64, 0.11, 0.48, 0.95), SEAT, SEAT),
 }
 """Sizes of sofas to lie on."""

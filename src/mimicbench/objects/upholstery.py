@@ -7,20 +7,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadObject
 from mimicbench.objects.draws import FABRICS, WOODS, shade
+from mimicbench.objects.joinery import GROOVE, SEAM, cushions, feet, lean, roll
 from mimicbench.objects.parts import Color, Parts
 from mimicbench.objects.shape import SceneObject
 
 MIN_SEAT_DEPTH = 0.38
 """[m]"""
+MIN_LYING_DEPTH = 0.48
+"""Of the seat of a couch [m]."""
 MIN_BETWEEN_ARMS = 0.56
 """[m]"""
-SEAM = 0.005
-"""Half of the groove between two cushions [m]."""
-GROOVE = 0.012
-"""Depth of that groove [m]."""
 HEAD_ROOM = 0.16
 """From the end of the couch's free length to the middle of the head [m]."""
 
@@ -80,10 +78,9 @@ def build_sofa(object_id: str, family: str, shape: SofaShape) -> SceneObject:
         "chaise": _chaise,
     }  # fmt: skip
     rear, front, right, left = builders.get(shape.kind, _upholstered)(parts, shape)
-    if front - rear < MIN_SEAT_DEPTH - 1e-9 or left - right < MIN_BETWEEN_ARMS - 1e-9:
-        raise BadObject(
-            f"sofa {object_id}: a seat of {front - rear:.2f} x {left - right:.2f} m is too small; give {MIN_SEAT_DEPTH} x {MIN_BETWEEN_ARMS} m or more"
-        )
+    needed = MIN_LYING_DEPTH if shape.head else MIN_SEAT_DEPTH
+    if front - rear < needed - 1e-9 or left - right < MIN_BETWEEN_ARMS - 1e-9:
+        raise BadObject(f"sofa {object_id}: a seat of {front - rear:.2f} x {left - right:.2f} m is too small; give {needed} x {MIN_BETWEEN_ARMS} m or more")
     head = np.zeros(0)
     if shape.head:
         end = left if shape.head > 0 else right
@@ -100,52 +97,6 @@ def build_sofa(object_id: str, family: str, shape: SofaShape) -> SceneObject:
     )  # fmt: skip
 
 
-def lean(
-    parts: Parts, foot: np.ndarray, facing: float, angle: float, out: tuple[float, float], across: tuple[float, float], up: tuple[float, float], rgb: Color
-) -> None:
-    """Add a box that leans backwards.
-
-    Args:
-        parts: where it goes.
-        foot: (3,) the point that its extents count from.
-        facing: yaw of the direction that its front looks in [rad].
-        angle: to the vertical, away from where it looks [rad].
-        out: its extent towards the front, at right angles to it [m].
-        across: its extent to the left of where it looks [m].
-        up: its extent along it [m].
-        rgb: its color.
-    """
-    quat = rot.multiply(rot.from_yaw(np.array(facing)), rot.from_rotvec(np.array([0.0, -angle, 0.0])))
-    low, high = np.array([out[0], across[0], up[0]]), np.array([out[1], across[1], up[1]])
-    parts.add(foot + rot.rotate(quat, (low + high) / 2), (high - low) / 2, rgb, quat)
-
-
-def roll(parts: Parts, center: np.ndarray, axis: int, radius: float, half_length: float, rgb: Color) -> None:
-    """Add an eight-sided bolster along x (axis 0) or y (axis 1), on top of an upright panel `radius` * 2 tan(pi / 8) thick that is its fourth box."""
-    half = np.full(3, radius)
-    half[1 - axis] = radius * np.tan(np.pi / 8)
-    for eighth in (1, 2, 3):
-        half[axis] = half_length - 0.004 * (eighth - 1)  # faces in one plane would flicker in pictures
-        turn = np.zeros(3)
-        turn[axis] = eighth * np.pi / 4
-        parts.add(center, half, rgb, rot.from_rotvec(turn))
-
-
-def cushions(parts: Parts, count: int, x: tuple[float, float], y: tuple[float, float], z: tuple[float, float], rgb: Color) -> None:
-    """Add a row of cushions along y with seams between them."""
-    edges = np.linspace(*y, count + 1)
-    for i in range(count):
-        parts.box(x, (edges[i] + (SEAM if i else 0.0), edges[i + 1] - (SEAM if i + 1 < count else 0.0)), z, rgb)
-
-
-def feet(parts: Parts, x: tuple[float, float], y: tuple[float, float], height: float, thickness: float, rgb: Color) -> None:
-    """Add four feet inside a rectangle."""
-    half = thickness / 2
-    for foot_x in (x[0] + half, x[1] - half):
-        for foot_y in (y[0] + half, y[1] - half):
-            parts.box((foot_x - half, foot_x + half), (foot_y - half, foot_y + half), (0.0, height), rgb)
-
-
 def _support(parts: Parts, shape: SofaShape, x: tuple[float, float], y: tuple[float, float]) -> None:
     """Feet or a plinth below a body that fills this rectangle."""
     if shape.plinth:
@@ -158,7 +109,8 @@ def _fit_back(shape: SofaShape, depth: float, lower: float) -> tuple[float, floa
     """Angle of the back, and x where its front meets the seat, such that a back whose frame ends `lower` below its cushions fills the width."""
     rise = shape.height - shape.seat_height
     thick = shape.back_cushion + shape.back_thickness
-    angle = float(min(shape.recline, np.arctan2(max(depth - thick - MIN_SEAT_DEPTH - 0.02, 0.0), rise)))
+    needed = MIN_LYING_DEPTH if shape.head else MIN_SEAT_DEPTH
+    angle = float(min(shape.recline, np.arctan2(max(depth - thick - needed - 0.02, 0.0), rise)))
     top = rise / np.cos(angle)
     behind = max((top - lower) * np.sin(angle) + thick * np.cos(angle), top * np.sin(angle) + shape.back_cushion * np.cos(angle))
     return angle, -shape.width / 2 + behind
@@ -177,11 +129,11 @@ def _upholstered(parts: Parts, shape: SofaShape) -> Area:
     y = (ends[0], ends[1])
     dark = shade(shape.fabric, 0.84)
     base_y = (y[0] if shape.arms[0] else y[0] + 0.012, y[1] if shape.arms[1] else y[1] - 0.012)
-    parts.box((rear - 0.05, front - 0.02), base_y, (shape.feet, height - GROOVE), dark)
+    parts.box((rear - 0.05, front - 0.011), base_y, (shape.feet, height - GROOVE), dark)
     top = (shape.height - height) / np.cos(angle)
     sides = [half_length - (0.5 * shape.arm_width if arm else 0.006) for arm in shape.arms]
     foot = np.array([rear, 0.0, height])
-    lean(parts, foot, 0.0, angle, (-thick, -shape.back_cushion + 0.02), (-sides[0], sides[1]), (-0.7 * (height - shape.feet), top - lower), shape.fabric)
+    lean(parts, foot, 0.0, angle, (-thick, -0.9 * shape.back_cushion), (-sides[0], sides[1]), (-0.7 * (height - shape.feet), top - lower), shape.fabric)
     edges = np.linspace(*y, shape.seats + 1)
     if shape.chaise:
         inner = y[0] + shape.chaise if shape.head > 0 else y[1] - shape.chaise
@@ -195,13 +147,13 @@ def _upholstered(parts: Parts, shape: SofaShape) -> Area:
         if loose:
             lean(parts, foot, 0.0, angle, (-shape.back_cushion, 0.0), (low, high), (0.0, top), shape.fabric)
         if long:
-            parts.box((front - 0.03, end - 0.02), (max(low, base_y[0]), min(high, base_y[1])), (shape.feet, height - GROOVE), dark)
+            parts.box((front - 0.03, end - 0.011), (max(low, base_y[0]), min(high, base_y[1])), (shape.feet, height - GROOVE), dark)
             parts.box((front - 0.08, end - 0.06), (low + 0.04, high - 0.04), (0.0, shape.feet + 0.01), shade(shape.wood, 0.6))
     arm_rear = max(-shape.width / 2, rear - thick * np.cos(angle) - shape.arm_height * np.tan(angle))
     for sign, arm, end in zip((-1, 1), shape.arms, y, strict=True):
         if arm:
             limits = (min(end, sign * half_length), max(end, sign * half_length))
-            parts.box((arm_rear, front - 0.012), limits, (shape.feet, height + shape.arm_height), shape.fabric)
+            parts.box((arm_rear, front - 0.018), limits, (shape.feet, height + shape.arm_height), shape.fabric)
     body_y = (-half_length if shape.arms[0] else base_y[0], half_length if shape.arms[1] else base_y[1])
     _support(parts, shape, (arm_rear if all(shape.arms) else rear - 0.05, front - 0.02), body_y)
     return rear, front, *y
@@ -214,7 +166,7 @@ def _chesterfield(parts: Parts, shape: SofaShape) -> Area:
     axis_z = shape.height - radius
     inner = half_length - radius - thin
     rear = -half_width + radius
-    parts.box((rear, half_width - 0.015), (-inner, inner), (shape.feet, shape.seat_height - GROOVE), shade(shape.fabric, 0.84))
+    parts.box((rear, half_width - 0.011), (-inner, inner), (shape.feet, shape.seat_height - GROOVE), shade(shape.fabric, 0.84))
     cushions(parts, shape.seats, (rear, half_width), (-inner, inner), (shape.seat_height - shape.cushion, shape.seat_height), shape.fabric)
     parts.box((rear - thin, rear + thin), (-inner, inner), (shape.feet, shape.height), shape.fabric)
     roll(parts, np.array([rear, 0.0, axis_z]), 1, radius, half_length - 1.2 * radius, shape.fabric)
@@ -241,6 +193,8 @@ def _framed(parts: Parts, shape: SofaShape) -> Area:
     parts.box((rear - thick, front - 0.01), (-half_length + 0.008, half_length - 0.008), (board - 0.06, board), shape.wood)
     # a single mattress lies on the frame, cushions are set into it
     cushions(parts, shape.seats, (rear - 0.5 * thick, front), (-inner, inner), (board - GROOVE, height), shape.fabric)
+    if shape.seats > 1:  # closes the seams below
+        parts.box((rear, front - 0.01), (-inner + 0.01, inner - 0.01), (board - 0.01, height - GROOVE), shade(shape.fabric, 0.84))
     arm_top = height + shape.arm_height
     for side in (-1, 1):
         y = (min(side * half_length, side * (half_length - post)), max(side * half_length, side * (half_length - post)))
@@ -277,7 +231,7 @@ def _bench(parts: Parts, shape: SofaShape) -> Area:
 def _ottoman(parts: Parts, shape: SofaShape) -> Area:
     """An upholstered block without back."""
     x, y = (-shape.width / 2, shape.width / 2), (-shape.length / 2, shape.length / 2)
-    inset_x, inset_y = (x[0] + 0.015, x[1] - 0.015), (y[0] + 0.015, y[1] - 0.015)
+    inset_x, inset_y = (x[0] + 0.011, x[1] - 0.011), (y[0] + 0.011, y[1] - 0.011)
     parts.box(inset_x, inset_y, (shape.feet, shape.seat_height - GROOVE), shade(shape.fabric, 0.84))
     cushions(parts, shape.seats, x, y, (shape.seat_height - shape.cushion, shape.seat_height), shape.fabric)
     _support(parts, shape, inset_x, inset_y)
@@ -337,4 +291,5 @@ def _chaise(parts: Parts, shape: SofaShape) -> Area:
         ends = (min(side * (foot + 0.3 * thick), side * reach), max(side * (foot + 0.3 * thick), side * reach))
         parts.box((-half_width, -half_width + back), ends, (shape.feet, height + 0.62 * rise), shape.fabric)
     _support(parts, shape, body_x, body_y)
-    return -half_width + back, half_width, *((-half_length, foot) if side > 0 else (-foot, half_length))
+    right, left = (-half_length, foot) if side > 0 else (-foot, half_length)
+    return -half_width + back, half_width, right, left
