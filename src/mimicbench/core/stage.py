@@ -14,7 +14,7 @@ from typing import Any
 
 import mimicbench
 from mimicbench.core.errors import BadFile, MimicbenchError
-from mimicbench.core.files import read_json, write_json
+from mimicbench.core.files import read_json, remove_unfinished, write_json
 
 SCHEMA = 1
 HEADER = "header.json"
@@ -67,6 +67,8 @@ def open_stage(folder: Path, stage: str, task: str, seed: int, config: Mapping[s
         differs = [key for key in _DETERMINES if found[key] != json.loads(json.dumps(header[key]))]
         if differs:
             raise MimicbenchError(f"{folder} was made with another {' and '.join(differs)}; use another --workdir, or delete that folder to make it again")
+        if not found["complete"]:
+            remove_unfinished(folder)
         return Stage(folder, found)
     write_json(path, header)
     return Stage(folder, header)
