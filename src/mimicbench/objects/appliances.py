@@ -36,7 +36,7 @@ def fridge(parts: Furnishing, draft: Draft, random: np.random.Generator) -> None
     front = x - BULGE
     side = 1 if random.uniform() < 0.5 else -1
     color = draft.white if random.uniform() < 0.7 else draft.paint
-    parts.box((-x, front - 0.05), (-y, y), (0.05, h), shade(color, 0.92))
+    parts.box((-x, front - 0.045), (-y + 0.004, y - 0.004), (0.05, h), shade(color, 0.92))
     parts.touch("top", "left", "right")
     parts.box((-x + 0.03, front - 0.07), (-y + 0.03, y - 0.03), (0.0, 0.05), DARK)
     split = h * random.uniform(0.66, 0.74) if h > 0.6 else h

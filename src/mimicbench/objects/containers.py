@@ -120,7 +120,7 @@ def plant(parts: Furnishing, draft: Draft, random: np.random.Generator) -> None:
         lean = 0.05 if upright else random.uniform(0.2, 0.5)
         angle = start + i * 2 * np.pi / (leaves - 1)
         long = (h - pot) / np.cos(lean) if upright else random.uniform(0.62, 0.95) * (h - pot)
-        long = min(long, 0.85 * radius / np.sin(lean)) if not upright else long - 0.03
+        long = min(long, 0.75 * radius / np.sin(lean)) if not upright else long - 0.03
         quat = rot.multiply(rot.from_yaw(np.array(angle)), np.array([np.cos(lean / 2), 0.0, np.sin(lean / 2), 0.0]))
         middle = np.array([0.0, 0.0, pot]) + rot.rotate(quat, np.array([0.0, 0.0, long / 2]))
         wide = min(0.03 + 0.1 * long, 0.07)

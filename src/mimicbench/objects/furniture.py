@@ -65,7 +65,7 @@ def side_table(parts: Furnishing, draft: Draft, random: np.random.Generator) -> 
         # round tops are as long as they are wide
         radius = (x + y) / 2
         parts.prism((0, 0, h - 0.015), radius, 0.015, draft.wood, touch=("around", "top"))
-        parts.prism((0, 0, (h - 0.03) / 2 + 0.02), 0.035, (h - 0.03) / 2 - 0.02, draft.metal)
+        parts.prism((0, 0, (h - 0.03) / 2 + 0.01), 0.035, (h - 0.03) / 2 - 0.01, draft.metal)
         parts.prism((0, 0, 0.0125), 0.62 * radius, 0.0125, draft.metal)
         return
     parts.box((-x, x), (-y, y), (h - 0.03, h), draft.wood)

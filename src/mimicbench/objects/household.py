@@ -50,7 +50,7 @@ KINDS = {
     "storage box": Kind(containers.tote, 0.07, (0.66, 0.12, 0.42, 0.95), (0.45, 0.07, 0.31, 0.62), (0.38, 0.06, 0.28, 0.54)),
     "carton": Kind(containers.carton, 0.07, (0.68, 0.13, 0.44, 0.98), (0.50, 0.10, 0.36, 0.76), (0.43, 0.09, 0.30, 0.68)),
     "bin": Kind(containers.bin_, 0.04, (0.36, 0.05, 0.27, 0.50), (0.36, 0.05, 0.27, 0.50), (0.50, 0.09, 0.34, 0.72)),
-    "plant pot": Kind(containers.plant, 0.03, (0.42, 0.05, 0.32, 0.56), (0.42, 0.05, 0.32, 0.56), (0.70, 0.08, 0.54, 0.92)),
+    "plant pot": Kind(containers.plant, 0.03, (0.42, 0.05, 0.32, 0.56), (0.42, 0.05, 0.32, 0.56), (0.68, 0.08, 0.54, 0.84)),
     "suitcase": Kind(containers.suitcase, 0.03, (0.30, 0.04, 0.23, 0.40), (0.46, 0.05, 0.36, 0.58), (0.72, 0.07, 0.58, 0.92)),
     "trolley": Kind(containers.trolley, 0.03, (0.83, 0.10, 0.62, 1.08), (0.44, 0.05, 0.34, 0.58), (0.72, 0.07, 0.58, 0.92)),
 }  # fmt: skip
@@ -58,11 +58,16 @@ KINDS = {
 
 def make_household(index: int, seed: int = 0) -> SceneObject:
     """Household object number `index` of the family that `seed` names."""
+    obj, faces = make_untouched(index, seed)
+    return with_touch_points(obj, faces)
+
+
+def make_untouched(index: int, seed: int = 0) -> tuple[SceneObject, list[tuple[int, str]]]:
+    """The same without touch points, and the faces that have them: what the sizes of many need, at a quarter of the time."""
     random = rng(seed, "household", index)
-    names = list(KINDS)
     shares = np.array([kind.share for kind in KINDS.values()])
-    kind = names[int(random.choice(len(names), p=shares / shares.sum()))]
-    return build_household(f"household-{seed}-{index:05d}", kind, draw_draft(random, kind), random)
+    kind = list(KINDS)[int(random.choice(len(shares), p=shares / shares.sum()))]
+    return build(f"household-{seed}-{index:05d}", kind, draw_draft(random, kind), random)
 
 
 def draw_draft(random: np.random.Generator, kind: str) -> Draft:
@@ -73,11 +78,10 @@ def draw_draft(random: np.random.Generator, kind: str) -> Draft:
     return Draft(length, width, height, tint(random, WOODS), tint(random, PAINTS), tint(random, METALS), tint(random, WHITE_GOODS))
 
 
-def build_household(object_id: str, kind: str, draft: Draft, random: np.random.Generator) -> SceneObject:
-    """The object of that kind and draft; what the draft leaves open, such as the number of drawers, is drawn."""
+def build(object_id: str, kind: str, draft: Draft, random: np.random.Generator) -> tuple[SceneObject, list[tuple[int, str]]]:
+    """The object of that kind and draft, and its faces for touching; what the draft leaves open, such as the number of drawers, is drawn."""
     parts = Furnishing()
     KINDS[kind].build(parts, draft, random)
-    # a hundredth of a millimetre is exact enough, and keeps the files small
-    boxes = (np.round(array, 5) + 0.0 for array in (parts.centered(), np.array(parts.half), np.array(parts.rgb)))
-    pos, half, rgb = boxes
-    return with_touch_points(SceneObject(object_id, "household", kind, pos, np.array(parts.quat), half, rgb), parts.faces)
+    # a hundredth of a millimeter is exact enough, and keeps the files small
+    pos, half, rgb = (np.round(array, 5) + 0.0 for array in (parts.centered(), np.array(parts.half), np.array(parts.rgb)))
+    return SceneObject(object_id, "household", kind, pos, np.array(parts.quat), half, rgb), parts.faces

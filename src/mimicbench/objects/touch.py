@@ -26,10 +26,12 @@ WRIST_OFF = 0.045
 """[m] between the surface and a wrist that touches it: an H1's forearm ends in a ball of 3.3 cm."""
 LOWEST, HIGHEST = 0.2, 1.1
 """[m] heights of touch points."""
+UPPER_PART, HIGH_ENOUGH = 0.55, 0.5
+"""Touch points are above this part of the highest one's height, or above so many metres: nobody bends down to the foot of what can be touched further up."""
 APART = (0.2, 0.6)
 """[m] least and largest distance between the points of a pair."""
-MOST_POINTS = 14
-"""Touch points kept of one object."""
+MOST_POINTS, MOST_CANDIDATES = 14, 26
+"""Touch points kept of one object, and how many are tried in pairs for that."""
 SIDES = {
     "front": (1.0, 0.0, 0.0), "left": (0.0, -1.0, 0.0), "right": (0.0, 1.0, 0.0), "top": (0.0, 0.0, 1.0),
     "front left": (0.7071, -0.7071, 0.0), "front right": (0.7071, 0.7071, 0.0),
@@ -45,8 +47,8 @@ ARM = 0.52
 """[m] from shoulder to wrist, a little bent: 0.534 of the human, 0.61 of the H1."""
 TRUNK, NECK = 0.48, 0.2
 """[m] from hips to shoulders, 0.48 of the human and 0.60 of the H1; and from there to the middle of the head."""
-HIPS = (0.80, 0.65, 0.50)
-"""[m] heights of the hips, standing and with bent knees; 0.80 is an H1 upright."""
+HIPS = (0.80, 0.68, 0.56)
+"""[m] heights of the hips, standing and with bent knees; 0.80 is an H1 upright, and it can do the others within the limits of its ankles."""
 PITCH = (0.0, 0.35, 0.7, 1.05, 1.4)
 """[rad] how far the trunk leans forward. The hips go back meanwhile by 0.25 m x sin(pitch), which keeps the balance."""
 HAND_CLEAR, ARM_CLEAR, BODY_CLEAR = 0.03, 0.03, 0.12
@@ -108,7 +110,9 @@ def with_touch_points(obj: SceneObject, faces: Sequence[tuple[int, str]] | None 
     points, normals = points[keep], normals[keep]
     keep = _free(obj, points, normals)
     points, normals = points[keep], normals[keep]
-    order = _spread(points, 32)
+    keep = points[:, 2] >= min(HIGH_ENOUGH, UPPER_PART * points[:, 2].max(initial=0.0))
+    points, normals = points[keep], normals[keep]
+    order = _spread(points, MOST_CANDIDATES)
     candidate = replace(obj, touch_points=points[order], touch_normals=normals[order])
     pairs = find_pairs(candidate).points
     if not len(pairs):
@@ -138,8 +142,8 @@ def find_pairs(obj: SceneObject) -> Pairs:
     reach = np.sqrt(((wrists[chosen][:, None] - shoulders) ** 2).sum(-1)).max(-1)
     found = np.full(len(chosen), -1)
     allowed = reach <= ARM
-    # the easiest posture within reach whose body and arms are free; a second and third try, should it not be
-    for _ in range(3):
+    # the easiest posture within reach whose body and arms are free; the next easiest, should they not be
+    for _ in range(6):
         todo = np.flatnonzero((found < 0) & allowed.any(1))
         posture = allowed[todo].argmax(1)
         allowed[todo, posture] = False
@@ -203,8 +207,8 @@ def _free(obj: SceneObject, points: np.ndarray, normals: np.ndarray) -> np.ndarr
     turn = np.where(normals[:, 2:] < -0.99, [[0.0, 1.0, 0.0, 0.0]], turn)
     rays = rot.rotate(rot.normalize(turn)[:, None], _DIRECTIONS[None])
     places = (points + 0.01 * normals)[:, None] + 0.06 * rays
-    around = distance(obj, np.concatenate([places, (points + WRIST_OFF * normals)[:, None]], 1))
-    return (around[:, :-1] > 0).all(1) & (around[:, -1] >= HAND_CLEAR)
+    around = distance(obj, np.concatenate([places, (points + WRIST_OFF * normals)[:, None], points[:, None]], 1))
+    return (around[:, :-2] > 0).all(1) & (around[:, -2] >= HAND_CLEAR) & (around[:, -1] > -1e-4)
 
 
 def _posture_free(obj: SceneObject, wrists: np.ndarray, shoulders: np.ndarray, stance: np.ndarray, postures: np.ndarray) -> np.ndarray:
