@@ -21,8 +21,6 @@ MIN_MATTRESS = (1.70, 0.78)
 """Length and width [m]."""
 PILLOW_DEPTH = 0.38
 """[m] along the bed."""
-DUVET = 0.006
-"""How much the duvet, on which one lies, is above the mattress [m]."""
 LIE: Range = (0.49, 0.055, 0.36, 0.64)
 """Height of the plane to lie on."""
 
@@ -119,9 +117,12 @@ def build_bed(object_id: str, shape: BedShape) -> SceneObject:
     if foot - head < MIN_MATTRESS[0] - 1e-9 or 2 * y < MIN_MATTRESS[1] - 1e-9:
         raise BadObject(f"bed {object_id}: a mattress of {foot - head:.2f} x {2 * y:.2f} m is too small; give {MIN_MATTRESS[0]} x {MIN_MATTRESS[1]} m or more")
     height = shape.seat_height
-    parts.box((head, foot), (-y, y), (height - shape.mattress, height - DUVET), LINEN)
-    over = min(0.012, shape.margin - 0.005)
-    parts.box((head + 0.30 * (foot - head), foot + 0.004), (-y - over, y + over), (height - 0.7 * shape.mattress, height), shape.fabric)
+    fold = head + 0.30 * (foot - head)
+    over, low = min(0.012, shape.margin - 0.005), height - (0.7 if shape.kind == "platform" else 0.78) * shape.mattress
+    parts.box((head, foot), (-y, y), (height - shape.mattress, height - 0.006), LINEN)
+    # sheet and duvet end at the same height: one level plane
+    parts.box((head + 0.002, fold), (-y + 0.002, y - 0.002), (height - 0.02, height), LINEN)
+    parts.box((fold, foot + 0.004), (-y - over, y + over), (low, height), shape.fabric)
     double = 2 * y > 1.25
     across = (-y / 2, y / 2) if double else (0.0,)
     if shape.pillow:

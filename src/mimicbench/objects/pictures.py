@@ -66,7 +66,7 @@ def picture(obj: SceneObject, size: tuple[int, int], reach: float | None = None,
     camera.lookat[:] = (0, 0, obj.bounds()[1][2] / 2 if middle is None else middle)
     narrow = np.arctan(np.tan(VIEW_ANGLE / 2) * min(1.0, size[1] / size[0]))
     # furniture does not fill the sphere around it
-    camera.distance = 0.8 * (extent(obj) if reach is None else reach) / np.sin(narrow)
+    camera.distance = 0.85 * (extent(obj) if reach is None else reach) / np.sin(narrow)
     camera.azimuth, camera.elevation = 215, -22
     with mujoco.Renderer(model, *size) as renderer:
         renderer.update_scene(data, camera)

@@ -5,6 +5,8 @@ it faces +x: 131.1 +- 21.1 x 63.0 +- 21.7 x 57.3 +- 21.8 cm to sit on, 191.2 +- 
 to lie on. A mean height of 57 cm says that about half of what is sat on has no back: benches, ottomans, daybeds.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from mimicbench.core.seeds import rng
@@ -71,40 +73,39 @@ def draw_sofa(random: np.random.Generator, kinds: dict[str, SizeDistribution] = 
     rise, thickness = random.uniform(0.12, 0.22), random.uniform(0.09, 0.14)
     seats = int(np.clip(round(length / random.uniform(0.62, 0.85)), 1, 3))
     fancy, side = random.uniform(), random.uniform()
-    common = {"length": length, "width": width, "seats": seats, "head": head, "pillow": pillow, "feet": feet, "plinth": plinth, "recline": recline}
-    colors = {"wood": wood, "fabric": fabric, "accent": accent}
+    basis = SofaShape(
+        kind, length, width, height, seat, seats, recline=recline, feet=feet, plinth=plinth, head=head, pillow=pillow, wood=wood, fabric=fabric, accent=accent
+    )
     if kind in BACKLESS:
-        return SofaShape(kind, height=seat, seat_height=seat, back="none", cushion=0.08 if kind == "bench" else 0.12, **common, **colors)
+        return replace(basis, height=seat, back="none", cushion=0.08 if kind == "bench" else 0.12)
     if lying:
         seat = max(seat, height / 2 - 0.05)
-    height = max(height, seat + 0.14)
+    height = max(height, seat + (0.2 if kind in ("settee", "futon") else 0.14))
+    basis = replace(basis, height=height, seat_height=seat)
     between = (length - MIN_BETWEEN_ARMS) / 2
     if kind == "daybed":
-        back = "rails" if fancy < 0.3 and lying else "none"
-        return SofaShape(kind, height=height, seat_height=seat, back=back, arm_width=0.055, cushion=0.14, **{**common, "seats": 1}, **colors)
-    if kind in ("settee", "futon"):
-        soft = kind == "futon" or fancy < 0.5
-        return SofaShape(
-            kind, height=max(height, seat + 0.2), seat_height=seat, back="cushions" if soft else "rails", back_thickness=0.035,
-            back_cushion=0.12 if soft and width > 0.66 else 0.05 if soft else 0.0, arms=(side < 0.8, side < 0.8), arm_width=0.055, arm_height=rise,
-            cushion=0.13 if kind == "futon" else 0.08, **{**common, "seats": 1 if kind == "futon" else min(seats, 2)}, **colors,
-        )  # fmt: skip
+        return replace(basis, seats=1, back="rails" if fancy < 0.3 and lying else "none", arm_width=0.055, cushion=0.14)
     if kind == "chesterfield":
         arm = min(max(arm, 0.16) + 0.4 * max(width - 0.8, 0.0), between)
-        return SofaShape(kind, height=height, seat_height=seat, arm_width=arm, cushion=0.13, **{**common, "seats": 2, "pillow": 0.0}, **colors)
+        return replace(basis, seats=2, arm_width=arm, pillow=0.0)  # its boxes are all in use
     if kind == "chaise":
-        return SofaShape(kind, height=height, seat_height=seat, back="panel" if fancy < 0.7 else "none", arm_width=0.13, cushion=0.12, **common, **colors)
+        return replace(basis, back="panel" if fancy < 0.7 else "none", arm_width=0.13, cushion=0.12)
+    if kind in ("settee", "futon"):
+        soft = kind == "futon" or fancy < 0.5
+        padding = 0.0 if not soft else 0.12 if width > 0.66 else 0.05
+        return replace(
+            basis, seats=1 if kind == "futon" else min(seats, 2), back="cushions" if soft else "rails", back_thickness=0.035, back_cushion=padding,
+            arms=(side < 0.8, side < 0.8), arm_width=0.055, arm_height=rise, cushion=0.13 if kind == "futon" else 0.08,
+        )  # fmt: skip
     chaise = random.uniform(0.58, 0.72) if kind == "sectional" else 0.0
     run = min(random.uniform(0.78, 0.95), width - 0.3) if chaise else 0.0
     loose = fancy < 0.65 and (run or width) > 0.66
-    tallest = height - seat
-    deep = (run or width) - MAX_SEAT_DEPTH - tallest * np.tan(recline)
-    thick = float(np.clip(deep, thickness, 0.40))
-    arms = (True, True)
-    if lying and side < 0.35 or chaise:  # legs lie more easily over an end without arm
-        arms = (head < 0, head > 0)
-    return SofaShape(
-        kind, height=height, seat_height=seat, back="cushions" if loose else "panel", back_thickness=thick - (0.45 * thick if loose else 0.0),
-        back_cushion=0.45 * thick if loose else 0.0, arms=arms, arm_width=min(arm, between), arm_height=min(rise, height - seat - 0.02), cushion=0.13,
-        chaise=chaise, run=run, **common, **colors,
+    thick = float(np.clip((run or width) - MAX_SEAT_DEPTH - (height - seat) * np.tan(recline), thickness, 0.40))
+    padding = 0.45 * thick if loose else 0.0
+    # legs lie more easily over an end without arm
+    open_end = bool(chaise) or (lying and side < 0.35)
+    return replace(
+        basis, back="cushions" if loose else "panel", back_thickness=thick - padding, back_cushion=padding,
+        arms=(head < 0, head > 0) if open_end else (True, True), arm_width=min(arm, between), arm_height=min(rise, height - seat - 0.02),
+        chaise=chaise, run=run,
     )  # fmt: skip
