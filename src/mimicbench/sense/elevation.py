@@ -38,10 +38,10 @@ def map_from_depth(depth: np.ndarray, root_pos: np.ndarray, root_quat: np.ndarra
         rig: The cameras.
         cell: Side of a cell [m].
     """
-    rays = rig.rays(*depth.shape[2:]).astype(np.float32)
+    rays, origins = rig.rays(*depth.shape[2:]).astype(np.float32), rig.origins().astype(np.float32)
     maps = _floors(root_pos)
     for i, (turn, seen) in enumerate(zip(_tilts(root_quat), depth, strict=True)):
-        points = np.concatenate([origin + (ray * d[..., None])[d <= RANGE] for origin, ray, d in zip(rig.origins().astype(np.float32), rays, seen, strict=True)])
+        points = np.concatenate([origin + (ray * d[..., None])[d <= RANGE] for origin, ray, d in zip(origins, rays, seen, strict=True)])
         _raise(maps[i], points @ turn.T, cell)
     return torch.from_numpy(maps)
 

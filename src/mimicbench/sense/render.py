@@ -95,8 +95,9 @@ class RigCameras:
                 self._scene.flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = self._scene.flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 0
                 mujoco.mjr_render(rect, self._scene, self._canvas.drawing)
                 mujoco.mjr_readPixels(colors[i], None, rect, self._canvas.drawing)
+        named = self._named(ids) if labels else np.empty((0, self.height, self.width), np.uint8)
         # OpenGL's first row is the lowest
-        return Views(colors[:, ::-1], _meters(depths[:, ::-1]), self._named(ids[:, ::-1]) if labels else np.empty((0, self.height, self.width), np.uint8))
+        return Views(*(np.ascontiguousarray(pictures[:, ::-1]) for pictures in (colors, _meters(depths), named)))
 
     def _aim(self, index: int, root_pos: np.ndarray, root_quat: np.ndarray) -> None:
         """Put camera `index` where the robot carries it."""
