@@ -14,6 +14,7 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.robot.description import load_robot
 from mimicbench.sense.elevation import camera_map
 from mimicbench.sense.proprioception import body_state, s_current
+from mimicbench.sense.targets import target_map
 from mimicbench.sim.native import NativePhysics
 from mimicbench.sim.physics import LinkState
 from mimicbench.sim.scene import CONTROL_DT
@@ -171,10 +172,12 @@ class Episodes:
         if "time" in senses:
             seen["time"] = (self.judge.steps[:, None] * CONTROL_DT).astype(np.float32)
         if "elevation" in senses:
-            seen["elevation"] = camera_map(self.physics).numpy()
+            seen["elevation"] = camera_map(self.physics, rig=self.task.rig, cell=self.task.map_cell).numpy()
         if self.task is TOUCH_POINTS:
-            goal = np.stack([start.wrist_goal_w for start in self.starts]) - state.root_pos_w.numpy()[:, None]
-            seen["targets"] = rot.rotate_inverse(state.root_quat_w.numpy()[:, None], goal).astype(np.float32)
+            goal, root_pos, root_quat = np.stack([start.wrist_goal_w for start in self.starts]), self.physics.qpos()[:, :3], self.physics.qpos()[:, 3:7]
+            seen["targets"] = rot.rotate_inverse(root_quat[:, None], goal - root_pos[:, None]).astype(np.float32)
+            if "elevation" in senses:
+                seen["target_elevation"] = target_map(root_pos, root_quat, goal, self.task.map_cell).numpy()
         return {name: np.clip(np.nan_to_num(values), -BOUND, BOUND) for name, values in seen.items()}
 
     def facts(self) -> dict[str, np.ndarray]:

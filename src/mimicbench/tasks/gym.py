@@ -58,8 +58,10 @@ class TaskEnv(gymnasium.Env[Observation, np.ndarray]):
     - `state` (300): the paper's S_current (appendix G.1): joint angles, joint velocities; of all 20 links relative to the root positions (60),
       rotation vectors (60), linear (60) and angular velocities (60), in the root frame; the last action (19; 0 at first); direction of gravity (3).
     - `time` (1): since the start of the episode [s].
-    - `elevation` (128, 128): height [m] relative to the root of the highest point that the four cameras around the pelvis see in each cell of
-      4 cm (appendix C.2); row along the robot's heading, column to its left, the robot in the middle. It costs some milliseconds a robot and step.
+    - `elevation` (128, 128): height [m] relative to the root of the highest point that the cameras see in each cell of 4 cm, for TouchPoints
+      1 cm (appendix C.2); row along the robot's heading, column to its left, the robot in the middle. Four cameras around the pelvis, for TouchPoints
+      and LiftBox one above it. It costs some milliseconds a robot and step.
+    - `target_elevation` (128, 128), for TouchPoints with `elevation`: the same map with nothing on the floor but the two targets.
     - `targets` (2, 3), for TouchPoints only and always: where left and right wrist are to go, in the root frame [m].
 
     Nothing else is known of the object. The box to be lifted is seen through `elevation` alone.
@@ -73,8 +75,8 @@ class TaskEnv(gymnasium.Env[Observation, np.ndarray]):
     Every reset draws another object of the split, which stands at the origin and faces +x (appendix C.1). With `starts`, the robot is in the
     first frame of one of these motions, velocities included; for the four tasks that navigate it is moved to within 2 m of the origin.
     Without, it stands at rest: for these four tasks 1 to 2 m from the origin, within 100 degrees of the object's front and 0.45 m clear of it,
-    with any heading; for the other two in front of the object, facing it, at most 0.3 m behind where it could begin at once, 0.1 m to the
-    side and turned by 0.2 rad. TouchPoints draws a pair of points that two hands can reach.
+    with any heading; for the other two in front of the object, facing it, at most 0.3 m (TouchPoints: 0.1 m) behind where it could begin at
+    once, 0.1 m to the side and turned by 0.2 rad. TouchPoints draws a pair of points that two hands can reach.
 
     `reset(seed=n)` gives the episode n: the same object, start and goal every time. Later resets without a seed draw the seeds of their
     episodes from n; `info["seed"]` is the one of the present episode, with which it can be had again.
@@ -261,9 +263,12 @@ def observation_space(episodes: Episodes) -> spaces.Dict:
     joints, links, limit = len(episodes.robot.joints), len(episodes.robot.links), episodes.limit * CONTROL_DT
     every = {
         "proprio": spaces.Box(-BOUND, BOUND, (10 + 2 * joints,)), "state": spaces.Box(-BOUND, BOUND, (3 + 3 * joints + 12 * links,)),
-        "time": spaces.Box(0.0, limit, (1,)), "elevation": spaces.Box(-BOUND, BOUND, (CELLS, CELLS)), "targets": spaces.Box(-BOUND, BOUND, (2, 3)),
+        "time": spaces.Box(0.0, limit, (1,)), "elevation": spaces.Box(-BOUND, BOUND, (CELLS, CELLS)),
+        "target_elevation": spaces.Box(-BOUND, BOUND, (CELLS, CELLS)), "targets": spaces.Box(-BOUND, BOUND, (2, 3)),
     }  # fmt: skip
-    chosen = {*episodes.config.observe, *(["targets"] if episodes.task is TOUCH_POINTS else [])}
+    chosen = set(episodes.config.observe)
+    if episodes.task is TOUCH_POINTS:
+        chosen |= {"targets", "target_elevation"} if "elevation" in chosen else {"targets"}
     return spaces.Dict({name: space for name, space in every.items() if name in chosen})
 
 

@@ -30,8 +30,10 @@ from mimicbench.tasks.touch_points import TOUCH_POINTS
 SPLITS = ("train", "test", "all")
 CLEARANCE = 0.005
 """[m] between the soles and the floor, so that no start begins inside of it."""
-BACK, SIDE, TURN = 0.3, 0.1, 0.2
-"""How far from where it could begin at once a robot in front of an object may stand: back [m], to either side [m], turned [rad]."""
+BACK_TO_TOUCH, BACK_TO_LIFT = 0.1, 0.3
+"""[m] how far behind where it could begin at once a robot in front of an object may stand. Whoever touches has the targets on its map of 1.28 m."""
+SIDE, TURN = 0.1, 0.2
+"""How far it may stand to either side [m], and be turned [rad]."""
 _HEAD = 40
 """Frames of a motion that its first frame's velocity is taken from; what comes later changes it by less than rounding does."""
 
@@ -85,32 +87,42 @@ def clipped(root_pos_w: np.ndarray, limit: float | None) -> np.ndarray:
     return pos
 
 
-def draw_start(task: Task, obj: SceneObject, robot: Robot, random: np.random.Generator) -> Start:
-    """A start without a reference: at rest in the robot's rest pose.
+@dataclass(frozen=True)
+class Stance:
+    """A robot at rest, with its soles just above the floor."""
+
+    joint_pos: np.ndarray
+    """(J,) its rest pose [rad]."""
+    height: float
+    """Of the root [m]."""
+    ankles_r: np.ndarray
+    """(3,) the middle of its ankles in the root frame [m]."""
+
+    @staticmethod
+    def of(robot: Robot) -> "Stance":
+        """The stance of a robot."""
+        joints = np.array(robot.rest_pose, float)
+        links = robot.forward_kinematics(np.zeros(3), rot.IDENTITY, joints)
+        soles, ankles = (np.array([robot.keypoint_pos(f"{side}_{name}", *links) for side in ("left", "right")]) for name in ("sole", "ankle"))
+        return Stance(joints, CLEARANCE - float(soles[:, 2].min()), ankles.mean(0))
+
+
+def draw_start(task: Task, obj: SceneObject, stance: Stance, random: np.random.Generator) -> Start:
+    """A start without a reference: at rest.
 
     Tasks that navigate: anywhere 1 to 2 m from the origin, within 100 degrees of the front and 0.45 m clear of the object, any heading, as the
-    clips of sit-chair start. The others: in front of the object, facing it, up to 0.3 m behind where it could begin, 0.1 m to the side
-    and turned by 0.2 rad.
+    clips of sit-chair start. The others: in front of the object, facing it, up to 0.3 m (touch-points: 0.1 m) behind where it could begin,
+    0.1 m to the side and turned by 0.2 rad.
     """
     goal = np.stack(touch_pair(obj, random)) if task is TOUCH_POINTS else np.zeros((0, 3))
     if task.max_start_distance is not None:
         xy, yaw = _around(obj, task.max_start_distance, random)
     else:
         before = goal if len(goal) else np.zeros((2, 3))  # two hands at the object's middle, where there are no targets
-        *xy, yaw = stance_before(obj, *before) + random.uniform([0.0, -SIDE, -TURN], [BACK, SIDE, TURN])
-    still = np.zeros(3)
-    pos, quat = standing(robot, np.array(xy), float(yaw))
-    return Start(obj, pos, quat, np.array(robot.rest_pose, float), still, still, np.zeros(len(robot.joints)), goal)
-
-
-def standing(robot: Robot, ankles_xy: np.ndarray, yaw: float) -> tuple[np.ndarray, np.ndarray]:
-    """Position (3,) [m] and orientation (4,) of the root of a robot in its rest pose, the middle of its ankles above `ankles_xy` (2,) [m]."""
-    links = robot.forward_kinematics(np.zeros(3), rot.IDENTITY, np.array(robot.rest_pose, float))
-    sides = ("left", "right")
-    height = CLEARANCE - min(robot.keypoint_pos(f"{side}_sole", *links)[2] for side in sides)
-    quat = rot.from_yaw(np.array(yaw))
-    ankles = rot.rotate(quat, np.mean([robot.keypoint_pos(f"{side}_ankle", *links) for side in sides], 0))
-    return np.array([*(ankles_xy - ankles[:2]), height]), quat
+        *xy, yaw = stance_before(obj, *before) + random.uniform([0.0, -SIDE, -TURN], [BACK_TO_TOUCH if len(goal) else BACK_TO_LIFT, SIDE, TURN])
+    quat, still = rot.from_yaw(np.array(yaw)), np.zeros(3)
+    root = np.array([*(xy - rot.rotate(quat, stance.ankles_r)[:2]), stance.height])
+    return Start(obj, root, quat, stance.joint_pos, still, still, np.zeros(len(stance.joint_pos)), goal)
 
 
 def _around(obj: SceneObject, limit: float, random: np.random.Generator) -> tuple[np.ndarray, float]:
@@ -131,7 +143,7 @@ class Starts:
         """See gym.EnvConfig for `split`, `objects`, `pool`, and `motions`, which is its `starts`."""
         if split not in SPLITS:
             raise UnknownName("split", split, list(SPLITS))
-        self.task, self.robot = task, robot
+        self.task, self.robot, self._stance = task, robot, Stance.of(robot)
         own = {obj.id: obj for obj in objects or () if isinstance(obj, SceneObject)}
         if isinstance(motions, Path | str):
             own, motions = _read_workdir(Path(motions), task, robot, own)
@@ -155,7 +167,7 @@ class Starts:
             motion = self._motions[int(random.integers(len(self._motions)))]
             return start_of(motion, self._object(motion.object_id), self.robot, self.task)
         obj = self._object(self._ids[int(random.integers(len(self._ids)))])
-        return draw_start(self.task, obj, self.robot, random)
+        return draw_start(self.task, obj, self._stance, random)
 
     def _object(self, object_id: str) -> SceneObject:
         obj = self._own.get(object_id) or _made(object_id)

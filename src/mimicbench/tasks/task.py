@@ -67,10 +67,12 @@ class ObjectFacts:
         height = pos_w[:, 2] - self.seat_height
         return self.interior_xy(pos_w) & (height >= 0) & (height <= band)
 
-    def distance(self, pos_w: np.ndarray) -> np.ndarray:
-        """(N, K) from positions (N, K, 3) to the surface of each object where it is now [m]; 0 inside of it."""
-        local = rot.rotate_inverse(self.quat_w[:, None], pos_w - self.pos_w[:, None])
-        return np.stack([obj.distance(points) for obj, points in zip(self.objects, local, strict=True)])
+    def distance(self, pos_w: np.ndarray, where: np.ndarray) -> np.ndarray:
+        """(N, K) from positions (N, K, 3) to the surface of each object where it is now [m]; 0 inside of it, infinity where not `where` (N,)."""
+        away = np.full(pos_w.shape[:2], np.inf)
+        for env in np.flatnonzero(where).tolist():
+            away[env] = self.objects[env].distance(rot.rotate_inverse(self.quat_w[env], pos_w[env] - self.pos_w[env]))
+        return away
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,354 @@
+import subprocess
+import sys
+import warnings
+from dataclasses import replace
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env, data_equivalence
+from gymnasium.vector import AutoresetMode
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import mimicbench
+from mimicbench.core import rotations as rot
+from mimicbench.core.errors import BadMotion, BadObject, MimicbenchError, UnknownName
+from mimicbench.core.motion import RobotMotion
+from mimicbench.core.seeds import rng
+from mimicbench.evaluate.rollout import place_at_start
+from mimicbench.objects.families import FAMILIES, make_object
+from mimicbench.objects.shape import save_object, split_of
+from mimicbench.objects.touch import STAND_OFF
+from mimicbench.sense.opengl import NoPictures
+from mimicbench.sim.native import NativePhysics
+from mimicbench.tasks.gym import TaskEnv, TaskVectorEnv
+from mimicbench.tasks.registry import TASKS, get_task
+from mimicbench.tasks.start import Stance, Starts, clipped, draw_start, start_of
+from stool import H1, JOINT, block, seated
+
+READY = [name for name, slug in mimicbench.ENVIRONMENTS.items() if get_task(slug).family in FAMILIES]
+every_task = pytest.mark.parametrize("name", READY)
+REST = np.array(H1.rest_pose, np.float32)
+
+
+def make(name="SitChair", pool=20, **arguments):
+    return gymnasium.make(f"mimicbench/{name}-v0", split="test", pool=pool, **arguments).unwrapped
+
+
+def make_vec(name="SitChair", num_envs=3, **arguments):
+    return gymnasium.make_vec(f"mimicbench/{name}-v0", num_envs=num_envs, split="test", pool=20, **arguments)
+
+
+def in_python(script):
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+def test_an_environment_for_every_task():
+    assert list(mimicbench.ENVIRONMENTS.values()) == list(TASKS)
+    for name in mimicbench.ENVIRONMENTS:
+        assert f"mimicbench/{name}-v0" in gymnasium.registry
+
+
+@pytest.mark.parametrize("order", ["import mimicbench, gymnasium", "import gymnasium, mimicbench"])
+def test_importing_registers_whatever_comes_first(order):
+    assert in_python(f"{order}; print(sum(name.startswith('mimicbench/') for name in gymnasium.registry))") == "6"
+
+
+def test_importing_mimicbench_imports_nothing_else():
+    out = in_python("import mimicbench, sys; print({'gymnasium', 'numpy', 'typing'} & set(sys.modules) - set(sys.stdlib_module_names))")
+    assert out == "set()"
+
+
+@every_task
+def test_the_contract_of_single_environments(name):
+    env = make(name)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        check_env(env, skip_render_check=True)
+    # the robot's limits are what they are; gymnasium.wrappers.RescaleAction is for those who want -1..1
+    assert [str(w.message) for w in caught if "symmetric and normalized" not in str(w.message)] == []
+    assert env.observation_space["proprio"].shape == (48,)
+    assert env.observation_space["state"].shape == (300,)
+    assert env.metadata["render_fps"] == 50
+    _, info = env.reset(seed=0)
+    assert {name: type(value) for name, value in info.items()} == {
+        "success": bool, "effort": float, "fell": bool, "diverged": bool, "object_id": str, "reference_id": str, "seed": int,
+    }  # fmt: skip
+
+
+@every_task
+@pytest.mark.parametrize("mode", list(AutoresetMode)[:2])
+def test_a_vector_is_its_single_environments(name, mode):
+    """Gymnasium's own loop over single environments gives the same bits, at every end of an episode too."""
+    ours = make_vec(name, autoreset_mode=mode, time_limit=0.06)
+    loop = make_vec(name, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}, time_limit=0.06)
+    assert ours.metadata["autoreset_mode"] is mode
+    assert ours.action_space == loop.action_space and ours.observation_space == loop.observation_space
+    assert data_equivalence(ours.reset(seed=5), loop.reset(seed=5), exact=True)
+    ours.action_space.seed(0)
+    for step in range(5):
+        action = ours.action_space.sample()
+        (seen, *results, info), (loop_seen, *loop_results, loop_info) = ours.step(action), loop.step(action)
+        assert seen in ours.observation_space
+        assert data_equivalence(seen, loop_seen, exact=True), step
+        assert data_equivalence(tuple(results), tuple(loop_results), exact=True), step
+        assert data_equivalence(info, loop_info, exact=True), step
+
+
+@every_task
+def test_threads_change_nothing(name):
+    one, two = make_vec(name, 4, workers=1), make_vec(name, 4, workers=2)
+    assert data_equivalence(one.reset(seed=1), two.reset(seed=1), exact=True)
+    one.action_space.seed(1)
+    for _ in range(10):
+        action = one.action_space.sample()
+        assert data_equivalence(one.step(action), two.step(action), exact=True)
+
+
+def test_a_seed_is_an_episode():
+    env, other = make(), make()
+    env.reset(seed=8)
+    seen, info = env.reset()
+    again, info_again = other.reset(seed=info["seed"])
+    assert data_equivalence((seen, info), (again, info_again), exact=True)
+
+
+def test_a_fresh_object_at_every_reset():
+    env = make(pool=60)
+    ids = [env.reset(seed=0 if i == 0 else None)[1]["object_id"] for i in range(12)]
+    assert len(set(ids)) > 3
+    assert {split_of(object_id) for object_id in ids} == {"test"}
+    assert [obj.id for obj in env.episodes.physics.objects] == ids[-1:]
+
+
+def test_next_step_restarts_leave_the_others_alone():
+    envs = make_vec(num_envs=2, time_limit=0.04)
+    envs.reset(seed=3)
+    envs.reset(options={"reset_mask": np.array([False, True])})
+    action = np.tile(REST, (2, 1))
+    assert not envs.step(action)[3].any()
+    envs.reset(options={"reset_mask": np.array([False, True])})
+    assert envs.step(action)[3].tolist() == [True, False]
+    before = envs.episodes.seeds.copy()
+    seen, reward, terminated, truncated, _ = envs.step(action)
+    assert truncated.tolist() == [False, True] and not terminated.any() and not reward.any()
+    assert seen["time"][:, 0].tolist() == pytest.approx([0.0, 0.04])
+    assert (envs.episodes.seeds != before).tolist() == [True, False]
+
+
+def test_disabled_restarts_wait_for_reset():
+    envs = make_vec(num_envs=2, time_limit=0.02, autoreset_mode="Disabled")
+    envs.reset(seed=3)
+    assert envs.step(np.tile(REST, (2, 1)))[3].all()
+    with pytest.raises(MimicbenchError, match="reset_mask"):
+        envs.step(np.tile(REST, (2, 1)))
+    envs.reset(options={"reset_mask": np.ones(2, bool)})
+    envs.step(np.tile(REST, (2, 1)))
+
+
+def test_sitting_is_rewarded_once_and_ends_the_episode():
+    env = make(objects=[block(0.42)])
+    env.reset(seed=0)
+    pos, joints = seated(0.42)
+    env.episodes.physics.reset(np.zeros(1, int), pos[None], rot.IDENTITY[None], joints[None])
+    total = 0.0
+    for _ in range(100):
+        _, reward, terminated, truncated, info = env.step(joints.astype(np.float32))
+        total += reward
+        assert info["success"] == terminated and not truncated
+        if terminated:
+            break
+    assert total == 1.0 and env.episodes.judge.steps[0] == 15  # 0.3 s at 50 Hz
+    assert info["effort"] >= 0 and not info["fell"]
+
+
+def test_lift_box_ends_at_the_limit_and_only_its_last_frame_counts():
+    env = make("LiftBox", time_limit=0.1)
+    env.reset(seed=0)
+    qpos, obj, turned = env.episodes.physics.qpos()[0], env.episodes.starts[0].obj, rot.from_yaw(np.array(np.pi))
+    wrist = H1.keypoint_pos("left_wrist", *H1.forward_kinematics(qpos[:3] * [0, 0, 1], turned, REST))
+    rewards = []
+    for _ in range(5):
+        # held up just before the wrists by nothing but this test
+        qpos[:3], qpos[3:7], qpos[7:26] = qpos[:3] * [0, 0, 1], turned, REST
+        qpos[26:29] = wrist[0] - 0.06 - obj.bounds()[1][0], 0.0, 0.35
+        env.episodes.physics.qvel()[0] = 0.0
+        _, reward, terminated, truncated, info = env.step(REST)
+        rewards.append(reward)
+        assert not terminated
+    assert truncated and info["success"]
+    assert rewards == [0, 0, 0, 0, 1]
+
+
+def test_broken_physics_end_one_episode_and_not_the_others():
+    envs = make_vec()
+    envs.reset(seed=0)
+    envs.episodes.physics.qpos()[1, 8] = np.nan
+    seen, reward, terminated, truncated, info = envs.step(np.tile(REST, (3, 1)))
+    assert terminated.tolist() == info["diverged"].tolist() == [False, True, False]
+    assert not truncated.any() and not reward.any() and not info["success"].any()
+    assert seen in envs.observation_space
+    seen, _, terminated, _, info = envs.step(np.tile(REST, (3, 1)))
+    assert not terminated.any() and not info["diverged"].any()
+    assert seen["time"][1] == 0.0
+
+
+@pytest.mark.parametrize("control", ["position", "velocity", "torque"])
+def test_actions_are_the_robots_limits(control):
+    env = make(control=control)
+    low, high = {
+        "position": H1.joint_range.T, "velocity": (-H1.velocity_limit, H1.velocity_limit),
+        "torque": np.array([[-joint.torque_limit, joint.torque_limit] for joint in H1.joints]).T,
+    }[control]  # fmt: skip
+    np.testing.assert_allclose(env.action_space.low, low, rtol=1e-6)
+    np.testing.assert_allclose(env.action_space.high, high, rtol=1e-6)
+    env.reset(seed=0)
+    action = np.zeros(19, np.float32)
+    knee = JOINT["left_knee"]
+    action[knee] = 1.0 if control == "position" else 0.5 * high[knee]
+    before = env.episodes.physics.qpos()[0, 7 + knee]
+    seen = env.step(action)[0]
+    assert env.episodes.physics.qpos()[0, 7 + knee] > before
+    np.testing.assert_array_equal(seen["state"][-22:-3], action)  # the last action is sensed
+
+
+def test_targets_are_where_the_wrists_are_to_go():
+    if "household" not in FAMILIES:
+        pytest.skip("no household objects yet")
+    env = make("TouchPoints", observe=("proprio", "elevation"))
+    seen, _ = env.reset(seed=1)
+    start = env.episodes.starts[0]
+    world = start.root_pos_w + rot.rotate(start.root_quat_w, seen["targets"].astype(float))
+    np.testing.assert_allclose(world, start.wrist_goal_w, atol=1e-5)
+    assert start.wrist_goal_w[0, 1] < start.wrist_goal_w[1, 1]  # facing -x, the left hand has the smaller y
+    # cells of 1 cm, and both targets in the map at their heights
+    marked = np.sort(seen["target_elevation"][seen["target_elevation"] > -start.root_pos_w[2] + 1e-4])
+    np.testing.assert_allclose(marked, np.sort(start.wrist_goal_w[:, 2] - start.root_pos_w[2]), atol=1e-5)
+
+
+def test_the_elevation_map_shows_the_object():
+    env = make(observe=("elevation",))
+    seen, _ = env.reset(seed=0)
+    assert list(seen) == ["elevation"] and seen["elevation"].shape == (128, 128)
+    start = env.episodes.starts[0]
+    assert seen["elevation"].max() == pytest.approx(start.obj.bounds()[1][2] - start.root_pos_w[2], abs=0.05)
+
+
+@pytest.mark.parametrize("slug", [get_task(mimicbench.ENVIRONMENTS[name]).slug for name in READY])
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 2**31))
+def test_starts_by_rule(slug, seed):
+    task = get_task(slug)
+    start = draw_start(task, make_object(f"{task.family}-0-{seed % 40:05d}"), Stance.of(H1), rng(seed))
+    links = H1.forward_kinematics(start.root_pos_w, start.root_quat_w, start.joint_pos)
+    for side in ("left", "right"):
+        assert H1.keypoint_pos(f"{side}_sole", *links)[2] == pytest.approx(0.005, abs=0.01)
+    assert start.obj.distance(links[0]).min() > 0.05
+    ankles = np.mean([H1.keypoint_pos(f"{side}_ankle", *links)[:2] for side in ("left", "right")], 0)
+    heading = rot.rotate(start.root_quat_w, np.array([1.0, 0.0, 0.0]))
+    if task.max_start_distance is None:
+        assert 0 <= ankles[0] - start.obj.bounds()[1][0] - STAND_OFF <= 0.3
+        assert heading[0] < -0.97
+    else:
+        assert 1.0 <= np.linalg.norm(ankles) <= 2.0
+        low, high = start.obj.bounds()
+        assert np.max(np.maximum(low[:2] - ankles, ankles - high[:2])) >= 0.45 - 1e-9
+
+
+def clip(frames=60, object_id="chair-0-00001", far=3.0):
+    """A robot that drifts and turns, far from its object."""
+    time = np.linspace(0, 1, frames)
+    pos = np.stack([far + 0.1 * time, 1.0 + 0.3 * np.sin(2 * time), 1.0 + 0.05 * time], -1)
+    quat = rot.multiply(rot.from_yaw(1.3 * time - 2), rot.from_rotvec(np.stack([0.2 * time, 0 * time, 0 * time], -1)))
+    quat[frames // 3 :] *= -1
+    joints = REST + 0.3 * np.sin(3 * time)[:, None] * np.linspace(-1, 1, 19)
+    return RobotMotion(f"clip-{object_id}", "sit-chair", "h1", H1.joint_names, (frames - 1) / 1.0, pos, quat, joints, object_id, "human")
+
+
+@pytest.mark.parametrize("frames", [60, 45, 12])
+def test_a_motion_starts_as_evaluations_start_it(frames):
+    motion, task = clip(frames), get_task("sit-chair")
+    obj = make_object(motion.object_id)
+    physics = NativePhysics(H1, [obj], workers=1)
+    place_at_start(physics, [motion], task)
+    start = start_of(motion, obj, H1, task)
+    ours = np.concatenate([start.root_pos_w, start.root_quat_w, start.joint_pos])
+    np.testing.assert_allclose(ours, physics.qpos()[0], atol=1e-5)
+    ours = np.concatenate([start.root_lin_vel_w, start.root_ang_vel_b, start.joint_vel])
+    np.testing.assert_allclose(ours, physics.qvel()[0], atol=2e-4)
+    assert np.linalg.norm(start.root_pos_w[:2]) == pytest.approx(2.0)
+    assert start.reference_id == motion.id
+
+
+def test_positions_are_clipped_on_the_way_to_the_origin():
+    np.testing.assert_allclose(clipped(np.array([3.0, 4.0, 1.0]), 2.0), [1.2, 1.6, 1.0])
+    np.testing.assert_allclose(clipped(np.array([0.3, 0.4, 1.0]), 2.0), [0.3, 0.4, 1.0])
+    np.testing.assert_allclose(clipped(np.array([3.0, 4.0, 1.0]), None), [3.0, 4.0, 1.0])
+
+
+def test_starts_from_motions_of_the_split_only():
+    ids = [f"chair-0-{index:05d}" for index in range(8)]
+    env = gymnasium.make("mimicbench/SitChair-v0", split="test", starts=[clip(object_id=object_id) for object_id in ids]).unwrapped
+    infos = [env.reset(seed=seed)[1] for seed in range(10)]
+    assert {info["object_id"] for info in infos} == {object_id for object_id in ids if split_of(object_id) == "test"}
+    assert all(info["reference_id"] == f"clip-{info['object_id']}" for info in infos)
+
+
+def test_starts_from_a_work_folder(tmp_path):
+    with pytest.raises(BadMotion, match="mimicbench retarget"):
+        make(starts=tmp_path)
+    obj = replace(block(0.4), id="own-chair")  # an object that no family makes
+    save_object(tmp_path / "sit-chair" / "objects", obj)
+    clip(object_id=obj.id).save(tmp_path / "sit-chair" / "retarget" / "clip.npz")
+    with pytest.raises(BadMotion, match="split"):
+        TaskEnv("sit-chair", split="train" if obj.split == "test" else "test", starts=tmp_path)
+    env = TaskEnv("sit-chair", split=obj.split, starts=str(tmp_path))
+    info = env.reset(seed=0)[1]
+    assert (info["object_id"], info["reference_id"]) == ("own-chair", "clip-own-chair")
+
+
+def test_mistakes_are_told():
+    for arguments in ({"observe": ("smell",)}, {"control": "thought"}, {"colour": "red"}, {"render_mode": "ansi"}):
+        with pytest.raises(UnknownName):
+            TaskEnv("sit-chair", **arguments)
+    with pytest.raises(UnknownName):
+        TaskEnv("sit-chair", split="validation")
+    with pytest.raises(UnknownName):
+        TaskVectorEnv("sit-chair", 2, autoreset_mode="Never")
+    with pytest.raises(MimicbenchError, match="time limit"):
+        TaskEnv("sit-chair", time_limit=-1.0)
+    with pytest.raises(MimicbenchError, match="at least 1"):
+        TaskVectorEnv("sit-chair", 0)
+    with pytest.raises(BadObject, match="larger pool"):
+        Starts(get_task("sit-chair"), H1, "test", None, 1, None)  # chair-0-00000 is one to train with
+    env = TaskEnv("sit-chair")
+    with pytest.raises(MimicbenchError, match="call reset"):
+        env.step(REST)
+    env.reset(seed=0)
+    for bad in (np.full(19, np.nan), np.zeros(7)):
+        with pytest.raises(MimicbenchError, match="finite numbers"):
+            env.step(bad)
+    envs = TaskVectorEnv("sit-chair", 2)
+    with pytest.raises(MimicbenchError, match="seeds"):
+        envs.reset(seed=[1])
+    with pytest.raises(MimicbenchError, match="all environments"):
+        envs.reset(options={"reset_mask": np.array([True, False])})
+
+
+def test_pictures():
+    envs = make_vec(num_envs=2, render_mode="rgb_array", height=64, width=96)
+    envs.reset(seed=0)
+    try:
+        first, second = envs.render()
+    except NoPictures as error:
+        pytest.skip(f"no OpenGL: {error}")
+    assert first.shape == (64, 96, 3) and first.dtype == np.uint8
+    assert not np.array_equal(first, second) and first.std() > 10
+    envs.close()
+    env = make(render_mode="rgb_array", height=64, width=96)
+    env.reset(seed=0)
+    np.testing.assert_array_equal(env.render(), first)
+    env.close()
