@@ -10,9 +10,11 @@ from hypothesis import strategies as st
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.sense.opengl import NoPictures
-from mimicbench.sense.render import FARTHEST, FLOOR, NOTHING, OBJECT, ROBOT, RigCameras
+from mimicbench.sense.rays import FARTHEST, ray_depth
+from mimicbench.sense.render import FLOOR, NOTHING, OBJECT, ROBOT, RigCameras
 from mimicbench.sense.rigs import HEAD_RIG, PELVIS_RIG
 from mimicbench.sense.targets import TARGET_CELL, mark_targets, target_map
+from mimicbench.sim.native import NativePhysics
 from mimicbench.sim.scene import build_model
 from mimicbench.tasks.registry import TASKS
 from stool import H1, block
@@ -146,6 +148,23 @@ def test_pixels_at_any_size_are_those_of_the_rays(look):
         seen = (views.labels == OBJECT) & (views.depth < 6)
         low, high = block().bounds()
         assert seen.any() and (points[seen] > low - 1e-4).all() and (points[seen] < high + 1e-4).all()
+
+
+@pytest.mark.parametrize("robot", [True, False])
+@pytest.mark.parametrize("rig", [PELVIS_RIG, HEAD_RIG], ids=["pelvis", "head"])
+def test_depth_by_rays_is_the_depth_that_is_drawn(look, rig, robot):
+    physics = NativePhysics(H1, [block(), block()], workers=1)
+    leaning = rot.multiply(rot.from_yaw(np.array(0.7)), rot.from_rotvec(np.array([0.1, 0.2, 0.0])))
+    qpos = np.array([positions(-1.0, 0.3), positions(0.6, 0.5, 1.0, leaning)])
+    physics.reset(np.arange(2), qpos[:, :3], qpos[:, 3:7], qpos[:, 7:])
+    traced = ray_depth(physics, None, 60, 80, rig, robot)
+    assert traced.shape == (2, len(rig.mounts), 60, 80) and traced.max() <= FARTHEST
+    for env in range(2):
+        drawn = look(block(), rig, qpos[env], 60, 80, robot, color=False, labels=False).depth
+        near = np.minimum(traced[env], drawn) < 6
+        # round shapes are drawn with flat faces
+        assert near.any() and (abs(traced[env] - drawn)[near] < 0.01).mean() > (0.97 if robot else 0.999)
+    np.testing.assert_array_equal(ray_depth(physics, np.array([1]), 60, 80, rig, robot)[0], traced[1])
 
 
 def test_depth_ends_at_50_meters_and_labels_name_links(look):

@@ -10,22 +10,17 @@ root and its x axis the root's heading, but z is up, so that the floor stays lev
 a point is at floor level, as the root's height is known; so lines of sight that can only meet the floor need not be followed.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 import torch
 
 from mimicbench.core import rotations as rot
-from mimicbench.objects.shape import SceneObject
 from mimicbench.sense.heightmap import CELL, CELLS, cell_centers
+from mimicbench.sense.rays import bounding_spheres, cast
 from mimicbench.sense.rigs import PELVIS_RIG, Rig
 from mimicbench.sim.native import NativePhysics
-from mimicbench.sim.scene import OBJECT_GROUP
 
 RANGE = 6.0
 """[m] Depth beyond this is left out (C.2)."""
-_RAYS_AT_ONCE = 1 << 18
-"""Bounds the memory: about 15 MB."""
 
 
 def map_from_depth(depth: np.ndarray, root_pos: np.ndarray, root_quat: np.ndarray, rig: Rig = PELVIS_RIG, cell: float = CELL) -> torch.Tensor:
@@ -63,7 +58,7 @@ def camera_map(
         eyes.append(np.repeat(origins, [len(some) for some in near], 0))
         looks.append(np.concatenate([ray[some] for ray, some in zip(rays, near, strict=True)]))
     turns = rot.to_matrix(root_quat)
-    depths = _cast(physics, ids, [pos + eye @ turn.T for pos, turn, eye in zip(root_pos, turns, eyes, strict=True)],
+    depths = cast(physics, ids, [pos + eye @ turn.T for pos, turn, eye in zip(root_pos, turns, eyes, strict=True)],
                    [look @ turn.T for turn, look in zip(turns, looks, strict=True)])  # fmt: skip
     for i, (turn, eye, look, depth) in enumerate(zip(_tilts(root_quat), eyes, looks, depths, strict=True)):
         hit = (depth >= 0) & (depth <= RANGE)
@@ -86,22 +81,11 @@ def down_map(physics: NativePhysics, ids: np.ndarray | None = None, cell: float 
         cells.append(row * CELLS + column)
         x, y = axis[row], axis[column]
         starts.append(np.stack([pos[0] + cos * x - sin * y, pos[1] + sin * x + cos * y, np.full(len(x), middle[2] + reach)], -1))
-    depths = _cast(physics, ids, starts, [np.broadcast_to([0.0, 0.0, -1.0], start.shape) for start in starts])
+    depths = cast(physics, ids, starts, [np.broadcast_to([0.0, 0.0, -1.0], start.shape) for start in starts])
     for i, (some, start, depth) in enumerate(zip(cells, starts, depths, strict=True)):
         hit = depth >= 0
         maps[i, some[hit]] = np.maximum(maps[i, some[hit]], start[hit, 2] - depth[hit] - root_pos[i, 2])
     return torch.from_numpy(maps.reshape(-1, CELLS, CELLS))
-
-
-def bounding_spheres(physics: NativePhysics, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Centers (N, 3) and radii (N,) [m] of spheres that hold the objects of scenes `ids`, where they are now."""
-    objects: Sequence[SceneObject] = [physics.objects[env] for env in ids]
-    starts = np.cumsum([0, *(len(obj.box_pos) for obj in objects[:-1])])
-    pos, quat, half = (np.concatenate(parts) for parts in zip(*((obj.box_pos, obj.box_quat, obj.box_half) for obj in objects), strict=True))
-    reach = (abs(rot.to_matrix(quat)) * half[:, None, :]).sum(-1)  # half the size of each box's own bounding box
-    low, high = np.minimum.reduceat(pos - reach, starts), np.maximum.reduceat(pos + reach, starts)
-    at, turn = (pose[ids] for pose in physics.object_pose())
-    return at + rot.rotate(turn, 0.5 * (low + high)), 0.5 * np.linalg.norm(high - low, axis=-1)
 
 
 def _within(units: np.ndarray, to_object: np.ndarray, radius: float) -> np.ndarray:
@@ -111,30 +95,6 @@ def _within(units: np.ndarray, to_object: np.ndarray, radius: float) -> np.ndarr
         return np.arange(len(units))
     # a hair wider than the cone around the sphere, for directions are rounded
     return np.flatnonzero(units @ (to_object / distance).astype(np.float32) >= np.sqrt(1 - (radius / distance) ** 2) - 1e-6)
-
-
-def _cast(physics: NativePhysics, ids: np.ndarray, starts: Sequence[np.ndarray], rays: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """For each scene, how many lengths of its rays (R, 3) it is from their starts (R, 3) to the object; -1 for a miss."""
-    group = np.zeros(6, np.uint8)
-    group[OBJECT_GROUP] = 1
-    counts = np.array([len(some) for some in rays])
-    depths = [np.zeros(0)] * len(ids)
-    order = np.argsort(-counts, kind="stable")
-    first = 0
-    while first < len(order) and counts[order[first]]:
-        # scenes with about as many rays go together, for each call needs the same number in all
-        most = counts[order[first]]
-        last = min(first + max(1, _RAYS_AT_ONCE // most), first + int((counts[order[first:]] > 0.75 * most).sum()))
-        chunk = np.sort(order[first:last])  # as the batch wants them
-        start, ray = np.zeros((len(chunk), most, 3)), np.zeros((len(chunk), most, 3))
-        start[..., 2] = ray[..., 2] = 1e3  # up and away, for those that have fewer
-        for row, i in enumerate(chunk):
-            start[row, : counts[i]], ray[row, : counts[i]] = starts[i], rays[i]
-        depth, _ = physics.batch.ray(start, ray, geomgroup=group, ids=ids[chunk])
-        for row, i in enumerate(chunk):
-            depths[i] = depth[row, : counts[i]]
-        first = last
-    return depths
 
 
 def _floors(root_pos: np.ndarray) -> np.ndarray:

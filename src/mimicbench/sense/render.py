@@ -14,11 +14,10 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.sense.opengl import Canvas
+from mimicbench.sense.rays import FARTHEST
 from mimicbench.sense.rigs import HEIGHT, WIDTH, Rig
 from mimicbench.sim.scene import FLOOR_GROUP, OBJECT_BODY, OBJECT_GROUP, ROBOT_GROUP, VISUAL_GROUP
 
-FARTHEST = 50.0
-"""[m] Depth is clipped here (C.2)."""
 NOTHING, FLOOR, OBJECT, ROBOT = 0, 1, 2, 3
 """Labels of the segmentation; ROBOT + i is the robot's link i, so `np.minimum(labels, ROBOT)` tells the robot as a whole."""
 _NEAR, _FAR = 0.01, 200.0
