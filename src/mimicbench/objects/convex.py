@@ -74,7 +74,7 @@ def outward(mesh: Mesh, found: Topology) -> Mesh:
 def split(mesh: Mesh, found: Topology, limit: int = SLOTS) -> tuple[list[np.ndarray], list[str]]:
     """Convex pieces (V, 3) of at most CORNERS corners each, at most `limit` of them, and what was done, in words.
 
-    Raises BadObject if coacd takes too long, is missing, or finds nothing.
+    Raises BadObject if coacd takes too long or finds nothing.
     """
     pieces: list[np.ndarray] = []
     rest: list[int] = []
@@ -168,14 +168,12 @@ def _solid(piece: np.ndarray) -> np.ndarray:
 
 def coacd_pieces(vertices: np.ndarray, faces: np.ndarray, limit: np.ndarray, fineness: np.ndarray) -> dict[str, np.ndarray]:
     """What runs in a process of its own: corners of all pieces one after the other, and how many each has."""
-    try:
-        import coacd
-    except ImportError:
-        raise BadObject('coacd is not installed; `pip install "mimicbench[meshes]"`') from None
+    import coacd
+
     coacd.set_log_level("off")
     fine = int(fineness) > 1
     found = coacd.run_coacd(
-        coacd.Mesh(vertices, faces), threshold=0.04 if fine else 0.1, max_convex_hull=int(limit), preprocess_resolution=50 if fine else 30,
+        coacd.Mesh(vertices, faces), threshold=0.04 if fine else 0.1, max_convex_hull=int(limit), preprocess_resolution=60 if fine else 40,
         resolution=1000, mcts_nodes=12 if fine else 8, mcts_iterations=60 if fine else 20, mcts_max_depth=3 if fine else 2, seed=0,
     )  # fmt: skip
     corners = [np.asarray(piece[0], float) for piece in found]
@@ -231,11 +229,11 @@ def fewer_corners(piece: np.ndarray, limit: int = CORNERS) -> np.ndarray:
 def box_around(piece: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Centre (3,), orientation (4,) and half sizes (3,) of the smallest box around a piece that lies flat on one of its faces.
 
-    The upright box along the axes is preferred unless another is 2 % smaller.
+    The upright box along the axes is preferred unless another is 5 % smaller.
     """
     hull = ConvexHull(piece)
     normals = np.unique(np.round(hull.equations[:, :3], 6), axis=0)
-    best, size = np.eye(3), float(np.ptp(piece, axis=0).prod()) * 0.98
+    best, size = np.eye(3), float(np.ptp(piece, axis=0).prod()) * 0.95
     for normal in np.concatenate([[[0.0, 0.0, 1.0]], normals]):
         across = np.cross(normal, [1.0, 0, 0] if abs(normal[0]) < 0.8 else [0, 1.0, 0])
         across /= np.linalg.norm(across)

@@ -5,14 +5,16 @@ import numpy as np
 from mimicbench.objects.convex import Topology, outward, topology
 from mimicbench.objects.mesh import Mesh
 
+SMALL = 0.25
+"""[m]; a hole within this is closed whatever its shape."""
 MAX_LOOP = 2000
 """Corners of a hole's edge that is looked at."""
 
 
 def close_holes(mesh: Mesh, found: Topology) -> tuple[Mesh, Topology, list[str]]:
-    """Put a lid on every flat hole, such as the missing underside of a cushion; z is up.
+    """Put a lid on every small hole, and on every flat one such as the missing underside of a cushion; z is up.
 
-    Holes that open upwards stay: a bin is no block. Returns the mesh, its parts, and what was done, in words.
+    Large holes that open upwards stay: a bin is no block. Returns the mesh, its parts, and what was done, in words.
     """
     if found.closed.all():
         return mesh, found, []
@@ -24,7 +26,9 @@ def close_holes(mesh: Mesh, found: Topology) -> tuple[Mesh, Topology, list[str]]
         # the lid's faces pass the edge the other way, so this points out of the part
         area = -0.5 * np.cross(corners - middle, np.roll(corners, -1, 0) - middle).sum(0)
         size = np.linalg.norm(area)
-        if size < 1e-10 or area[2] > 0.5 * size or np.abs((corners - middle) @ area / size).max() > 0.02 * np.sqrt(size) + 0.002:
+        small = np.ptp(corners, axis=0).max() < SMALL
+        bent = size < 1e-10 or np.abs((corners - middle) @ area / size).max() > 0.02 * np.sqrt(size) + 0.002
+        if not small and (bent or area[2] > 0.5 * size):
             continue
         vertices.append(middle[None])
         faces.append(np.stack([np.roll(loop, -1), loop, np.full(len(loop), count)], -1))
@@ -34,7 +38,7 @@ def close_holes(mesh: Mesh, found: Topology) -> tuple[Mesh, Topology, list[str]]
     after = topology(whole)
     whole = outward(whole, after)
     left = int((~after.closed).sum())
-    notes = [f"{lids} flat holes were closed"] if lids else []
+    notes = [f"{lids} holes were closed"] if lids else []
     if left:
         notes.append(f"{left} of {len(after.closed)} parts are not watertight; their pieces follow the surface, look at them")
     return whole, after, notes

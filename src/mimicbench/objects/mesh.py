@@ -72,13 +72,28 @@ def check_bytes(data: bytes, kind: str, name: str) -> None:
 
 
 def parse_bytes(data: np.ndarray, kind: np.ndarray) -> dict[str, np.ndarray]:
-    """Parse a checked file's bytes (N,). Runs in a process of its own; whatever it raises is the file's fault."""
+    """Parse a checked file's bytes (N,) into `vertices` (V, 3) and `faces` (F, 3). Runs in a process of its own. Raises BadFile."""
     import trimesh
 
     options = {"skip_materials": True} if str(kind) in ("obj", "glb") else {}
-    scene = trimesh.load_scene(io.BytesIO(data.tobytes()), file_type=str(kind), resolver=None, process=False, **options)
-    mesh = scene.to_mesh()
+    try:
+        scene = trimesh.load_scene(io.BytesIO(_plain_text(data.tobytes(), str(kind))), file_type=str(kind), resolver=None, process=False, **options)
+        mesh = scene.to_mesh()
+    except MemoryError:
+        raise
+    except Exception as error:  # a parser may trip over anything in a damaged file
+        raise BadFile(f"it is cut off or damaged ({type(error).__name__}: {' '.join(str(error).split())[:80]})") from None
     return {"vertices": np.asarray(mesh.vertices, float).reshape(-1, 3), "faces": np.asarray(mesh.faces, np.int64).reshape(-1, 3)}
+
+
+def _plain_text(data: bytes, kind: str) -> bytes:
+    """The same with other than ASCII letters, which only stand in names and comments, made question marks."""
+    end = len(data)
+    if kind == "glb" or (kind == "stl" and _binary_stl(data)):
+        end = 0
+    elif kind == "ply" and b"ascii" not in data[:200]:
+        end = data.find(b"end_header")
+    return data[:end].translate(bytes(range(128)) + b"?" * 128) + data[end:]
 
 
 def checked(vertices: np.ndarray, faces: np.ndarray, name: str) -> Mesh:
@@ -120,10 +135,15 @@ def weld(mesh: Mesh, tolerance: float) -> Mesh:
     return Mesh(vertices, faces[np.sort(keep)])
 
 
+def _binary_stl(data: bytes) -> bool:
+    """Whether the length is what the count of faces in a binary header says; many such headers begin with "solid" too."""
+    return len(data) >= 84 and len(data) - 84 == 50 * int.from_bytes(data[80:84], "little")
+
+
 def _check_stl(data: bytes, name: str) -> int:
-    if len(data) >= 84 and (len(data) - 84) % 50 == 0 and int.from_bytes(data[80:84], "little") == (len(data) - 84) // 50:
+    if _binary_stl(data):
         return (len(data) - 84) // 50
-    if not data.lstrip()[:5].lower() == b"solid" or b"\0" in data:
+    if data.lstrip()[:5].lower() != b"solid" or b"\0" in data:
         raise BadFile(f"{name} is no STL file, or is cut off")
     lower = data.lower()
     if b"endsolid" not in lower:
@@ -155,8 +175,12 @@ def _check_obj(data: bytes, name: str) -> int:
     if not data.endswith(b"\n") and re.search(rb"(?m)^\s*(f\s+\S+|v(\s+\S+){0,2})\s*\Z", data):
         raise BadFile(f"{name} is cut off within its last line")
     # a face of n corners becomes n - 2 triangles
-    faces = re.findall(rb"(?m)^[ \t]*f[ \t].*$", data)
-    return sum(max(1, len(line.split()) - 3) for line in faces)
+    count = 0
+    for line in re.finditer(rb"(?m)^[ \t]*f[ \t].*$", data):
+        count += max(1, len(line[0].split()) - 3)
+        if count > MAX_FACES:
+            raise BadFile(f"{name} has more than {MAX_FACES} faces; reduce the mesh to some ten thousand faces first")
+    return count
 
 
 def _check_glb(data: bytes, name: str) -> int:
@@ -181,7 +205,10 @@ def _check_gltf(gltf: dict, size: int, name: str) -> int:
             uri = entry.get("uri")
             if uri is not None and (part == "buffers" or not str(uri).startswith("data:")):
                 raise BadFile(f"{name} refers to another file ({str(uri)[:40]!r}); save it as one .glb with everything inside")
-    packed = {str(e) for e in [*gltf.get("extensionsRequired", []), *gltf.get("extensionsUsed", [])]} & {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
+    packed = {str(e) for e in [*gltf.get("extensionsRequired", []), *gltf.get("extensionsUsed", [])]} & {
+        "KHR_draco_mesh_compression",
+        "EXT_meshopt_compression",
+    }
     if packed:
         raise BadFile(f"{name} is packed with {' and '.join(sorted(packed))}; export it without compression")
     accessors, nodes, meshes = gltf.get("accessors", []), gltf.get("nodes", []), gltf.get("meshes", [])

@@ -7,7 +7,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import ConvexHull, Delaunay
 
+from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadObject, MimicbenchError
 from mimicbench.core.files import write_json
 from mimicbench.core.stage import Stage, open_stage
@@ -17,6 +19,7 @@ from mimicbench.objects.mesh import Mesh, read_mesh
 from mimicbench.objects.placing import ANYTHING, KINDS, LIE, Placed, Wishes, place
 from mimicbench.objects.planes import LevelPlane
 from mimicbench.objects.shape import SceneObject, save_object
+from mimicbench.objects.touch import UPRIGHT, with_touch_points
 
 TOLERANCE = 0.03
 """[m]; if the pieces' top is farther from the mesh's plane than this, it is said; if farther than three times this, the object is refused."""
@@ -85,6 +88,8 @@ def import_mesh(path: Path, family: str, config: ImportConfig, object_id: str | 
 
 def _make(mesh: Mesh, path: Path, family: str, config: ImportConfig, object_id: str) -> tuple[SceneObject, Evidence]:
     kind = KINDS.get(family, ANYTHING)
+    if not 0 < config.mass < 1000:
+        raise BadObject(f"a mass of {config.mass} kg cannot be; give --mass between 0 and 1000")
     placed = place(mesh, kind, path.suffix.lower()[1:], config.wishes)
     if kind.needs is not None and placed.plane is None:
         low, high = kind.needs.heights
@@ -116,6 +121,10 @@ def _make(mesh: Mesh, path: Path, family: str, config: ImportConfig, object_id: 
         np.array([box[2] for box in boxes]), rgb, height, polygon, head_xy=_head(placed) if lies else np.zeros(0),
         movable=family == "box", mass=config.mass if family == "box" else None, hulls=() if is_box.all() else hulls,
     )  # fmt: skip
+    if kind.touched:
+        # touch points are made on boxes; only where a box is the piece itself are they on the surface
+        obj = with_touch_points(obj, [(int(box), side) for box in np.flatnonzero(is_box) for side in UPRIGHT])
+        reasons.append(f"{len(obj.touch_points)} touch points on the pieces that are boxes")
     low, high = obj.bounds()
     evidence = Evidence(
         object_id, path.name, hashlib.sha256(path.read_bytes()).hexdigest(), placed.scale, placed.up, placed.front, tuple((high - low).tolist()), len(pieces),
@@ -157,32 +166,27 @@ def own_id(path: Path) -> str:
 def own_ids(files: Sequence[Path]) -> list[str]:
     """One id per file; where two would be the same, a few digits of the files' content tell them apart, whatever their order."""
     names = [own_id(path) for path in files]
-    for i, path in enumerate(files):
-        if names.count(own_id(path)) > 1 and path.is_file() and sum(own_id(path) == own_id(other) for other in files) > 1:
-            names[i] = f"{own_id(path)}-{hashlib.sha256(path.read_bytes()).hexdigest()[:8]}"
-    if len(set(names)) < len(names):
+    ids = [
+        f"{name}-{hashlib.sha256(path.read_bytes()).hexdigest()[:8]}" if names.count(name) > 1 and path.is_file() else name
+        for name, path in zip(names, files, strict=True)
+    ]
+    if len(set(ids)) < len(ids):
         raise MimicbenchError("the same file is given twice; give each once")
-    return names
+    return ids
 
 
 def _volumes(pieces: Sequence[np.ndarray]) -> np.ndarray:
-    from scipy.spatial import ConvexHull
-
     return np.array([ConvexHull(piece).volume for piece in pieces])
 
 
 def _corners(box: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:
     """(8, 3) corners of a box."""
-    from mimicbench.core import rotations as rot
-
     signs = np.stack(np.meshgrid([-1, 1], [-1, 1], [-1, 1], indexing="ij"), -1).reshape(8, 3)
     return box[0] + rot.rotate(box[1], signs * box[2])
 
 
 def tops(hulls: Sequence[np.ndarray], points: np.ndarray) -> np.ndarray:
     """Height (N,) of the highest convex piece over points (N, 2) [m], -inf where there is none."""
-    from scipy.spatial import ConvexHull
-
     best = np.full(len(points), -np.inf)
     for hull in hulls:
         planes = ConvexHull(hull).equations
@@ -198,8 +202,6 @@ def tops(hulls: Sequence[np.ndarray], points: np.ndarray) -> np.ndarray:
 
 def _top_of(hulls: Sequence[np.ndarray], plane: LevelPlane) -> tuple[float, float]:
     """Median height of the pieces' top within a plane's outline, and how far 90 % of it is from the mesh's plane at most [m]."""
-    from scipy.spatial import Delaunay
-
     axes = [np.linspace(low, high, 25) for low, high in zip(plane.polygon.min(0), plane.polygon.max(0), strict=True)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 2)
     middle = plane.polygon.mean(0)

@@ -24,22 +24,26 @@ class Kind:
 
     size: tuple[float, float, float]
     """Longer and shorter side on the floor, and height, as they are on average [m]."""
-    needs: PlaneNeeds | None
+    needs: PlaneNeeds | None = None
     """What its plane must have, if it is for sitting or lying."""
+    front: Literal["long", "short", "any"] = "any"
+    """Which side of its outline people come to: a sofa's long one, a bed's short one."""
+    touched: bool = False
+    """Whether it needs places for two hands."""
 
 
 KINDS = {
     "chair": Kind((0.62, 0.54, 0.81), SIT),
-    "sofa": Kind((1.65, 0.78, 0.70), SIT),
-    "sitsofa": Kind((1.31, 0.66, 0.60), SIT),
-    "liesofa": Kind((1.91, 0.87, 0.79), LIE),
-    "bed": Kind((2.27, 1.78, 0.86), LIE),
-    "box": Kind((0.60, 0.43, 0.60), None),
+    "sofa": Kind((1.50, 0.75, 0.70), SIT, "long"),
+    "couch": Kind((1.91, 0.87, 0.79), LIE, "long"),
+    "bed": Kind((2.27, 1.78, 0.86), LIE, "short"),
+    "household": Kind((0.62, 0.50, 0.60), touched=True),
+    "box": Kind((0.60, 0.43, 0.60)),
 }
 """By family. Sizes are near the paper's table of objects; of other families nothing is expected."""
-ANYTHING = Kind((0.65, 0.5, 0.6), None)
+ANYTHING = Kind((0.65, 0.5, 0.6))
 TOO_FAR = np.log(3.0)
-"""A side may differ from the average by this factor, three, before the size is refused."""
+"""A side may differ from the average by this factor, three, before the size is refused; six if it is not for sitting or lying."""
 _PRIOR = {"glb": {"y+": 0.0, "z+": -1.5}, "obj": {"y+": 0.0, "z+": -0.4}, "ply": {"y+": -0.3, "z+": 0.0}, "stl": {"y+": -0.6, "z+": 0.0}}
 """What is usual in a format: GLB has y up by its definition, ShapeNet's OBJ files too; what goes to a printer has z up."""
 
@@ -127,6 +131,8 @@ def _scale(size: np.ndarray, mesh: Mesh, kind: Kind, wishes: Wishes) -> tuple[fl
     logs = np.log(np.maximum([max(size[:2]), min(size[:2]), size[2]], 1e-12) / expected)
     if sum(value is not None for value in (wishes.unit, wishes.height, wishes.scale)) > 1:
         raise BadObject("give only one of --unit, --height and --scale")
+    if not all(1e-9 < value < 1e9 for value in (wishes.height, wishes.scale) if value is not None):
+        raise BadObject("a height or a scale must be a positive number")
     if wishes.height is not None or wishes.scale is not None:
         scale = float(wishes.scale if wishes.height is None else wishes.height / size[2])
         why = f"1 unit is {scale:.4g} m, as given"
@@ -142,7 +148,7 @@ def _scale(size: np.ndarray, mesh: Mesh, kind: Kind, wishes: Wishes) -> tuple[fl
         if costs[second] < costs[first] + 1.0:
             why += f" ({second} is possible too: give --unit if this is wrong)"
     final = logs + np.log(scale)
-    if not (0 < scale < np.inf) or np.abs(final).max() > TOO_FAR + 0.7 * (kind is ANYTHING):
+    if not (0 < scale < np.inf) or np.abs(final).max() > TOO_FAR + 0.7 * (kind.needs is None):
         meters = " x ".join(f"{side * scale:.3g}" for side in size)
         fits = [unit for unit, value in METERS.items() if np.abs(logs + np.log(value)).max() <= TOO_FAR]
         hint = f"its numbers look like {fits[0]}: leave --unit out or give --unit {fits[0]}" if fits else "give --height with its height in metres"
@@ -164,7 +170,7 @@ def _face(placed: Placed, kind: Kind, wishes: Wishes, why_up: str) -> Placed:
     if wishes.front:
         front, why = wishes.front, f"front is {wishes.front}, as given"
     else:
-        front, why = _front(placed)
+        front, why = _front(placed, kind)
     # from the usual front to the wanted one, both seen in the file's axes
     turn = _rotation(placed.up, front) @ _rotation(placed.up, placed.front).T
     mesh = Mesh(placed.mesh.vertices @ turn.T, placed.mesh.faces)
@@ -176,26 +182,36 @@ def _face(placed: Placed, kind: Kind, wishes: Wishes, why_up: str) -> Placed:
     return Placed(mesh, placed.topology, placed.scale, placed.up, front, plane, (*placed.reasons, why_up, why))
 
 
-def _front(placed: Placed) -> tuple[str, str]:
-    """The file's axis to the front: away from what stands higher than the plane, which is the back."""
+def _front(placed: Placed, kind: Kind) -> tuple[str, str]:
+    """The file's axis to the front: away from what stands higher than the plane, which is the back; else what is usual."""
+    low, high = placed.mesh.bounds()
+    length, width = (high - low)[:2]
     usual = placed.front
+    why = f"front is {usual}, as usual with {placed.up} up"
+    if kind.front != "any" and (length > width) != (kind.front == "short") and abs(length - width) > 0.1 * max(length, width):
+        usual = _in_file(placed, np.array([0.0, 1.0, 0.0]))
+        why = f"front is {usual}, on the {kind.front} side"
     if placed.plane is None:
-        return usual, f"front is {usual}, as usual with {placed.up} up: there is no plane to tell it by"
+        return usual, f"{why}: there is no plane to tell it by" if kind.needs else why
     found = surfaces(placed.mesh)
     above = found.height > placed.plane.height + 0.10
-    middle = placed.plane.polygon.mean(0)
-    low, high = placed.mesh.bounds()
     if above.any():
+        middle = placed.plane.polygon.mean(0)
         back = (found.xy(found.cell[above]) - middle).mean(0) / (high - low)[:2]
         if np.abs(back).max() > 0.12:
             axis = int(np.abs(back).argmax())
             direction = np.zeros(3)
             direction[axis] = -np.sign(back[axis])
-            in_file = _rotation(placed.up, usual).T @ direction
-            index = int(np.abs(in_file).argmax())
-            front = "xyz"[index] + ("+" if in_file[index] > 0 else "-")
+            front = _in_file(placed, direction)
             return front, f"front is {front}: what stands higher than the plane is on the other side"
-    return usual, f"front is {usual}, as usual with {placed.up} up: nothing stands higher than the plane on one side; give --front if this is wrong"
+    return usual, f"{why}: nothing stands higher than the plane on one side; give --front if this is wrong"
+
+
+def _in_file(placed: Placed, direction: np.ndarray) -> str:
+    """The file's axis that a direction (3,) of the standing mesh is."""
+    found = _rotation(placed.up, placed.front).T @ direction
+    index = int(np.abs(found).argmax())
+    return "xyz"[index] + ("+" if found[index] > 0 else "-")
 
 
 def _usual_front(up: str) -> str:

@@ -16,7 +16,7 @@ from mimicbench.objects.mesh import Mesh
 
 CELL = 0.02
 """[m] between the vertical lines."""
-MAX_CROSSINGS = 30_000_000
+MAX_CROSSINGS = 8_000_000
 """Pairs of line and triangle that are looked at, before a mesh is refused."""
 LEVEL = 0.94
 """Least vertical part of the normal of a level surface: 20 degrees."""

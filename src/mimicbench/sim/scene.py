@@ -143,7 +143,9 @@ def _add_ballast(spec: mujoco.MjSpec, obj: SceneObject) -> None:
         _add_tetrahedra(spec, "ballast_0", 4)
         left -= 7
     if left < 7:
-        raise BadObject(f"object {obj.id} has {sum(used)} faces in its convex pieces, which is more than a scene has room for; simplify the mesh and import it again")
+        raise BadObject(
+            f"object {obj.id} has {sum(used)} faces in its convex pieces, which is more than a scene has room for; simplify the mesh and import it again"
+        )
     _add_tetrahedra(spec, "ballast_1", (left + 1) // 2)
 
 
