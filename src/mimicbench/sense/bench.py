@@ -11,11 +11,12 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.robot.description import Robot
 from mimicbench.sense.elevation import camera_map, down_map, map_from_depth
 from mimicbench.sense.opengl import NoPictures
+from mimicbench.sense.rays import ray_depth
 from mimicbench.sense.render import RigCameras
-from mimicbench.sense.rigs import PELVIS_RIG
+from mimicbench.sense.rigs import HEAD_RIG, HEIGHT, PELVIS_RIG, WIDTH
 from mimicbench.sim.native import NativePhysics
 
-HEIGHT, WIDTH = 90, 120
+SMALL = 90, 120
 """[px] of the pictures that maps are made from."""
 
 
@@ -33,9 +34,10 @@ def bench_senses(robot: Robot, objects: Sequence[SceneObject], seconds: float = 
         seed: Of the robots' places.
 
     Returns:
-        Milliseconds per robot: `map_down_ms` (rays straight down), `map_cameras_ms` and `map_cameras_near_ms` (rays through four pictures of 90 x 120),
-        `map_rendered_ms` (four rendered depth images of 90 x 120, and the map of them), of which `render_depth_ms` is the drawing; `render_all_ms`
-        (color, depth and segmentation of four cameras at 360 x 480).
+        Milliseconds per robot. Maps: `map_down_ms` by rays straight down, `map_cameras_ms` by the rays of four pictures of 90 x 120,
+        `map_rendered_ms` by four rendered depth images of 90 x 120, of which `render_depth_ms` is the drawing; for touch-points
+        `map_down_touch_ms`, and `map_cameras_touch_ms` by the rays of one picture of 360 x 480. Pictures: `ray_depth_ms`, four depth images of
+        90 x 120 by rays; `render_all_ms`, color, depth and segmentation of four cameras at 360 x 480.
     """
     count, random = len(objects), rng(seed, "bench", "senses")
     physics = NativePhysics(robot, objects, workers=1)
@@ -46,13 +48,16 @@ def bench_senses(robot: Robot, objects: Sequence[SceneObject], seconds: float = 
     height = np.full(count, -robot.keypoint_pos("left_sole", link_pos, link_quat)[2])
     figures = {}
     physics.reset(np.arange(count), np.stack([0 * yaw, 0 * yaw, height], -1), rot.from_yaw(yaw), joints)
-    figures["map_cameras_near_ms"] = _cost(lambda: camera_map(physics, None, HEIGHT, WIDTH), count, seconds)
+    figures["map_cameras_near_ms"] = _cost(lambda: camera_map(physics, None, *SMALL), count, seconds)
     physics.reset(np.arange(count), np.stack([distance * np.cos(around), distance * np.sin(around), height], -1), rot.from_yaw(yaw), joints)
-    figures["map_cameras_ms"] = _cost(lambda: camera_map(physics, None, HEIGHT, WIDTH), count, seconds)
+    figures["map_cameras_ms"] = _cost(lambda: camera_map(physics, None, *SMALL), count, seconds)
+    figures["map_cameras_touch_ms"] = _cost(lambda: camera_map(physics, None, HEIGHT, WIDTH, HEAD_RIG, 0.01), count, seconds)
     figures["map_down_ms"] = _cost(lambda: down_map(physics), count, seconds)
+    figures["map_down_touch_ms"] = _cost(lambda: down_map(physics, cell=0.01), count, seconds)
+    figures["ray_depth_ms"] = _cost(lambda: ray_depth(physics, None, *SMALL), count, seconds)
     qpos = physics.qpos().copy()
     try:
-        with RigCameras(physics.model(0), PELVIS_RIG, HEIGHT, WIDTH, robot=False) as cameras:
+        with RigCameras(physics.model(0), PELVIS_RIG, *SMALL, robot=False) as cameras:
             figures["render_depth_ms"] = _cost(lambda: cameras.look(qpos[0], color=False, labels=False), 1, seconds)
             figures["map_rendered_ms"] = _cost(
                 lambda: map_from_depth(cameras.look(qpos[0], color=False, labels=False).depth[None], qpos[:1, :3], qpos[:1, 3:7]), 1, seconds
