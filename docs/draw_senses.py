@@ -7,6 +7,9 @@ import numpy as np
 
 matplotlib.use("agg")
 import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.seeds import rng
@@ -49,7 +52,7 @@ def outside(physics: NativePhysics, camera: Camera) -> np.ndarray:
         return painter.draw(physics.qpos()[0])
 
 
-def panels(rows: int, columns: int, width: float, height: float) -> tuple[plt.Figure, np.ndarray]:
+def panels(rows: int, columns: int, width: float, height: float) -> tuple[Figure, np.ndarray]:
     """A figure of panels without ticks."""
     figure, axes = plt.subplots(rows, columns, figsize=(width, height), layout="constrained", squeeze=False)
     for ax in axes.flat:
@@ -60,13 +63,13 @@ def panels(rows: int, columns: int, width: float, height: float) -> tuple[plt.Fi
     return figure, axes
 
 
-def save(figure: plt.Figure, name: str) -> None:
+def save(figure: Figure, name: str) -> None:
     """Write a figure."""
     figure.savefig(IMAGES / name, dpi=90)
     plt.close(figure)
 
 
-def draw_map(ax: plt.Axes, heights: np.ndarray, title: str, top: float, half: float = 2.56) -> None:
+def draw_map(ax: Axes, heights: np.ndarray, title: str, top: float, half: float = 2.56) -> None:
     """A map as the paper draws it: the robot in the middle, facing down; its left is on the right."""
     ax.imshow(heights, cmap="gray", vmin=heights.min(), vmax=top, extent=(-half, half, half, -half), interpolation="nearest")
     ax.plot(0, 0, marker="v", color="tab:red", markersize=6)
@@ -97,7 +100,7 @@ def main() -> None:
     figure, axes = panels(1, 3, 12, 3.3)
     axes[0, 0].imshow(views.color[1])
     axes[0, 0].set_title("color", fontsize=9)
-    shown = axes[0, 1].imshow(views.depth[1], cmap="viridis_r", norm=matplotlib.colors.LogNorm(0.05, 50))
+    shown = axes[0, 1].imshow(views.depth[1], cmap="viridis_r", norm=LogNorm(0.05, 50))
     axes[0, 1].set_title("depth [m]", fontsize=9)
     figure.colorbar(shown, ax=axes[0, 1], ticks=[0.05, 0.2, 0.5, 1, 2, 6, 20, 50], format="%g", shrink=0.8)
     axes[0, 2].imshow(COLORS[np.minimum(views.labels[1], ROBOT)])
