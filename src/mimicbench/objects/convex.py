@@ -22,6 +22,8 @@ CORNERS = 24
 """Most corners of a convex piece."""
 SHEET = 0.01
 """[m]; what is thinner than half of this gets this thickness, as physics needs one."""
+CROWDED = 20_000
+"""Edges of more than two faces that are looked at."""
 MAX_PARTS = 96
 """Of more parts than this, the small ones are left to coacd together with the others."""
 SPLIT_FACES = 20_000
@@ -41,7 +43,7 @@ class Topology:
 
 
 def topology(mesh: Mesh) -> Topology:
-    """Parts are faces joined by edges that two faces share; boxes that merely touch stay two."""
+    """Parts are faces joined by edges that two of them share; bodies that merely touch stay apart."""
     edges = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     face = np.repeat(np.arange(len(mesh.faces)), 3)
     ordered = np.sort(edges, axis=1)
@@ -49,10 +51,13 @@ def topology(mesh: Mesh) -> Topology:
     _, name, count = np.unique(key, return_inverse=True, return_counts=True)
     order = np.argsort(name, kind="stable")
     pairs = order[(count[name] == 2)[order]].reshape(-1, 2)
+    forward = edges[:, 0] < edges[:, 1]
+    ends = np.cumsum(count)
+    crowded = [order[ends[edge] - count[edge] : ends[edge]] for edge in np.flatnonzero((count > 2) & (count < 100))[:CROWDED]]
+    pairs = np.concatenate([pairs, *(_around(mesh, ordered[uses[0]], uses, face[uses], forward[uses]) for uses in crowded)])
     graph = coo_matrix((np.ones(len(pairs)), (face[pairs[:, 0]], face[pairs[:, 1]])), shape=(len(mesh.faces),) * 2)
     parts, part = connected_components(graph, directed=False)
     # within its part, an edge must be passed once in either direction
-    forward = edges[:, 0] < edges[:, 1]
     within = name * parts + part[face]
     _, own = np.unique(within, return_inverse=True)
     balance = np.bincount(own, np.where(forward, 1, -1))
@@ -61,6 +66,24 @@ def topology(mesh: Mesh) -> Topology:
     closed = np.ones(parts, bool)
     closed[part[face[open_edge[own]]]] = False
     return Topology(part, closed)
+
+
+def _around(mesh: Mesh, edge: np.ndarray, uses: np.ndarray, face: np.ndarray, forward: np.ndarray) -> np.ndarray:
+    """Pairs (n, 2) of an edge's uses that have the inside of one body between them, for an edge that several bodies share.
+
+    Seen along the edge, the inside of a face that passes it forward lies clockwise of the face, up to the next face that
+    passes it backward.
+    """
+    start, end = mesh.vertices[edge]
+    along = (end - start) / np.linalg.norm(end - start)
+    third = mesh.vertices[(mesh.faces[face].sum(1) - edge.sum())] - start
+    first = np.cross(along, np.eye(3)[int(np.argmin(np.abs(along)))])
+    angle = np.arctan2(third @ np.cross(along, first), third @ first)
+    back = np.flatnonzero(~forward)
+    if not len(back):
+        return np.zeros((0, 2), int)
+    clockwise = (angle[forward, None] - angle[None, back] - 1e-6) % (2 * np.pi)
+    return np.stack([uses[forward], uses[back[clockwise.argmin(1)]]], -1)
 
 
 def outward(mesh: Mesh, found: Topology) -> Mesh:
@@ -232,7 +255,7 @@ def box_around(piece: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     The upright box along the axes is preferred unless another is 5 % smaller.
     """
     hull = ConvexHull(piece)
-    normals = np.unique(np.round(hull.equations[:, :3], 6), axis=0)
+    normals = hull.equations[np.unique(np.round(hull.equations[:, :3], 6), axis=0, return_index=True)[1], :3]
     best, size = np.eye(3), float(np.ptp(piece, axis=0).prod()) * 0.95
     for normal in np.concatenate([[[0.0, 0.0, 1.0]], normals]):
         across = np.cross(normal, [1.0, 0, 0] if abs(normal[0]) < 0.8 else [0, 1.0, 0])

@@ -6,16 +6,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import msgspec
 import numpy as np
 from scipy.spatial import ConvexHull, Delaunay
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.errors import BadObject, MimicbenchError
-from mimicbench.core.files import write_json
-from mimicbench.core.stage import Stage, open_stage
+from mimicbench.core.errors import BadFile, BadObject, MimicbenchError
+from mimicbench.core.files import read_json, write_json
+from mimicbench.core.stage import HEADER, Stage, open_stage
 from mimicbench.objects.convex import box_around, split
 from mimicbench.objects.mend import close_holes
-from mimicbench.objects.mesh import Mesh, read_mesh
+from mimicbench.objects.mesh import MAX_BYTES, Mesh, read_mesh
 from mimicbench.objects.placing import ANYTHING, KINDS, LIE, Placed, Wishes, place
 from mimicbench.objects.planes import LevelPlane
 from mimicbench.objects.shape import SceneObject, save_object
@@ -125,9 +126,9 @@ def _make(mesh: Mesh, path: Path, family: str, config: ImportConfig, object_id: 
         # touch points are made on boxes; only where a box is the piece itself are they on the surface
         obj = with_touch_points(obj, [(int(box), side) for box in np.flatnonzero(is_box) for side in UPRIGHT])
         reasons.append(f"{len(obj.touch_points)} touch points on the pieces that are boxes")
-    low, high = obj.bounds()
+    length, width, tall = np.subtract(*obj.bounds()[::-1]).tolist()
     evidence = Evidence(
-        object_id, path.name, hashlib.sha256(path.read_bytes()).hexdigest(), placed.scale, placed.up, placed.front, tuple((high - low).tolist()), len(pieces),
+        object_id, path.name, _sha256(path), placed.scale, placed.up, placed.front, (length, width, tall), len(pieces),
         int(is_box.sum()), float(volumes.sum() / filled.sum()), height, placed.plane.height if placed.plane else None,
         placed.plane.area if placed.plane else None, polygon.round(4).tolist(), tuple(reasons),
     )  # fmt: skip
@@ -143,18 +144,39 @@ def import_objects(
     """
     if not files:
         raise MimicbenchError("give at least one file: mimicbench objects import chair.obj")
+    ids = own_ids(files)
+    missing = next((path for path in files if not path.is_file()), None)
+    if missing is not None:
+        raise BadFile(f"{missing} does not exist or is no file")
+    sources = {object_id: _sha256(path) for object_id, path in zip(ids, files, strict=True)}
+    source = {"imported": sources, "import": asdict(config)}
+    if (folder / HEADER).exists():
+        stage = open_stage(folder, "objects", task, 0, source)
+        if stage.complete:
+            return stage, [_read_evidence(folder, object_id) for object_id in ids]
     made = []
-    for path, object_id in zip(files, own_ids(files), strict=True):
+    for path, object_id in zip(files, ids, strict=True):
         made.append(import_mesh(path, family, config, object_id))
         say(made[-1][1].text())
-    source = {"imported": {evidence.id: evidence.sha256 for _, evidence in made}, "import": asdict(config)}
     stage = open_stage(folder, "objects", task, 0, source)
-    if not stage.complete:
-        for obj, evidence in made:
-            save_object(folder, obj)
-            write_json(folder / "evidence" / f"{obj.id}.json", asdict(evidence))
-        stage = stage.finish(count=len(made), test=sum(obj.split == "test" for obj, _ in made))
-    return stage, [evidence for _, evidence in made]
+    for obj, evidence in made:
+        save_object(folder, obj)
+        write_json(folder / "evidence" / f"{obj.id}.json", asdict(evidence))
+    return stage.finish(count=len(made), test=sum(obj.split == "test" for obj, _ in made)), [evidence for _, evidence in made]
+
+
+def _read_evidence(folder: Path, object_id: str) -> Evidence:
+    path = folder / "evidence" / f"{object_id}.json"
+    try:
+        return msgspec.convert(read_json(path), Evidence)
+    except msgspec.ValidationError as error:
+        raise BadFile(f"{path} is no evidence of an import ({error}); delete {folder} and import again") from None
+
+
+def _sha256(path: Path) -> str:
+    if path.stat().st_size > MAX_BYTES:
+        raise BadFile(f"{path} has {path.stat().st_size >> 20} MiB, more than {MAX_BYTES >> 20}; reduce the mesh to some ten thousand faces first")
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def own_id(path: Path) -> str:
@@ -166,10 +188,7 @@ def own_id(path: Path) -> str:
 def own_ids(files: Sequence[Path]) -> list[str]:
     """One id per file; where two would be the same, a few digits of the files' content tell them apart, whatever their order."""
     names = [own_id(path) for path in files]
-    ids = [
-        f"{name}-{hashlib.sha256(path.read_bytes()).hexdigest()[:8]}" if names.count(name) > 1 and path.is_file() else name
-        for name, path in zip(names, files, strict=True)
-    ]
+    ids = [f"{name}-{_sha256(path)[:8]}" if names.count(name) > 1 and path.is_file() else name for name, path in zip(names, files, strict=True)]
     if len(set(ids)) < len(ids):
         raise MimicbenchError("the same file is given twice; give each once")
     return ids

@@ -133,8 +133,9 @@ def _scale(size: np.ndarray, mesh: Mesh, kind: Kind, wishes: Wishes) -> tuple[fl
         raise BadObject("give only one of --unit, --height and --scale")
     if not all(1e-9 < value < 1e9 for value in (wishes.height, wishes.scale) if value is not None):
         raise BadObject("a height or a scale must be a positive number")
-    if wishes.height is not None or wishes.scale is not None:
-        scale = float(wishes.scale if wishes.height is None else wishes.height / size[2])
+    given = wishes.scale if wishes.height is None else wishes.height / float(size[2])
+    if given is not None:
+        scale = given
         why = f"1 unit is {scale:.4g} m, as given"
     elif wishes.unit == "normalized" or (wishes.unit is None and _normalized(size, mesh) and np.abs(logs).max() > 0.15):
         scale = float(np.exp(-logs.mean()))

@@ -122,7 +122,8 @@ def find_plane(found: Surfaces, needs: PlaneNeeds) -> LevelPlane | None:
     fits = (found.level >= LEVEL) & found.up & (found.gap >= needs.headroom)
     fits &= (found.height >= needs.heights[0]) & (found.height <= needs.heights[1])
     cell, height = found.cell[fits], found.height[fits]
-    best, best_cells = 0.0, None
+    best = 0.0
+    best_cells: tuple[np.ndarray, np.ndarray] | None = None
     for middle in np.arange(needs.heights[0], needs.heights[1] + 0.005, 0.01):
         near = np.abs(height - middle) <= BAND
         if near.sum() <= best:
