@@ -52,7 +52,9 @@ def test_an_environment_for_every_task():
         assert f"mimicbench/{name}-v0" in gymnasium.registry
 
 
-@pytest.mark.parametrize("order", ["import mimicbench, gymnasium", "import gymnasium, mimicbench"])
+@pytest.mark.parametrize(
+    "order", ["import mimicbench, gymnasium", "import gymnasium, mimicbench", "import gymnasium; gymnasium.spec('mimicbench:mimicbench/SitChair-v0')"]
+)
 def test_importing_registers_whatever_comes_first(order):
     assert in_python(f"{order}; print(sum(name.startswith('mimicbench/') for name in gymnasium.registry))") == "6"
 

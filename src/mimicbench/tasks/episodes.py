@@ -137,7 +137,7 @@ class Episodes:
                 ("root_pos_w", "root_quat_w", "joint_pos", "root_lin_vel_w", "root_ang_vel_b", "joint_vel"))  # fmt: skip
         self.physics.reset(ids, *pose)
         self._last_target[ids] = 0.0
-        self._links = self.physics.links()
+        self._links = None
 
     def step(self, target: np.ndarray, running: np.ndarray) -> Outcome:
         """One control step of the episodes `running` (N,) bool with joint targets (N, J); the others stay as they are."""
@@ -147,14 +147,19 @@ class Episodes:
         target = np.where(running[:, None], target, self._last_target)
         if running.any():
             self.physics.step(torch.from_numpy(target), True, None if running.all() else np.flatnonzero(running))
-        self._last_target = target
-        self._links = self.physics.links()
+        self._last_target, self._links = target, None
         judge = self.judge
-        judge.see(self.physics, running, self._links)
+        judge.see(self.physics, running, self._look())
         terminated = running & judge.over()
         truncated = running & ~terminated & (judge.steps >= self.limit)
         reward = ((terminated | truncated) & self.success()).astype(float)
         return Outcome(reward, terminated, truncated)
+
+    def _look(self) -> LinkState:
+        """Where all links are now, worked out once for each step."""
+        if self._links is None:
+            self._links = self.physics.links()
+        return self._links
 
     def success(self) -> np.ndarray:
         """(N,) whether K is fulfilled: at some time, or for lift-box now."""
@@ -162,16 +167,16 @@ class Episodes:
 
     def observe(self) -> dict[str, np.ndarray]:
         """What all robots sense now, float32, one row a robot. See gym.TaskEnv."""
-        state, links, senses = self.physics.state(), self._links, self.config.observe
-        assert links is not None  # begin() looked
+        state, senses = self.physics.state(), self.config.observe
         seen: dict[str, np.ndarray] = {}
         if "proprio" in senses:
             seen["proprio"] = body_state(state).numpy()
         if "state" in senses:
-            seen["state"] = s_current(state, links, torch.from_numpy(self._last_target)).numpy()
+            seen["state"] = s_current(state, self._look(), torch.from_numpy(self._last_target)).numpy()
         if "time" in senses:
             seen["time"] = (self.judge.steps[:, None] * CONTROL_DT).astype(np.float32)
         if "elevation" in senses:
+            self._look()  # brings what the rays meet up to date
             seen["elevation"] = camera_map(self.physics, rig=self.task.rig, cell=self.task.map_cell).numpy()
         if self.task is TOUCH_POINTS:
             goal, root_pos, root_quat = np.stack([start.wrist_goal_w for start in self.starts]), self.physics.qpos()[:, :3], self.physics.qpos()[:, 3:7]

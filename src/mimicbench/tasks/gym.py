@@ -9,18 +9,15 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium import spaces
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from mimicbench.core.errors import MimicbenchError, UnknownName
-from mimicbench.robot.description import Robot
-from mimicbench.sense.heightmap import CELLS
 from mimicbench.sim.scene import CONTROL_DT
-from mimicbench.tasks.episodes import BOUND, EnvConfig, Episodes
+from mimicbench.tasks.episodes import EnvConfig, Episodes
 from mimicbench.tasks.registry import get_task
-from mimicbench.tasks.touch_points import TOUCH_POINTS
+from mimicbench.tasks.spaces import action_space, observation_space
 from mimicbench.tasks.view import View
 
 Observation = dict[str, Any]
@@ -207,9 +204,9 @@ class TaskVectorEnv(VectorEnv[Observation, np.ndarray, np.ndarray]):
         waiting = self._ended.copy()
         if self.autoreset_mode is AutoresetMode.DISABLED and waiting.any():
             raise MimicbenchError("some episodes have ended; call reset() with their reset_mask first")
-        outcome = self.episodes.step(actions, ~waiting)
         if waiting.any():
             self._begin(np.flatnonzero(waiting))
+        outcome = self.episodes.step(actions, ~waiting)
         self._ended = outcome.terminated | outcome.truncated
         last: dict[str, Any] = {}
         if self.autoreset_mode is AutoresetMode.SAME_STEP and self._ended.any():
@@ -246,30 +243,6 @@ class TaskVectorEnv(VectorEnv[Observation, np.ndarray, np.ndarray]):
         """Give the OpenGL context back, if there is one."""
         if self._view is not None:
             self._view.close()
-
-
-def action_space(robot: Robot, control: str) -> spaces.Box:
-    """The robot's limits for a control mode. Raises UnknownName."""
-    torque = np.array([joint.torque_limit for joint in robot.joints])
-    limits = {"position": robot.joint_range.T, "velocity": (-robot.velocity_limit, robot.velocity_limit), "torque": (-torque, torque)}
-    if control not in limits:
-        raise UnknownName("control mode", control, list(limits))
-    low, high = limits[control]
-    return spaces.Box(np.asarray(low, np.float32), np.asarray(high, np.float32))
-
-
-def observation_space(episodes: Episodes) -> spaces.Dict:
-    """What one robot observes."""
-    joints, links, limit = len(episodes.robot.joints), len(episodes.robot.links), episodes.limit * CONTROL_DT
-    every = {
-        "proprio": spaces.Box(-BOUND, BOUND, (10 + 2 * joints,)), "state": spaces.Box(-BOUND, BOUND, (3 + 3 * joints + 12 * links,)),
-        "time": spaces.Box(0.0, limit, (1,)), "elevation": spaces.Box(-BOUND, BOUND, (CELLS, CELLS)),
-        "target_elevation": spaces.Box(-BOUND, BOUND, (CELLS, CELLS)), "targets": spaces.Box(-BOUND, BOUND, (2, 3)),
-    }  # fmt: skip
-    chosen = set(episodes.config.observe)
-    if episodes.task is TOUCH_POINTS:
-        chosen |= {"targets", "target_elevation"} if "elevation" in chosen else {"targets"}
-    return spaces.Dict({name: space for name, space in every.items() if name in chosen})
 
 
 def _config(arguments: dict[str, Any]) -> EnvConfig:

@@ -1,0 +1,35 @@
+"""What one robot may do and observe, as Gymnasium spaces."""
+
+import numpy as np
+from gymnasium import spaces
+
+from mimicbench.core.errors import UnknownName
+from mimicbench.robot.description import Robot
+from mimicbench.sense.heightmap import CELLS
+from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.tasks.episodes import BOUND, Episodes
+from mimicbench.tasks.touch_points import TOUCH_POINTS
+
+
+def action_space(robot: Robot, control: str) -> spaces.Box:
+    """The robot's limits for a control mode. Raises UnknownName."""
+    torque = np.array([joint.torque_limit for joint in robot.joints])
+    limits = {"position": robot.joint_range.T, "velocity": (-robot.velocity_limit, robot.velocity_limit), "torque": (-torque, torque)}
+    if control not in limits:
+        raise UnknownName("control mode", control, list(limits))
+    low, high = limits[control]
+    return spaces.Box(np.asarray(low, np.float32), np.asarray(high, np.float32))
+
+
+def observation_space(episodes: Episodes) -> spaces.Dict:
+    """What one robot observes."""
+    joints, links, limit = len(episodes.robot.joints), len(episodes.robot.links), episodes.limit * CONTROL_DT
+    every = {
+        "proprio": spaces.Box(-BOUND, BOUND, (10 + 2 * joints,)), "state": spaces.Box(-BOUND, BOUND, (3 + 3 * joints + 12 * links,)),
+        "time": spaces.Box(0.0, limit, (1,)), "elevation": spaces.Box(-BOUND, BOUND, (CELLS, CELLS)),
+        "target_elevation": spaces.Box(-BOUND, BOUND, (CELLS, CELLS)), "targets": spaces.Box(-BOUND, BOUND, (2, 3)),
+    }  # fmt: skip
+    chosen = set(episodes.config.observe)
+    if episodes.task is TOUCH_POINTS:
+        chosen |= {"targets", "target_elevation"} if "elevation" in chosen else {"targets"}
+    return spaces.Dict({name: space for name, space in every.items() if name in chosen})
