@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -75,7 +76,7 @@ def parse_bytes(data: np.ndarray, kind: np.ndarray) -> dict[str, np.ndarray]:
     """Parse a checked file's bytes (N,) into `vertices` (V, 3) and `faces` (F, 3). Runs in a process of its own. Raises BadFile."""
     import trimesh
 
-    options = {"skip_materials": True} if str(kind) in ("obj", "glb") else {}
+    options: dict[str, Any] = {"skip_materials": True} if str(kind) in ("obj", "glb") else {}
     try:
         scene = trimesh.load_scene(io.BytesIO(_plain_text(data.tobytes(), str(kind))), file_type=str(kind), resolver=None, process=False, **options)
         mesh = scene.to_mesh()

@@ -97,15 +97,15 @@ def surfaces(mesh: Mesh, sided: np.ndarray | None = None) -> Surfaces:
     low, high = mesh.bounds()
     # half a cell off, so that lines stand clear of edges at round numbers
     low = low[:2] + 0.5137 * CELL
-    shape = tuple(int(n) for n in np.maximum(np.ceil((high[:2] - low) / CELL), 1))
+    rows, columns = (int(n) for n in np.maximum(np.ceil((high[:2] - low) / CELL), 1))
     first = np.clip(np.ceil((corners[..., :2].min(1) - low) / CELL), 0, None).astype(np.int64)
-    last = np.minimum(np.floor((corners[..., :2].max(1) - low) / CELL).astype(np.int64), np.array(shape) - 1)
+    last = np.minimum(np.floor((corners[..., :2].max(1) - low) / CELL).astype(np.int64), np.array([rows, columns]) - 1)
     spans = np.maximum(last - first + 1, 0)
     counts = spans.prod(1)
     if counts.sum() > MAX_CROSSINGS:
         raise BadObject("its faces overlap too often to look for planes; reduce the mesh to some ten thousand faces first")
     found = [_cross(corners, first, spans, counts, chunk, low) for chunk in _chunks(counts)]
-    face, cell, height = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    face, cell, height = (np.concatenate([part[i] for part in found]) for i in range(3))
     order = np.lexsort((height, cell[:, 1], cell[:, 0]))
     face, cell, height = face[order], cell[order], height[order]
     gap = np.full(len(face), np.inf)
@@ -114,7 +114,7 @@ def surfaces(mesh: Mesh, sided: np.ndarray | None = None) -> Surfaces:
     level = np.abs(normal[face, 2]) / np.linalg.norm(normal[face], axis=1)
     # two faces that lie on each other are one surface
     keep = gap > 1e-6
-    return Surfaces(cell[keep], height[keep], level[keep], gap[keep], up[face][keep], low, (shape[0], shape[1]))
+    return Surfaces(cell[keep], height[keep], level[keep], gap[keep], up[face][keep], low, (rows, columns))
 
 
 def find_plane(found: Surfaces, needs: PlaneNeeds) -> LevelPlane | None:
@@ -131,14 +131,16 @@ def find_plane(found: Surfaces, needs: PlaneNeeds) -> LevelPlane | None:
         mask = np.zeros(found.shape, bool)
         mask[tuple(cell[near].T)] = True
         # what is narrower than 6 cm is a rail or an armrest's edge
-        names, count = ndimage.label(ndimage.binary_opening(mask, np.ones((3, 3))))
-        if count:
+        wide = np.asarray(ndimage.binary_opening(mask, np.ones((3, 3))))
+        if wide.any():
+            names = np.zeros(found.shape, np.int32)
+            ndimage.label(wide, output=names)
             sizes = np.bincount(names.ravel())[1:]
             if sizes.max() > best:
                 best, best_cells = float(sizes.max()), (names == 1 + int(sizes.argmax()), near)
     if best_cells is None:
         return None
-    mask, near = best_cells
+    mask, near = best_cells[0], best_cells[1]
     rows, columns = _rectangle(mask)
     sides = ((rows[1] - rows[0]) * CELL, (columns[1] - columns[0]) * CELL)
     if min(sides) < needs.size[0] - CELL or max(sides) < needs.size[1] - CELL:

