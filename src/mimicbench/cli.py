@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 app = tyro.extras.SubcommandApp()
 _objects_app = tyro.extras.SubcommandApp()
 
-Task = Annotated[str, tyro.conf.arg(help="which task; `sit-chair`")]
+Task = Annotated[str, tyro.conf.arg(help="which task, such as `sit-chair`")]
 Workdir = Annotated[Path, tyro.conf.arg(help="where all artefacts go, in <workdir>/<task>/<stage>")]
 Seed = Annotated[int, tyro.conf.arg(help="same seed, same results, whatever the number of workers")]
 Workers = Annotated[int, tyro.conf.arg(help="threads or processes; 0 for all processors")]
