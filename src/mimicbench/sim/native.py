@@ -1,6 +1,7 @@
 """Physics on CPU threads: `mujoco.batch`. Results are the same bits at any number of threads."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -11,10 +12,20 @@ from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.parallel import cpu_count
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robot.description import Robot
+from mimicbench.sim.broken import BrokenLog, BrokenScene
 from mimicbench.sim.physics import LinkState, RobotState
 from mimicbench.sim.scene import SUBSTEPS, build_model
 
-_BAD = [int(w) for w in (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)]
+_WARNINGS = {
+    mujoco.mjtWarning.mjWARN_BADQPOS: "positions are not finite, or too large",
+    mujoco.mjtWarning.mjWARN_BADQVEL: "velocities are not finite, or too large",
+    mujoco.mjtWarning.mjWARN_BADQACC: "accelerations are not finite, or too large",
+    mujoco.mjtWarning.mjWARN_BADCTRL: "targets are not finite",
+    mujoco.mjtWarning.mjWARN_CONTACTFULL: "there are more contacts than memory for them",
+    mujoco.mjtWarning.mjWARN_CNSTRFULL: "there are more constraints than memory for them",
+    mujoco.mjtWarning.mjWARN_INERTIA: "the inertia matrix is singular",
+}
+_KINDS = [int(kind) for kind in _WARNINGS]
 
 
 class NativePhysics:
@@ -22,7 +33,7 @@ class NativePhysics:
 
     def __init__(
         self, robot: Robot, objects: Sequence[SceneObject], preset: str = "improved", control: str = "position", workers: int = 0, visuals: bool = False,
-        meshes: bool | None = None,
+        meshes: bool | None = None, broken_dir: Path | None = None,
     ) -> None:  # fmt: skip
         self.robot, self.num_envs, self.device = robot, len(objects), "cpu"
         self._preset, self._control, self._visuals = preset, control, visuals
@@ -37,7 +48,10 @@ class NativePhysics:
         joints = len(robot.joints)
         self._qpos, self._qvel, self._ctrl = self.batch.bind("qpos"), self.batch.bind("qvel"), self.batch.bind("ctrl")
         self._joint_q, self._joint_v = slice(7, 7 + joints), slice(6, 6 + joints)
-        self._warned = np.zeros(self.num_envs, np.int64)
+        self.broken = BrokenLog(broken_dir)
+        self._warmstart = self.batch.bind("qacc_warmstart")
+        self._before = [array.copy() for array in (self._qpos, self._qvel, self._warmstart)]
+        self._warned, self._reported = np.zeros(self.num_envs, np.int64), np.zeros(self.num_envs, bool)
         self._effort = torch.zeros(self.num_envs, dtype=torch.float64)
         self._link_rows: slice | None = None
 
@@ -83,17 +97,32 @@ class NativePhysics:
             self._qvel[ids, 3:6] = root_ang_vel_b
         if joint_vel is not None:
             self._qvel[ids, self._joint_v] = joint_vel
-        self._warned[ids] = self._warnings()[ids]
+        self._warned[ids], self._reported[ids] = self._warnings()[ids], False
 
     def step(self, target: torch.Tensor, measure_effort: bool = False, ids: np.ndarray | None = None) -> None:
         """Advance scenes `ids` (None: all) one control step; see Physics.step."""
+        for before, now in zip(self._before, (self._qpos, self._qvel, self._warmstart), strict=True):
+            before[:] = now
         self._ctrl[:] = target.numpy()
-        if not measure_effort:
+        if measure_effort:
+            record = self.batch.rollout(SUBSTEPS, record=("actuator_force", "qvel"), ids=ids)
+            torque, velocity = record["actuator_force"].mean(1), record["qvel"][..., self._joint_v].mean(1)
+            self._effort[slice(None) if ids is None else torch.from_numpy(ids)] = torch.from_numpy(((torque * velocity) ** 2).sum(-1))
+        else:
             self.batch.step(ids, nstep=SUBSTEPS)
-            return
-        record = self.batch.rollout(SUBSTEPS, record=("actuator_force", "qvel"), ids=ids)
-        torque, velocity = record["actuator_force"].mean(1), record["qvel"][..., self._joint_v].mean(1)
-        self._effort[slice(None) if ids is None else torch.from_numpy(ids)] = torch.from_numpy(((torque * velocity) ** 2).sum(-1))
+        self._report(target)
+
+    def _report(self, target: torch.Tensor) -> None:
+        """Tell of scenes that broke in this step, once each."""
+        for env in np.flatnonzero((self._warnings() > self._warned) & ~self._reported).tolist():
+            self._reported[env] = True
+            counts = self.batch.warning[env, _KINDS, 1]
+            reason = " and ".join(told for told, count in zip(_WARNINGS.values(), counts, strict=True) if count)
+            qpos, qvel, warmstart = (array[env].copy() for array in self._before)
+            self.broken.add(BrokenScene(
+                reason, env, "native", self.robot.name, self._preset, self._control, self.objects[env], qpos, qvel, warmstart,
+                target[env].numpy().astype(float),
+            ))  # fmt: skip
 
     def state(self) -> RobotState:
         """Joint-space state now."""
@@ -132,8 +161,8 @@ class NativePhysics:
 
     @property
     def diverged(self) -> torch.Tensor:
-        """(N,) whether MuJoCo found a scene's state not finite, or too large, since its reset."""
+        """(N,) whether MuJoCo warned of a scene since its reset; see Physics.diverged."""
         return torch.from_numpy(self._warnings() > self._warned)
 
     def _warnings(self) -> np.ndarray:
-        return self.batch.warning[:, _BAD, 1].sum(-1)
+        return self.batch.warning[:, _KINDS, 1].sum(-1)

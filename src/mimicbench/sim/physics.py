@@ -1,14 +1,19 @@
-"""The one interface to batched physics, and what it reports. `native.py` implements it on CPU threads."""
+"""The one interface to batched physics, and what it reports.
+
+`native.py` implements it on CPU threads, `warp.py` on NVIDIA GPUs; `backends.py` chooses by device.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+import mujoco
 import numpy as np
 import torch
 
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robot.description import Robot
+from mimicbench.sim.broken import BrokenLog
 
 
 @dataclass(frozen=True)
@@ -51,6 +56,20 @@ class Physics(Protocol):
     device: str
     objects: Sequence[SceneObject]
     """The object in each scene."""
+    broken: BrokenLog
+    """What was told of scenes whose physics broke."""
+
+    def model(self, env: int) -> mujoco.MjModel:
+        """The compiled scene `env`, for rendering or replaying it."""
+        ...
+
+    def qpos(self) -> np.ndarray:
+        """(N, nq) MuJoCo's positions now, to be read: root, joints, then the object's if it moves."""
+        ...
+
+    def qvel(self) -> np.ndarray:
+        """(N, nv) MuJoCo's velocities now, to be read."""
+        ...
 
     def set_objects(self, objects: Sequence[SceneObject], ids: np.ndarray | None = None) -> None:
         """Exchange the objects of scenes `ids` (None: all)."""
@@ -92,5 +111,8 @@ class Physics(Protocol):
 
     @property
     def diverged(self) -> torch.Tensor:
-        """(N,) whether a scene's state stopped being finite since its reset. Such a scene must be reset."""
+        """(N,) whether a scene's physics broke since its reset: something not finite or far too large, or more contacts than there is room for.
+
+        It was reported to `broken`, goes on from some other state, and must be reset. Other scenes are as they would be without it.
+        """
         ...

@@ -1,0 +1,48 @@
+"""Which simulator computes the physics. Everything else asks for a device and gets the interface."""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from mimicbench.core.errors import MimicbenchError, UnknownName
+from mimicbench.objects.shape import SceneObject
+from mimicbench.robot.description import Robot
+from mimicbench.sim.native import NativePhysics
+from mimicbench.sim.physics import Physics
+
+_WARP_CPU = "warp-cpu"
+
+
+def make_physics(
+    device: str, robot: Robot, objects: Sequence[SceneObject], preset: str = "improved", control: str = "position", workers: int = 0,
+    visuals: bool = False, meshes: bool | None = None, broken_dir: Path | None = None,
+) -> Physics:  # fmt: skip
+    """N scenes of one robot, one per object, on a device.
+
+    Args:
+        device: `cpu` (MuJoCo on threads), `cuda` or `cuda:1` (MuJoCo Warp on a GPU), or `warp-cpu` (MuJoCo Warp without
+            one: slow, for tests).
+        robot: the robot.
+        objects: one for each scene.
+        preset: which of the robot's gains to use.
+        control: `position`, `velocity` or `torque`.
+        workers: threads on `cpu`, 0: all processors; Warp has none.
+        visuals: give the models that `model(env)` returns what is only there for pictures.
+        meshes: make room for imported objects' convex pieces, on `cpu`; None: if any object has some. Warp refuses them.
+        broken_dir: where scenes whose physics breaks are written; None: a new temporary folder.
+
+    Raises:
+        UnknownName: there is no such device.
+        MimicbenchError: Warp is not installed, or there is no such GPU, or an object does not fit the backend.
+    """
+    if device == "cpu":
+        return NativePhysics(robot, objects, preset, control, workers, visuals, meshes, broken_dir)
+    if device != _WARP_CPU and not re.fullmatch(r"cuda(:\d{1,3})?", device):
+        raise UnknownName("device", device, ["cpu", "cuda", "cuda:1", _WARP_CPU])
+    try:
+        from mimicbench.sim.warp import WarpPhysics
+    except ModuleNotFoundError as error:
+        if error.name not in ("warp", "mujoco_warp"):
+            raise
+        raise MimicbenchError(f"device {device} needs MuJoCo Warp; run `pip install 'mimicbench[gpu]'`, or use --device cpu") from None
+    return WarpPhysics(robot, objects, "cpu" if device == _WARP_CPU else device, preset, control, visuals, broken_dir)

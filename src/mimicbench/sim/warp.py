@@ -1,0 +1,281 @@
+"""Physics by MuJoCo Warp, on an NVIDIA GPU; without one, slowly, on Warp's own CPU device.
+
+All worlds share one model whose arrays that depend on the object have a row per world, so an object is exchanged by
+writing rows. Warp shares the types of geoms between worlds: objects are boxes here, imported convex pieces are refused.
+Numbers have 32 bits, and a GPU adds up in no fixed order: unlike the native backend, two runs need not be the same.
+"""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import mujoco
+import mujoco_warp as mjw
+import numpy as np
+import torch
+import warp as wp
+
+from mimicbench.core.errors import BadObject, MimicbenchError
+from mimicbench.objects.shape import SceneObject
+from mimicbench.robot.description import Robot
+from mimicbench.sim.broken import BrokenLog, BrokenScene
+from mimicbench.sim.physics import LinkState, RobotState
+from mimicbench.sim.scene import OBJECT_BODY, SUBSTEPS, build_model, build_object
+from mimicbench.sim.warp_kernels import BAD_POSITION, BAD_TARGET, BAD_VELOCITY, OVERFLOW, accumulate, guard
+
+CONTACTS = 64
+"""Contacts that a world has room for. Measured: 26 at most, of limp robots thrown onto furniture of every family."""
+_ROWS_PER_CONTACT = 4  # pyramidal friction cones
+_GEOM_FIELDS = ("geom_pos", "geom_quat", "geom_size", "geom_rbound", "geom_aabb", "geom_friction")
+_BODY_FIELDS = ("body_mass", "body_subtreemass", "body_inertia", "body_ipos", "body_iquat", "body_invweight0")
+_DOF_FIELDS = ("dof_invweight0",)
+PER_WORLD = (*_GEOM_FIELDS, *_BODY_FIELDS, *_DOF_FIELDS)
+"""Fields of the model that have a row per world: all that differ between objects and matter to physics."""
+_REASONS = {
+    BAD_POSITION: "positions are not finite, or too large", BAD_VELOCITY: "velocities are not finite, or too large", BAD_TARGET: "targets are not finite",
+    OVERFLOW: "there are more contacts than room for them",
+}  # fmt: skip
+_OVERFLOWS = int(mjw.OverflowType.NEFC | mjw.OverflowType.NJMAX_NNZ | mjw.OverflowType.BROADPHASE | mjw.OverflowType.NARROWPHASE | mjw.OverflowType.CCD)
+
+
+class WarpPhysics:
+    """N scenes on one device. See the Physics protocol for the methods."""
+
+    def __init__(
+        self, robot: Robot, objects: Sequence[SceneObject], device: str = "cuda", preset: str = "improved", control: str = "position",
+        visuals: bool = False, broken_dir: Path | None = None, contacts: int = CONTACTS,
+    ) -> None:  # fmt: skip
+        """`contacts` is how many each world has room for; one that needs more is broken."""
+        self.robot, self.num_envs, self.device = robot, len(objects), device
+        self.objects: Sequence[SceneObject] = list(objects)
+        self.broken = BrokenLog(broken_dir)
+        self._preset, self._control, self._visuals = preset, control, visuals
+        self._wp_device = _open_device(device)
+        self._rows_of: dict[str, dict[str, torch.Tensor]] = {}
+        self._models: dict[str, mujoco.MjModel] = {}
+        base = build_model(robot, objects[0], preset, control)
+        joints, body = len(robot.joints), base.body(OBJECT_BODY).id
+        self._joint_q, self._joint_v = slice(7, 7 + joints), slice(6, 6 + joints)
+        self._movable = objects[0].movable
+        first = int(base.body_geomadr[body])
+        self._places = {
+            **dict.fromkeys(_GEOM_FIELDS, slice(first, first + int(base.body_geomnum[body]))), **dict.fromkeys(_BODY_FIELDS, slice(body, body + 1)),
+            **dict.fromkeys(_DOF_FIELDS, slice(6 + joints, base.nv)),
+        }  # fmt: skip
+        root = base.body(robot.link_names[0]).id
+        self._link_rows = slice(root, root + len(robot.link_names))  # links are consecutive bodies, in order
+        with wp.ScopedDevice(self._wp_device):
+            self._make(base, contacts)
+        self.set_objects(objects)
+        self._qpos0 = torch.from_numpy(base.qpos0.astype(np.float32)).to(device)
+        every = torch.arange(self.num_envs, device=device)
+        self._substeps = self._program(self._run_substeps)
+        self._kinematics = self._program(self._run_kinematics)
+        self._clear(every)
+
+    def _make(self, base: mujoco.MjModel, contacts: int) -> None:
+        n, joints = self.num_envs, len(self.robot.joints)
+        self._model = mjw.put_model(base, batch_sizes=dict.fromkeys(PER_WORLD, n))
+        self._model.opt.warn_overflow = 0  # it would print; `guard` reads the marks and reports
+        rows = _ROWS_PER_CONTACT * contacts + joints
+        # contacts of all worlds go into one store: with twice the room, no world can push out another's before it breaks by its own rows
+        self._data = mjw.make_data(base, nworld=n, naconmax=2 * contacts * n, njmax=rows)
+        self._state = [wp.to_torch(array) for array in (self._data.qpos, self._data.qvel, self._data.qacc_warmstart)]
+        self._qpos, self._qvel, self._warmstart = self._state
+        self._before = [array.clone() for array in self._state]
+        self._ctrl = wp.to_torch(self._data.ctrl)
+        self._broken_wp = wp.zeros(n, dtype=int)
+        self._torque_wp, self._velocity_wp = wp.zeros((n, joints), dtype=float), wp.zeros((n, joints), dtype=float)
+        self._broken, self._torque, self._velocity = (wp.to_torch(array) for array in (self._broken_wp, self._torque_wp, self._velocity_wp))
+        self._reported = torch.zeros(n, dtype=torch.bool, device=self.device)
+        self._effort = torch.zeros(n, dtype=torch.float64, device=self.device)
+
+    def _program(self, run: Callable[[], None]) -> Callable[[], None]:
+        """What does `run`: on a GPU as one captured graph, since launching its kernels one by one costs more than they do."""
+        with wp.ScopedDevice(self._wp_device):
+            run()  # compiles
+            if not self._wp_device.is_cuda:
+                return self._on_device(run)
+            with wp.ScopedCapture() as capture:
+                run()
+        graph = capture.graph
+        assert graph is not None
+        return lambda: wp.capture_launch(graph)
+
+    def _on_device(self, run: Callable[[], None]) -> Callable[[], None]:
+        def there() -> None:
+            with wp.ScopedDevice(self._wp_device):
+                run()
+
+        return there
+
+    def _run_substeps(self) -> None:
+        model, data, joints = self._model, self._data, len(self.robot.joints)
+        check = [model.qpos0, _OVERFLOWS, data.qpos, data.qvel, data.ctrl, data.qacc_warmstart, data.overflow, self._broken_wp]
+        self._torque_wp.zero_()
+        self._velocity_wp.zero_()
+        for _ in range(SUBSTEPS):
+            wp.launch(guard, dim=self.num_envs, inputs=check)
+            mjw.step(model, data)
+            wp.launch(accumulate, dim=(self.num_envs, joints), inputs=[data.actuator_force, data.qvel, self._joint_v.start, self._torque_wp, self._velocity_wp])
+        wp.launch(guard, dim=self.num_envs, inputs=check)
+
+    def _run_kinematics(self) -> None:
+        mjw.kinematics(self._model, self._data)
+        mjw.com_pos(self._model, self._data)
+        mjw.com_vel(self._model, self._data)
+
+    def model(self, env: int) -> mujoco.MjModel:
+        """The compiled scene `env`, for rendering or replaying it."""
+        obj = self.objects[env]
+        if obj.id not in self._models:
+            self._models[obj.id] = build_model(self.robot, obj, self._preset, self._control, self._visuals)
+        return self._models[obj.id]
+
+    def qpos(self) -> np.ndarray:
+        """(N, nq) copy of MuJoCo's positions, which cannot be written to: root, joints, then the object's if it moves."""
+        return _read_only(self._qpos)
+
+    def qvel(self) -> np.ndarray:
+        """(N, nv) copy of MuJoCo's velocities, which cannot be written to."""
+        return _read_only(self._qvel)
+
+    def set_objects(self, objects: Sequence[SceneObject], ids: np.ndarray | None = None) -> None:
+        """Exchange the objects of scenes `ids` (None: all). Raises BadObject for convex pieces, and for movable among fixed ones."""
+        ids = np.arange(self.num_envs) if ids is None else ids
+        rows = [self._rows(obj) for obj in objects]
+        scene = list(self.objects)
+        for env, obj in zip(ids, objects, strict=True):
+            scene[env] = obj
+        self.objects = scene
+        if not rows:
+            return
+        index = torch.from_numpy(np.asarray(ids)).to(self.device)
+        for name, place in self._places.items():
+            wp.to_torch(getattr(self._model, name))[index, place] = torch.stack([row[name] for row in rows]).to(self.device)
+        if not self._movable:  # Warp places what cannot move only once
+            wp.to_torch(self._data.geom_xpos)[index, self._places["geom_pos"]] = torch.stack([row["geom_pos"] for row in rows]).to(self.device)
+            wp.to_torch(self._data.geom_xmat)[index, self._places["geom_pos"]] = torch.stack([row["geom_xmat"] for row in rows]).to(self.device)
+
+    def _rows(self, obj: SceneObject) -> dict[str, torch.Tensor]:
+        """What an object has to write into its world, compiled once for each object."""
+        if obj.movable != self._movable:
+            raise BadObject(f"object {obj.id} is {'movable' if obj.movable else 'fixed'} and others are not; simulate them apart")
+        if obj.id not in self._rows_of:
+            alone = build_object(obj)
+            if (alone.geom_type != mujoco.mjtGeom.mjGEOM_BOX).any():
+                raise BadObject(f"object {obj.id} has convex pieces, which Warp cannot exchange between scenes; use --device cpu for it")
+            rows = {name: torch.from_numpy(np.asarray(getattr(alone, name), np.float32)) for name in _GEOM_FIELDS}
+            rows |= {name: torch.from_numpy(np.asarray(getattr(alone, name)[1:], np.float32)) for name in _BODY_FIELDS}
+            rows |= {name: torch.from_numpy(np.asarray(getattr(alone, name), np.float32)) for name in _DOF_FIELDS}
+            rows["geom_aabb"] = rows["geom_aabb"].reshape(-1, 2, 3)
+            data = mujoco.MjData(alone)
+            mujoco.mj_kinematics(alone, data)
+            rows["geom_xmat"] = torch.from_numpy(data.geom_xmat.astype(np.float32)).reshape(-1, 3, 3)
+            self._rows_of[obj.id] = rows
+        return self._rows_of[obj.id]
+
+    def reset(self, ids: np.ndarray, root_pos_w: np.ndarray, root_quat_w: np.ndarray, joint_pos: np.ndarray,
+              root_lin_vel_w: np.ndarray | None = None, root_ang_vel_b: np.ndarray | None = None, joint_vel: np.ndarray | None = None) -> None:  # fmt: skip
+        """Put the robots of scenes `ids` into a state; velocities default to zero, objects return to the origin."""
+        if not len(ids):
+            return
+        index = torch.from_numpy(np.asarray(ids)).to(self.device)
+        self._clear(index)
+        for there, place, given in (
+            (self._qpos, slice(0, 3), root_pos_w), (self._qpos, slice(3, 7), root_quat_w), (self._qpos, self._joint_q, joint_pos),
+            (self._qvel, slice(0, 3), root_lin_vel_w), (self._qvel, slice(3, 6), root_ang_vel_b), (self._qvel, self._joint_v, joint_vel),
+        ):  # fmt: skip
+            if given is not None:
+                there[index, place] = torch.from_numpy(np.asarray(given, np.float32)).to(self.device)
+
+    def _clear(self, index: torch.Tensor) -> None:
+        """Bring scenes to the model's own pose, at rest and unbroken."""
+        self._qpos[index] = self._qpos0
+        self._qvel[index] = self._warmstart[index] = 0.0
+        self._ctrl[index] = 0.0
+        self._broken[index] = 0
+        self._reported[index] = False
+
+    def step(self, target: torch.Tensor, measure_effort: bool = False, ids: np.ndarray | None = None) -> None:
+        """Advance scenes `ids` (None: all) one control step; see Physics.step."""
+        for before, now in zip(self._before, self._state, strict=True):
+            before.copy_(now)
+        broken = self._broken.clone() if ids is not None else None
+        self._ctrl.copy_(target)
+        self._substeps()
+        some: torch.Tensor | slice = slice(None)
+        if ids is not None and broken is not None:  # all worlds step; those that should not go back
+            some = torch.from_numpy(np.asarray(ids)).to(self.device)
+            others = torch.ones(self.num_envs, dtype=torch.bool, device=self.device)
+            others[some] = False
+            for before, now in zip([*self._before, broken], [*self._state, self._broken], strict=True):
+                now[others] = before[others]
+        if measure_effort:
+            effort = ((self._torque.double() / SUBSTEPS * self._velocity.double() / SUBSTEPS) ** 2).sum(-1)
+            self._effort[some] = effort[some]
+        self._report(target)
+
+    def _report(self, target: torch.Tensor) -> None:
+        """Tell of scenes that broke in this step, once each."""
+        fresh = (self._broken != 0) & ~self._reported
+        for env in fresh.nonzero()[:, 0].tolist():
+            self._reported[env] = True
+            found = int(self._broken[env])
+            qpos, qvel, warmstart = (array[env].double().cpu().numpy().copy() for array in self._before)
+            self.broken.add(BrokenScene(
+                " and ".join(told for bit, told in _REASONS.items() if found & bit), env, "warp", self.robot.name, self._preset, self._control,
+                self.objects[env], qpos, qvel, warmstart, target[env].double().cpu().numpy().copy(),
+            ))  # fmt: skip
+
+    def state(self) -> RobotState:
+        """Joint-space state now."""
+        qpos, qvel = self._qpos.clone(), self._qvel.clone()
+        return RobotState(qpos[:, :3], qpos[:, 3:7], qvel[:, :3], qvel[:, 3:6], qpos[:, self._joint_q], qvel[:, self._joint_v])
+
+    def links(self) -> LinkState:
+        """Poses and velocities of all links now."""
+        self._kinematics()
+        rows = self._link_rows
+        xpos, xquat, cvel, com = (wp.to_torch(array) for array in (self._data.xpos, self._data.xquat, self._data.cvel, self._data.subtree_com))
+        pos, ang = xpos[:, rows].clone(), cvel[:, rows, :3].clone()
+        # MuJoCo's cvel is (angular, linear) about the tree's center of mass, in world axes
+        lin = cvel[:, rows, 3:] + torch.linalg.cross(ang, pos - com[:, rows.start, None])
+        return LinkState(pos, xquat[:, rows].clone(), lin, ang)
+
+    def object_pose(self) -> tuple[np.ndarray, np.ndarray]:
+        """Positions (N, 3) [m] and orientations (N, 4) of the objects now; the origin where they do not move."""
+        if not self._movable:
+            return np.zeros((self.num_envs, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (self.num_envs, 1))
+        pose = self._qpos[:, self._joint_q.stop :].double().cpu().numpy()
+        return pose[:, :3].copy(), pose[:, 3:7].copy()
+
+    def push(self, ids: np.ndarray, lin_vel_w: np.ndarray) -> None:
+        """Add (n, 3) [m/s] to the root's velocity in scenes `ids`."""
+        self._qvel[torch.from_numpy(np.asarray(ids)).to(self.device), :3] += torch.from_numpy(np.asarray(lin_vel_w, np.float32)).to(self.device)
+
+    @property
+    def effort(self) -> torch.Tensor:
+        """(N,) e of the last step that measured it [W^2]."""
+        return self._effort
+
+    @property
+    def diverged(self) -> torch.Tensor:
+        """(N,) whether a scene broke since its reset; see Physics.diverged."""
+        return self._broken != 0
+
+
+def _open_device(device: str) -> "wp.Device":
+    """Warp's device, after a clear word if there is none."""
+    wp.config.log_level = wp.LOG_WARNING
+    if device != "cpu" and not torch.cuda.is_available():
+        raise MimicbenchError(f"device {device} needs an NVIDIA GPU and the CUDA build of torch; use --device cpu")
+    try:
+        return wp.get_device(f"cuda:{torch.cuda.current_device()}" if device == "cuda" else device)
+    except (ValueError, RuntimeError) as error:
+        raise MimicbenchError(f"Warp has no device {device} ({error}); use --device cpu") from None
+
+
+def _read_only(values: torch.Tensor) -> np.ndarray:
+    copy = values.double().cpu().numpy()
+    copy.flags.writeable = False
+    return copy
