@@ -9,10 +9,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import mujoco
-import mujoco_warp as mjw
+import mujoco_warp as mjw  # pyright: ignore[reportMissingImports]
 import numpy as np
 import torch
-import warp as wp
+import warp as wp  # pyright: ignore[reportMissingImports]
 
 from mimicbench.core.errors import BadObject, MimicbenchError
 from mimicbench.objects.shape import SceneObject
@@ -34,7 +34,7 @@ _REASONS = {
     BAD_POSITION: "positions are not finite, or too large", BAD_VELOCITY: "velocities are not finite, or too large", BAD_TARGET: "targets are not finite",
     OVERFLOW: "there are more contacts than room for them",
 }  # fmt: skip
-_OVERFLOWS = int(mjw.OverflowType.NEFC | mjw.OverflowType.NJMAX_NNZ | mjw.OverflowType.BROADPHASE | mjw.OverflowType.NARROWPHASE | mjw.OverflowType.CCD)
+_OVERFLOWS = sum(int(mjw.OverflowType[name]) for name in ("NEFC", "NJMAX_NNZ", "BROADPHASE", "NARROWPHASE", "CCD"))
 
 
 class WarpPhysics:
