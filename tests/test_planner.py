@@ -5,8 +5,9 @@ import pytest
 import torch
 
 from mimicbench.core.errors import MimicbenchError
+from mimicbench.imitate.learn_planner import _Episodes, train_planner
 from mimicbench.imitate.perception import Perception, PerceptionConfig, save_perception, seat_memory
-from mimicbench.imitate.planner import PlannerConfig, _Episodes, load_planner, plan_size, save_planner, train_planner
+from mimicbench.imitate.planner import PlannerConfig, load_planner, plan_size, save_planner
 from mimicbench.objects.chairs import make_chair
 from mimicbench.references.synthesis import synthesize
 from mimicbench.retarget.optimization import retarget_clip
@@ -71,7 +72,7 @@ def test_memory_in_training_is_what_the_robot_would_carry(clips):
     motions, objects = clips
     quiet = TrackingConfig(first_frame=1.0, start_pos_noise=0, start_angle_noise=0, start_vel_noise=0, push=0)
     env = TrackingEnv(RESIDUAL, ROBOT, motions, objects, 4, quiet, 0, 1)
-    episodes = _Episodes(env, objects, 0)
+    episodes = _Episodes(env, objects, torch.zeros(2, 0), 0)
     odometry = Odometry(4)
     odometry.reset(torch.arange(4), env.moment.state)
     for _ in range(25):

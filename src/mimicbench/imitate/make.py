@@ -22,10 +22,11 @@ from mimicbench.imitate.dataset import DemoFrames, MapMaker
 from mimicbench.imitate.demos import DemosConfig
 from mimicbench.imitate.inputs import InputConfig
 from mimicbench.imitate.learn_perception import evaluate_perception, train_perception
+from mimicbench.imitate.learn_planner import train_planner
 from mimicbench.imitate.learners import LearnerConfig, save_learner
 from mimicbench.imitate.lerobot import load_demos
 from mimicbench.imitate.perception import PerceptionConfig, save_perception
-from mimicbench.imitate.planner import PlannerConfig, load_planner, save_planner, train_planner
+from mimicbench.imitate.planner import PlannerConfig, load_planner, save_planner
 from mimicbench.imitate.policy import Policy, load_policy
 from mimicbench.imitate.train import TrainConfig, train
 from mimicbench.objects.shape import SceneObject

@@ -160,6 +160,13 @@ def plan_footsteps(start_yaw: float, route: Route, goal_xy: np.ndarray, goal_yaw
     return Footsteps(first_xy, start_yaw, np.array(sides), np.array(landed_xy), np.array([*yaws, yaws[-1] if yaws else start_yaw]), lift_off, touch_down)
 
 
+def last_turn(steps: Footsteps) -> float:
+    """1 if the last turn is to the left, -1 if it is to the right: a choice that flips where the way leads straight ahead."""
+    turns = np.diff(np.concatenate([[steps.first_yaw], steps.yaw]))
+    turns = turns[np.abs(turns) > 1e-6]
+    return 1.0 if not len(turns) or turns[-1] > 0 else -1.0
+
+
 def swing_feet(steps: Footsteps, time: np.ndarray, gait: Gait, scale: float, sole: float, toe: float, heel: float) -> Feet:
     """Both feet at times (T,): exactly still in stance; in swing minimum jerk over the floor, on an arc, heel off first and down first.
 

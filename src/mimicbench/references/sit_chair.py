@@ -9,7 +9,7 @@ from mimicbench.core.motion import HumanMotion, Skeleton
 from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references import skeletons as human
-from mimicbench.references.gait import Feet, Gait, around_box, balance, body_yaw, plan_footsteps, stride_difference, swing_feet
+from mimicbench.references.gait import Feet, Gait, around_box, balance, body_yaw, last_turn, plan_footsteps, stride_difference, swing_feet
 from mimicbench.references.limbs import about_x, about_y, minimum_jerk, smooth, smooth_below, two_link
 
 FPS = 30.0
@@ -104,7 +104,7 @@ def make_sit_chair(clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_y
     contacts = np.concatenate([feet.contact, (progress >= 0.9)[:, None]], -1)
     return HumanMotion(
         clip_id, "sit-chair", skeleton, FPS, root, quat, obj.id, ("left_foot", "right_foot", "pelvis"), contacts,
-        {name: float(value) for name, value in vars(style).items()},
+        {**{name: float(value) for name, value in vars(style).items()}, "turn": last_turn(steps)},
     )  # fmt: skip
 
 
