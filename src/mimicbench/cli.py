@@ -144,7 +144,7 @@ def imitate(
     task: Task = "sit-chair",
     policy: Annotated[Literal["planner", "act", "bc", "act-clock", "bc-clock"], tyro.conf.arg(help="what to learn")] = "planner",
     minutes: Annotated[float, tyro.conf.arg(help="how long act and bc learn")] = 7.0,
-    samples: Annotated[int, tyro.conf.arg(help="control steps that the planner learns from")] = 2_400_000,
+    samples: Annotated[int, tyro.conf.arg(help="control steps that the planner learns from")] = 3_200_000,
     workdir: Workdir = WORK,
     seed: Seed = 0,
     workers: Workers = 0,

@@ -39,7 +39,7 @@ class PlannerConfig:
 
     hidden: tuple[int, ...] = (512, 512, 256)
     """Widths of the hidden layers."""
-    samples: int = 2_400_000
+    samples: int = 3_200_000
     """Control steps to see, over all robots."""
     num_envs: int = 256
     """Robots side by side."""
