@@ -1,5 +1,8 @@
 """What a robot feels of itself."""
 
+from typing import Any
+
+import numpy as np
 import torch
 
 from mimicbench.core import rotations as rot
@@ -18,12 +21,52 @@ def s_current(state: RobotState, links: LinkState, last_action: torch.Tensor) ->
     t, R, v and omega are the positions, orientations (rotation vectors), linear and angular velocities of all links in
     the root frame, three numbers a link.
     """
-    root = state.root_quat_w[:, None]
-    pos_r = rot.rotate_inverse(root, links.pos_w - state.root_pos_w[:, None])
-    turn_r = rot.to_rotvec(rot.multiply(rot.conjugate(root).expand_as(links.quat_w), links.quat_w))
-    lin_r, ang_r = rot.rotate_inverse(root, links.lin_vel_w), rot.rotate_inverse(root, links.ang_vel_w)
-    of_links = [part.flatten(1) for part in (pos_r, turn_r, lin_r, ang_r)]
-    return torch.cat([state.joint_pos, state.joint_vel, *of_links, last_action, gravity(state)], -1)
+    arrays = [state.root_pos_w, state.root_quat_w, state.joint_pos, state.joint_vel, *vars(links).values(), last_action]
+    # on the CPU by NumPy: it is quicker for few robots, and torch's arctan2 rounds by a robot's place in the batch
+    on_cpu = state.root_pos_w.device.type == "cpu"
+    rows = _s_current_rows(*((np, *(array.numpy() for array in arrays)) if on_cpu else (torch, *arrays)))
+    return (torch.from_numpy(rows) if on_cpu else rows).T.contiguous()
+
+
+def _s_current_rows(
+    xp: Any, root_pos: Any, root_quat: Any, joint_pos: Any, joint_vel: Any, pos_w: Any, quat_w: Any, lin_vel_w: Any, ang_vel_w: Any, last_action: Any
+) -> Any:
+    """S_current as (300, N): one row a number, so that every operation runs along the robots, which lie side by side in memory.
+
+    The arrays are those of RobotState and LinkState, and belong to `xp`: NumPy or torch.
+    """
+    count, links = pos_w.shape[:2]
+    turn = _rows(xp, rot.to_matrix(root_quat).reshape(count, 9))
+    xyz = [xp.concatenate([pos_w[..., i].T - root_pos[:, i], lin_vel_w[..., i].T, ang_vel_w[..., i].T]) for i in range(3)]
+    # v_r = R^T v_w, all of a robot's vectors at once
+    pos, lin, ang = (
+        xp.stack(parts, 1).reshape(3 * links, count)
+        for parts in zip(*((turn[i] * xyz[0] + turn[3 + i] * xyz[1] + turn[6 + i] * xyz[2]).reshape(3, links, count) for i in range(3)), strict=True)
+    )
+    rotvec = xp.stack(_turns_between(xp, _rows(xp, root_quat), [quat_w[..., i].T for i in range(4)]), 1).reshape(3 * links, count)
+    down = -turn[6:]  # the third row of R: gravity's direction in the root frame, but for its sign
+    return xp.concatenate([_rows(xp, joint_pos), _rows(xp, joint_vel), pos, rotvec, lin, ang, _rows(xp, last_action), down])
+
+
+def _rows(xp: Any, array: Any) -> Any:
+    """(C, N) of (N, C), with each row's numbers side by side."""
+    return xp.stack([array[:, i] for i in range(array.shape[1])])
+
+
+def _turns_between(xp: Any, a: Any, b: Any) -> list[Any]:
+    """The three components (L, N) of the rotation vectors of a^-1 b, for quaternions a (4, N) and b of four (L, N)."""
+    aw, ax, ay, az = a
+    bw, bx, by, bz = b
+    w = aw * bw + ax * bx + ay * by + az * bz
+    x = aw * bx - ax * bw - ay * bz + az * by
+    y = aw * by + ax * bz - ay * bw - az * bx
+    z = aw * bz - ax * by + ay * bx - az * bw
+    sine = (x * x + y * y + z * z) ** 0.5
+    # the shorter way: of the two quaternions of a turn, the one with w >= 0
+    small = sine < 1e-7
+    scale = xp.where(small, 2.0 + 0 * sine, 2 * xp.arctan2(sine, abs(w)) / xp.where(small, 1.0 + 0 * sine, sine))
+    scale = xp.where(w < 0, -scale, scale)
+    return [scale * x, scale * y, scale * z]
 
 
 def body_state(state: RobotState) -> torch.Tensor:

@@ -13,6 +13,7 @@ from mimicbench.core.parallel import cpu_count
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robot.description import Robot
 from mimicbench.sim.broken import BrokenLog, BrokenScene
+from mimicbench.sim.kinematics import Kinematics
 from mimicbench.sim.physics import LinkState, RobotState
 from mimicbench.sim.scene import SUBSTEPS, build_model
 
@@ -26,6 +27,8 @@ _WARNINGS = {
     mujoco.mjtWarning.mjWARN_INERTIA: "the inertia matrix is singular",
 }
 _KINDS = [int(kind) for kind in _WARNINGS]
+KEPT_MODELS = 2048
+"""Compiled scenes that a simulation keeps for objects that may come again, of about 55 kB each."""
 
 
 class NativePhysics:
@@ -53,13 +56,16 @@ class NativePhysics:
         self._before = [array.copy() for array in (self._qpos, self._qvel, self._warmstart)]
         self._warned, self._reported = np.zeros(self.num_envs, np.int64), np.zeros(self.num_envs, bool)
         self._effort = torch.zeros(self.num_envs, dtype=torch.float64)
-        self._link_rows: slice | None = None
+        self._kinematics = Kinematics(robot, self.num_envs, self.batch.nthread)
 
     def _model(self, obj: SceneObject) -> mujoco.MjModel:
-        """Compile a scene once for each object."""
+        """Compile a scene, or take it from those at hand."""
         if obj.hulls and not self._meshes:
             raise MimicbenchError(f"object {obj.id} has convex pieces, and this simulation has room for boxes only; make it with meshes=True")
         if obj.id not in self._compiled:
+            # scenes hold on to what they run on; of other objects the latest are kept, so that memory is bounded however many come by
+            while len(self._compiled) >= max(KEPT_MODELS, 2 * self.num_envs):
+                del self._compiled[next(iter(self._compiled))]
             self._compiled[obj.id] = build_model(self.robot, obj, self._preset, self._control, self._visuals, self._meshes)
         return self._compiled[obj.id]
 
@@ -106,7 +112,8 @@ class NativePhysics:
         self._ctrl[:] = target.numpy()
         if measure_effort:
             record = self.batch.rollout(SUBSTEPS, record=("actuator_force", "qvel"), ids=ids)
-            torque, velocity = record["actuator_force"].mean(1), record["qvel"][..., self._joint_v].mean(1)
+            parts = record["actuator_force"], record["qvel"][..., self._joint_v]
+            torque, velocity = (sum(part[:, i] for i in range(SUBSTEPS)) / SUBSTEPS for part in parts)
             self._effort[slice(None) if ids is None else torch.from_numpy(ids)] = torch.from_numpy(((torque * velocity) ** 2).sum(-1))
         else:
             self.batch.step(ids, nstep=SUBSTEPS)
@@ -131,17 +138,7 @@ class NativePhysics:
 
     def links(self) -> LinkState:
         """Poses and velocities of all links now."""
-        names = self.robot.link_names
-        if self._link_rows is None:
-            first = self.batch.model.body(names[0]).id
-            self._link_rows = slice(first, first + len(names))  # links are consecutive bodies, in order
-        rows = self._link_rows
-        xpos, xquat, cvel, com = (self.batch.bind(field) for field in ("xpos", "xquat", "cvel", "subtree_com"))
-        self.batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
-        # MuJoCo's cvel is (angular, linear) about the tree's center of mass, in world axes
-        ang, lin_com = cvel[:, rows, :3], cvel[:, rows, 3:]
-        lin = lin_com + np.cross(ang, xpos[:, rows] - com[:, rows.start, None])
-        return LinkState(*(torch.from_numpy(a.astype(np.float32)) for a in (xpos[:, rows], xquat[:, rows], lin, ang)))
+        return self._kinematics.links(self._qpos, self._qvel)
 
     def object_pose(self) -> tuple[np.ndarray, np.ndarray]:
         """Positions (N, 3) [m] and orientations (N, 4) of the objects now; the origin where they do not move."""

@@ -164,13 +164,10 @@ def _add_tetrahedra(spec: mujoco.MjSpec, name: str, faces: int) -> None:
     spec.add_mesh(name=name, uservert=corners.ravel(), userface=np.resize(four, (faces, 3)).ravel(), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
 
 
-def _add_robot(spec: mujoco.MjSpec, robot: Robot, visuals: bool) -> None:
-    bits = {group: 1 << (i + 1) for i, group in enumerate(dict.fromkeys(shape.group for shape in robot.collision))}
-    partners = {group: _WORLD_BIT for group in bits}
-    for a, b in robot.collides:
-        partners[b] |= bits[a]
+def add_links(spec: mujoco.MjSpec, robot: Robot) -> list[mujoco.MjsBody]:
+    """Add a robot's links and joints, without shapes; the bodies are in the order of the links."""
     drives = {joint.link: joint for joint in robot.joints}
-    bodies = []
+    bodies: list[mujoco.MjsBody] = []
     for i, link in enumerate(robot.links):
         parent = spec.worldbody if link.parent < 0 else bodies[link.parent]
         body = parent.add_body(name=link.name, pos=link.pos, quat=link.quat)
@@ -184,6 +181,15 @@ def _add_robot(spec: mujoco.MjSpec, robot: Robot, visuals: bool) -> None:
                 name=joint.name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=joint.axis, range=joint.range, limited=mujoco.mjtLimited.mjLIMITED_TRUE,
                 armature=robot.armature, damping=robot.damping,
             )  # fmt: skip
+    return bodies
+
+
+def _add_robot(spec: mujoco.MjSpec, robot: Robot, visuals: bool) -> None:
+    bits = {group: 1 << (i + 1) for i, group in enumerate(dict.fromkeys(shape.group for shape in robot.collision))}
+    partners = {group: _WORLD_BIT for group in bits}
+    for a, b in robot.collides:
+        partners[b] |= bits[a]
+    bodies = add_links(spec, robot)
     for shape in robot.collision:
         geom = _add_shape(bodies[shape.link], shape)
         geom.group, geom.friction, geom.mass = ROBOT_GROUP, FRICTION, 0.0

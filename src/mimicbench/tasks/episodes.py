@@ -183,7 +183,11 @@ class Episodes:
             seen["targets"] = rot.rotate_inverse(root_quat[:, None], goal - root_pos[:, None]).astype(np.float32)
             if "elevation" in senses:
                 seen["target_elevation"] = target_map(root_pos, root_quat, goal, self.task.map_cell).numpy()
-        return {name: np.clip(np.nan_to_num(values), -BOUND, BOUND) for name, values in seen.items()}
+        for values in seen.values():
+            if not np.isfinite(values).all():
+                np.nan_to_num(values, copy=False)
+            np.clip(values, -BOUND, BOUND, out=values)
+        return seen
 
     def facts(self) -> dict[str, np.ndarray]:
         """What is known of each episode now, one entry a robot. See gym.TaskEnv."""

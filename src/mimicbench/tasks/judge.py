@@ -3,9 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-import torch
 
-from mimicbench.core import rotations as rot
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robot.description import Robot
 from mimicbench.sim.physics import LinkState, Physics
@@ -75,9 +73,10 @@ class Judge:
         self.effort_at_success[new] = self.max_effort[new]
         self.success_at_end = np.where(active, held, self.success_at_end)
         self.success = self.success_at_end.copy() if self._task.in_last_frame else self.success | new
-        up = rot.rotate(links.quat_w[:, 0], torch.tensor([0.0, 0.0, 1.0]).expand(len(active), 3))[:, 2].numpy()
+        _, x, y, _ = links.quat_w[:, 0].numpy().T
+        up = 1 - 2 * (x * x + y * y)  # how much of the root's own z axis points upwards
         low = points.pelvis_pos_w[:, 2] < np.where(np.isnan(self._facts.seat_height), 0.3, self._facts.seat_height) - FALLEN_DROP
-        tilted = (np.arccos(np.clip(up, -1, 1)) > FALLEN_TILT) & self._task.upright
+        tilted = (up < np.cos(FALLEN_TILT)) & self._task.upright
         self.fell |= active & (tilted | low)
 
     def over(self, linger: float = 0.0) -> np.ndarray:

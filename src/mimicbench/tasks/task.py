@@ -89,11 +89,10 @@ class BodyPoints:
     @staticmethod
     def of(robot: Robot, link_pos_w: np.ndarray, link_quat_w: np.ndarray) -> "BodyPoints":
         """From link poses (N, L, 3) and (N, L, 4)."""
-
-        def pair(name: str) -> np.ndarray:
-            return np.stack([robot.keypoint_pos(f"{side}_{name}", link_pos_w, link_quat_w) for side in ("left", "right")], 1)
-
-        return BodyPoints(link_pos_w[:, 0], pair("ankle"), pair("wrist"))
+        points = [robot.keypoints[f"{side}_{name}"] for name in ("ankle", "wrist") for side in ("left", "right")]
+        links, offsets = [link for link, _ in points], np.array([offset for _, offset in points])
+        pos_w = link_pos_w[:, links] + rot.rotate(link_quat_w[:, links], offsets)
+        return BodyPoints(link_pos_w[:, 0], pos_w[:, :2], pos_w[:, 2:])
 
 
 @dataclass(frozen=True)
