@@ -22,7 +22,7 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.sim.backends import make_physics
 from mimicbench.sim.broken import load_broken, replay
 from mimicbench.sim.native import NativePhysics
-from mimicbench.sim.scene import OBJECT_GROUP, build_model
+from mimicbench.sim.scene import FLOOR_GROUP, OBJECT_GROUP, ROBOT_GROUP, build_model
 from mimicbench.sim.warp import PER_WORLD, WarpPhysics
 from stool import H1, block, place, seated, standing
 
@@ -172,6 +172,22 @@ def test_a_world_with_too_many_contacts_ends(on, tmp_path):
         physics.step(torch.tensor(JOINTS).expand(4, 19))
     assert physics.diverged.tolist() == [False, False, True, False]
     assert "contacts" in load_broken(physics.broken.paths[0]).reason
+
+
+def test_rays_see_alike(device):
+    objects = [make_box(3), make_box(5), make_box(6)]
+    both = [make_physics(name, H1, objects, workers=1) for name in ("cpu", device)]
+    for physics in both:
+        place(physics, POS, JOINTS)
+    random = np.random.default_rng(1)
+    starts, rays = np.tile([0.0, 0.3, 1.5], (2, 200, 1)), random.normal(size=(2, 200, 3))
+    rays[..., 2] -= 2.0
+    for groups in ((OBJECT_GROUP,), (FLOOR_GROUP, OBJECT_GROUP, ROBOT_GROUP)):
+        native, warp = (physics.ray(starts, rays, groups, np.array([0, 2])) for physics in both)
+        hit = native > 0
+        assert hit.any() and (hit != (warp > 0)).mean() < 0.01, "only a ray along an edge may tell them apart"
+        both_hit = hit & (warp > 0)
+        np.testing.assert_allclose(warp[both_hit], native[both_hit], rtol=1e-4, atol=1e-5)
 
 
 def test_what_warp_cannot_do_is_said():

@@ -147,6 +147,12 @@ class NativePhysics:
         pose = self._qpos[:, self._joint_q.stop :]
         return pose[:, :3].copy(), pose[:, 3:7].copy()
 
+    def ray(self, starts: np.ndarray, rays: np.ndarray, groups: Sequence[int], ids: np.ndarray | None = None) -> np.ndarray:
+        """For scenes `ids`, how many lengths of each ray it is to a geom; see Physics.ray."""
+        seen = np.zeros(mujoco.mjNGROUP, np.uint8)
+        seen[list(groups)] = 1
+        return self.batch.ray(starts, rays, geomgroup=seen, ids=ids)[0]
+
     def push(self, ids: np.ndarray, lin_vel_w: np.ndarray) -> None:
         """Add (n, 3) [m/s] to the root's velocity in scenes `ids`."""
         self._qvel[ids, :3] += lin_vel_w

@@ -100,6 +100,13 @@ class Physics(Protocol):
         """Positions (N, 3) [m] and orientations (N, 4) of the objects now; the origin where they do not move."""
         ...
 
+    def ray(self, starts: np.ndarray, rays: np.ndarray, groups: Sequence[int], ids: np.ndarray | None = None) -> np.ndarray:
+        """How many lengths of its ray (n, R, 3) it is from each start (n, R, 3) to a geom of `groups`: (n, R), -1 for a miss.
+
+        In scenes `ids`, ascending (None: all).
+        """
+        ...
+
     def push(self, ids: np.ndarray, lin_vel_w: np.ndarray) -> None:
         """Add (n, 3) [m/s] to the root's velocity in scenes `ids`."""
         ...

@@ -34,6 +34,8 @@ _REASONS = {
     BAD_POSITION: "positions are not finite, or too large", BAD_VELOCITY: "velocities are not finite, or too large", BAD_TARGET: "targets are not finite",
     OVERFLOW: "there are more contacts than room for them",
 }  # fmt: skip
+_MODELS_KEPT = 64
+_GROUP_MASK = wp.types.vector(length=6, dtype=float)
 _OVERFLOWS = sum(int(mjw.OverflowType[name]) for name in ("NEFC", "NJMAX_NNZ", "BROADPHASE", "NARROWPHASE", "CCD"))
 
 
@@ -128,6 +130,8 @@ class WarpPhysics:
         """The compiled scene `env`, for rendering or replaying it."""
         obj = self.objects[env]
         if obj.id not in self._models:
+            if len(self._models) >= _MODELS_KEPT:
+                self._models.clear()
             self._models[obj.id] = build_model(self.robot, obj, self._preset, self._control, self._visuals)
         return self._models[obj.id]
 
@@ -248,6 +252,23 @@ class WarpPhysics:
             return np.zeros((self.num_envs, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (self.num_envs, 1))
         pose = self._qpos[:, self._joint_q.stop :].double().cpu().numpy()
         return pose[:, :3].copy(), pose[:, 3:7].copy()
+
+    def ray(self, starts: np.ndarray, rays: np.ndarray, groups: Sequence[int], ids: np.ndarray | None = None) -> np.ndarray:
+        """See Physics.ray. All worlds cast as many rays, so those that are not asked cost too."""
+        index = torch.arange(self.num_envs, device=self.device) if ids is None else torch.from_numpy(np.asarray(ids)).to(self.device)
+        count = rays.shape[1]
+        start, ray = (torch.zeros(self.num_envs, count, 3, device=self.device) for _ in range(2))
+        start[..., 2] = ray[..., 2] = 1e3  # up and away, in worlds that are not asked
+        start[index], ray[index] = (torch.from_numpy(np.asarray(given, np.float32)).to(self.device) for given in (starts, rays))
+        self._kinematics()
+        with wp.ScopedDevice(self._wp_device):
+            seen = _GROUP_MASK(*(float(group in groups) for group in range(6)))
+            everybody, shape = wp.full(count, -1, dtype=int), (self.num_envs, count)
+            distance, geom, normal = wp.empty(shape, dtype=float), wp.empty(shape, dtype=int), wp.empty(shape, dtype=wp.vec3)
+            mjw.rays(
+                self._model, self._data, wp.from_torch(start, dtype=wp.vec3), wp.from_torch(ray, dtype=wp.vec3), seen, True, everybody, distance, geom, normal
+            )
+        return wp.to_torch(distance)[index].double().cpu().numpy()
 
     def push(self, ids: np.ndarray, lin_vel_w: np.ndarray) -> None:
         """Add (n, 3) [m/s] to the root's velocity in scenes `ids`."""
