@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
 app = tyro.extras.SubcommandApp()
 _objects_app = tyro.extras.SubcommandApp()
+_bench_app = tyro.extras.SubcommandApp()
 
 Task = Annotated[str, tyro.conf.arg(help="which task, such as `sit-chair`")]
 Workdir = Annotated[Path, tyro.conf.arg(help="where all artefacts go, in <workdir>/<task>/<stage>")]
@@ -229,7 +231,7 @@ def table(
         print(write(beside_paper_table(task, summaries([row for row in rows if row.task == task]))))
 
 
-@app.command(name="bench")
+@_bench_app.command(name="stages", is_default=True)
 def bench(
     task: Task = "sit-chair",
     seconds: Annotated[float, tyro.conf.arg(help="how long each part is measured")] = 10.0,
@@ -237,12 +239,55 @@ def bench(
     as_json: Json = False,
 ) -> None:
     """Measure how fast this machine makes clips, retargets, simulates and learns."""
-    from mimicbench.bench import bench as measure
-    from mimicbench.report.provenance import this_machine
+    from mimicbench.bench.stages import bench as measure
     from mimicbench.robot.description import load_robot
     from mimicbench.tasks.registry import get_task
 
-    found = measure(load_robot("h1"), get_task(task), workers, seconds, _say)
+    _measured(measure(load_robot("h1"), get_task(task), workers, seconds, _say), as_json)
+
+
+@_bench_app.command(name="world")
+def bench_world_(
+    tasks: Annotated[tuple[str, ...], tyro.conf.arg(help="whose environments; by default all six")] = (),
+    sizes: Annotated[tuple[int, ...], tyro.conf.arg(help="environments at once")] = (64, 512, 4096),
+    seconds: Annotated[float, tyro.conf.arg(help="how long each figure is measured")] = 4.0,
+    maps: Annotated[bool, tyro.conf.arg(help="measure with the elevation map too")] = True,
+    memory: Annotated[bool, tyro.conf.arg(help="measure memory too, in processes of their own")] = True,
+    workers: Workers = 0,
+    as_json: Json = False,
+) -> None:
+    """Measure the environments of all tasks beside bare physics, their memory, and the senses."""
+    from mimicbench.bench.world import WorldBenchConfig, bench_world
+    from mimicbench.tasks.registry import TASKS, get_task
+
+    chosen = tuple(get_task(task).slug for task in tasks or TASKS)
+    _measured(bench_world(WorldBenchConfig(chosen, sizes, seconds, maps, memory, workers=workers), _say), as_json)
+
+
+@_bench_app.command(name="soak")
+def bench_soak(
+    steps: Annotated[int, tyro.conf.arg(help="control steps, all tasks together")] = 10_000_000,
+    objects: Annotated[int | None, tyro.conf.arg(help="objects of each family; by default as many as the paper has, 10.6 thousand")] = None,
+    threads: Annotated[tuple[int, ...], tyro.conf.arg(help="do it once with each of these numbers of threads; the results must be the same")] = (1, 2),
+    seed: Seed = 0,
+    as_json: Json = False,
+) -> None:
+    """Compile every object, and step all tasks at random: nothing may break unreported, and threads may not matter."""
+    from mimicbench.bench.soak import SoakConfig, soak
+
+    found = soak(SoakConfig(steps, threads=threads, objects=objects, seed=seed), _say)
+    _measured(found, as_json)
+    if not found["sound"]:
+        sys.exit(1)
+
+
+app.command(_bench_app, name="bench", help="Measure how fast this machine is, and whether the world holds out.")
+
+
+def _measured(found: Mapping[str, object], as_json: bool) -> None:
+    """Print figures together with the machine they are of."""
+    from mimicbench.report.provenance import this_machine
+
     if as_json:
         print(json.dumps({**found, "machine": this_machine()}))
 

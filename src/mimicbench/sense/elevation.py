@@ -21,6 +21,8 @@ from mimicbench.sim.native import NativePhysics
 
 RANGE = 6.0
 """[m] Depth beyond this is left out (C.2)."""
+_AT_ONCE = 64
+"""Robots whose lines of sight are in memory at a time, up to 2 MB each."""
 
 
 def map_from_depth(depth: np.ndarray, root_pos: np.ndarray, root_quat: np.ndarray, rig: Rig = PELVIS_RIG, cell: float = CELL) -> torch.Tensor:
@@ -46,6 +48,9 @@ def camera_map(
 ) -> torch.Tensor:
     """(N, 128, 128) elevation maps of scenes `ids` (None: all) by the lines of sight of cameras of `height` x `width` pixels."""
     ids = np.arange(physics.num_envs) if ids is None else ids
+    if len(ids) > _AT_ONCE:
+        parts = [ids[first : first + _AT_ONCE] for first in range(0, len(ids), _AT_ONCE)]
+        return torch.cat([camera_map(physics, some, height, width, rig, cell) for some in parts])
     root_pos, root_quat = physics.qpos()[ids, :3], physics.qpos()[ids, 3:7]
     rays, origins = rig.rays(height, width).reshape(len(rig.mounts), -1, 3), rig.origins()
     units = (rays / np.linalg.norm(rays, axis=-1, keepdims=True)).astype(np.float32)

@@ -49,8 +49,8 @@ def _s_current_rows(
 
 
 def _rows(xp: Any, array: Any) -> Any:
-    """(C, N) of (N, C), with each row's numbers side by side."""
-    return xp.stack([array[:, i] for i in range(array.shape[1])])
+    """(C, N) of (N, C), with each row's numbers side by side in memory."""
+    return np.ascontiguousarray(array.T) if xp is np else array.T.contiguous()
 
 
 def _turns_between(xp: Any, a: Any, b: Any) -> list[Any]:
@@ -71,8 +71,9 @@ def _turns_between(xp: Any, a: Any, b: Any) -> list[Any]:
 
 def body_state(state: RobotState) -> torch.Tensor:
     """(N, 48 for the H1) what a robot can measure of itself: g, root height, root velocities in the root frame, J, dJ."""
-    lin_r = rot.rotate_inverse(state.root_quat_w, state.root_lin_vel_w)
-    return torch.cat([gravity(state), state.root_pos_w[:, 2:], lin_r, state.root_ang_vel_b, state.joint_pos, state.joint_vel], -1)
+    down = torch.tensor([0.0, 0.0, -1.0], device=state.root_quat_w.device).expand_as(state.root_pos_w)
+    gravity_r, lin_r = rot.rotate_inverse(state.root_quat_w[:, None], torch.stack([down, state.root_lin_vel_w], 1)).unbind(1)
+    return torch.cat([gravity_r, state.root_pos_w[:, 2:], lin_r, state.root_ang_vel_b, state.joint_pos, state.joint_vel], -1)
 
 
 class Odometry:
