@@ -7,6 +7,7 @@ Numbers have 32 bits, and a GPU adds up in no fixed order: unlike the native bac
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import mujoco_warp as mjw  # pyright: ignore[reportMissingImports]
@@ -35,6 +36,7 @@ _REASONS = {
     OVERFLOW: "there are more contacts than room for them",
 }  # fmt: skip
 _MODELS_KEPT = 64
+_cast: Any = mjw.rays  # its types say less than what Warp's arrays are
 _GROUP_MASK = wp.types.vector(length=6, dtype=float)
 _OVERFLOWS = sum(int(mjw.OverflowType[name]) for name in ("NEFC", "NJMAX_NNZ", "BROADPHASE", "NARROWPHASE", "CCD"))
 
@@ -265,7 +267,7 @@ class WarpPhysics:
             seen = _GROUP_MASK(*(float(group in groups) for group in range(6)))
             everybody, shape = wp.full(count, -1, dtype=int), (self.num_envs, count)
             distance, geom, normal = wp.empty(shape, dtype=float), wp.empty(shape, dtype=int), wp.empty(shape, dtype=wp.vec3)
-            mjw.rays(
+            _cast(
                 self._model, self._data, wp.from_torch(start, dtype=wp.vec3), wp.from_torch(ray, dtype=wp.vec3), seen, True, everybody, distance, geom, normal
             )
         return wp.to_torch(distance)[index].double().cpu().numpy()
