@@ -266,7 +266,7 @@ class WarpPhysics:
         with wp.ScopedDevice(self._wp_device):
             seen = _GROUP_MASK(*(float(group in groups) for group in range(6)))
             everybody, shape = wp.full(count, -1, dtype=int), (self.num_envs, count)
-            distance, geom, normal = wp.empty(shape, dtype=float), wp.empty(shape, dtype=int), wp.empty(shape, dtype=wp.vec3)
+            distance, geom, normal = wp.empty(shape, dtype=float), wp.empty(shape, dtype=int), wp.empty(shape, dtype=wp.vec3)  # pyright: ignore[reportArgumentType]
             _cast(
                 self._model, self._data, wp.from_torch(start, dtype=wp.vec3), wp.from_torch(ray, dtype=wp.vec3), seen, True, everybody, distance, geom, normal
             )
