@@ -11,8 +11,8 @@ from mimicbench.sim.physics import LinkState, RobotState
 
 def gravity(state: RobotState) -> torch.Tensor:
     """(N, 3) g: direction of gravity in the root frame."""
-    down = torch.tensor([0.0, 0.0, -1.0], device=state.root_quat_w.device).expand_as(state.root_pos_w)
-    return rot.rotate_inverse(state.root_quat_w, down)
+    w, x, y, z = state.root_quat_w.unbind(-1)
+    return torch.stack([2 * (w * y - x * z), -2 * (w * x + y * z), 2 * (x * x + y * y) - 1], -1)
 
 
 def s_current(state: RobotState, links: LinkState, last_action: torch.Tensor) -> torch.Tensor:
@@ -71,9 +71,8 @@ def _turns_between(xp: Any, a: Any, b: Any) -> list[Any]:
 
 def body_state(state: RobotState) -> torch.Tensor:
     """(N, 48 for the H1) what a robot can measure of itself: g, root height, root velocities in the root frame, J, dJ."""
-    down = torch.tensor([0.0, 0.0, -1.0], device=state.root_quat_w.device).expand_as(state.root_pos_w)
-    gravity_r, lin_r = rot.rotate_inverse(state.root_quat_w[:, None], torch.stack([down, state.root_lin_vel_w], 1)).unbind(1)
-    return torch.cat([gravity_r, state.root_pos_w[:, 2:], lin_r, state.root_ang_vel_b, state.joint_pos, state.joint_vel], -1)
+    lin_r = rot.rotate_inverse(state.root_quat_w, state.root_lin_vel_w)
+    return torch.cat([gravity(state), state.root_pos_w[:, 2:], lin_r, state.root_ang_vel_b, state.joint_pos, state.joint_vel], -1)
 
 
 class Odometry:

@@ -48,6 +48,8 @@ class Kinematics:
         self._batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
         # each number of all robots side by side: what is worked out of it then runs along the robots
         seen = torch.from_numpy(self._seen.astype(np.float32)).T.contiguous()
-        parts = seen.split([self._links * size for size in _SENSORS.values()])
-        pos, quat, lin, ang = (part.unflatten(0, (self._links, -1)).permute(2, 0, 1) for part in parts)
-        return LinkState(pos, quat, lin, ang)
+        parts, first, count = [], 0, self._num_envs
+        for size in _SENSORS.values():  # (N, L, size) views
+            parts.append(seen.as_strided((count, self._links, size), (1, size * count, count), first * count))
+            first += self._links * size
+        return LinkState(*parts)
