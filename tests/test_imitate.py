@@ -17,7 +17,7 @@ from mimicbench.imitate.clock import clock_features
 from mimicbench.imitate.dataset import DemoFrames, odometry, proprioception
 from mimicbench.imitate.encoder import Encoder, EncoderConfig
 from mimicbench.imitate.inputs import LAST_ACTION, Batch, InputConfig
-from mimicbench.imitate.learn_perception import draw_maps, train_perception, turned
+from mimicbench.imitate.learn_perception import draw_maps, facing_viewer, looks_alike_turned, train_perception, turned
 from mimicbench.imitate.learners import load_learner, make_learner, save_learner
 from mimicbench.imitate.lerobot import Demos
 from mimicbench.imitate.perception import (
@@ -327,3 +327,17 @@ def test_policy_sees_the_shape_and_nothing_else(demos, chairs, tmp_path):
     second = policy.act(senses(maps))
     assert [bool((first[i] == second[i]).all()) for i in range(4)] == [True, True, False, True]
     assert isinstance(policy, VisionPolicy)
+
+
+def test_what_looks_alike_from_both_sides_faces_the_viewer(chairs):
+    stool = next(chair for chair in map(make_chair, range(99)) if chair.kind == "stool")
+    dining = next(chair for chair in map(make_chair, range(99)) if chair.kind == "dining")
+    assert looks_alike_turned(stool) and not looks_alike_turned(dining)
+    seat = torch.tensor(np.array([seat_of(stool)]), dtype=torch.float32)
+    for place in np.linspace(-3, 3, 7):  # all around, and not exactly beside it
+        root = torch.tensor([[1.5 * math.cos(place), 1.5 * math.sin(place), 1.0]], dtype=torch.float32)
+        seen = facing_viewer(seat_in_root(seat, root, torch.tensor([0.7])), torch.tensor([True]))
+        # a viewer who stands before the seat sees it face towards himself
+        assert float(seen[0, 0] * seen[0, 3] + seen[0, 1] * seen[0, 2]) < 0
+        untouched = seat_in_root(seat, root, torch.tensor([0.7]))
+        assert torch.equal(facing_viewer(untouched, torch.tensor([False])), untouched)

@@ -17,7 +17,7 @@ from mimicbench.imitate.perception import Perception, PerceptionConfig, seat_in_
 from mimicbench.imitate.resume import resume_training, save_training
 from mimicbench.objects.shape import SceneObject
 from mimicbench.sense.cameras import CameraMaps
-from mimicbench.sense.heightmap import CELL, CELLS, ObjectMaps
+from mimicbench.sense.heightmap import CELL, CELLS, ObjectMaps, surface_height
 
 
 def draw_maps(config: PerceptionConfig, objects: Sequence[SceneObject], count: int, name: str, seen: float | None = None) -> tuple[Tensor, Tensor, Tensor]:
@@ -55,7 +55,27 @@ def draw_maps(config: PerceptionConfig, objects: Sequence[SceneObject], count: i
         else:
             maps[part] = surfaces[first // 64 % 2].sample(index[part], pos[part], heading[part], occlusion=uniform[4, part] < 0.5)
     seats = torch.tensor(np.array([seat_of(obj) for obj in objects]), dtype=torch.float32)[index]
-    return maps, height, seat_in_root(seats, pos, heading)
+    alike = torch.tensor([looks_alike_turned(obj) for obj in objects])[index]
+    return maps, height, facing_viewer(seat_in_root(seats, pos, heading), alike)
+
+
+def looks_alike_turned(obj: SceneObject) -> bool:
+    """Whether an object turned by half a circle shows the same heights from above, as a stool does: its front is then anybody's guess."""
+    low, high = obj.bounds()
+    reach = np.maximum(high, -low)[:2]
+    grid = np.stack(np.meshgrid(*(np.arange(-r, r + 1e-9, r / 20) for r in reach), indexing="ij"), -1).reshape(-1, 2)
+    same = np.abs(surface_height(obj, grid) - surface_height(obj, -grid)) < 0.02
+    return bool(same.mean() > 0.95)
+
+
+def facing_viewer(seat: Tensor, alike: Tensor) -> Tensor:
+    """Seats (N, 6) in the viewer's heading frame; those that are `alike` (N,) bool from both sides face the side that the viewer is on.
+
+    To sit down it does not matter which side is called the front, but that the seat has one: the mean of two guesses is a third direction.
+    """
+    away = (seat[:, 0] * seat[:, 3] + seat[:, 1] * seat[:, 2]) > 0
+    sign = torch.where(alike & away, -1.0, 1.0)
+    return torch.cat([seat[:, :2], seat[:, 2:4] * sign[:, None], seat[:, 4:]], -1)
 
 
 def train_perception(folder: Path, config: PerceptionConfig, objects: Sequence[SceneObject], report: Callable[[int, float], None] | None = None) -> Perception:

@@ -46,7 +46,7 @@ class PerceptionConfig:
     """Channels of the three strided convolutions."""
     hidden: int = 128
     """Width of the layer after them."""
-    maps: int = 6000
+    maps: int = 8000
     """Maps to learn from, before turning and mirroring."""
     seen: float = 0.7
     """Share of them that show what the cameras see; the others are complete, or hide only what is behind something."""
@@ -60,7 +60,7 @@ class PerceptionConfig:
     """[m] Deviation of each cell's height."""
     dropout: float = 0.03
     """Share of cells without a measurement."""
-    steps: int = 2000
+    steps: int = 5000
     """Batches."""
     batch: int = 128
     """Maps per batch."""

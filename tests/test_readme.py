@@ -1,0 +1,22 @@
+"""The results in the README are what `mimicbench table` makes of the episode rows that are kept in the repository."""
+
+from pathlib import Path
+
+from mimicbench.evaluate.rows import read_rows
+from mimicbench.report.compare import beside_paper_table, summaries
+from mimicbench.report.tables import to_markdown
+
+ROOT = Path(__file__).parents[1]
+
+
+def test_results_in_the_readme_follow_from_the_rows():
+    shown = (ROOT / "README.md").read_text().split("<!-- results -->")[1].split("<!-- /results -->")[0]
+    for folder in sorted((ROOT / "runs").glob("*/evaluate")):
+        rows = [row for path in sorted(folder.glob("*.parquet")) for row in read_rows(path)]
+        assert rows, f"{folder} holds no episode rows"
+        assert to_markdown(beside_paper_table(folder.parent.name, summaries(rows))) in shown
+
+
+def test_rows_are_of_unseen_objects():
+    for path in (ROOT / "runs").glob("*/evaluate/*.parquet"):
+        assert {row.split for row in read_rows(path)} == {"test"}, path
