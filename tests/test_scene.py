@@ -1,5 +1,7 @@
 """Scenes: equal sizes whatever the object, the same bits at any number of threads, effort by hand, and broken physics flagged."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -181,3 +183,16 @@ def test_step_of_some_leaves_the_others():
     moved = (physics.qpos() != before).any(-1)
     assert moved.tolist() == [False, True, False]
     assert (physics.effort > 0).tolist() == [False, True, False]
+
+
+@pytest.mark.parametrize("friction", [0.3, 1.4])
+def test_an_object_is_as_slippery_as_it_says(friction):
+    box = replace(block(0.3, 0.15, movable=True, mass=2.0), friction=friction)
+    model = build_model(H1, box)
+    data = mujoco.MjData(model)
+    data.qpos[2] = 2.0  # the robot is out of the way
+    for _ in range(20):
+        mujoco.mj_step(model, data)
+    floor, first = (mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name) for name in ("floor", "object_0"))
+    touching = [contact.friction[0] for contact in data.contact if {contact.geom1, contact.geom2} == {floor, first}]
+    assert touching == [friction] * len(touching) and touching

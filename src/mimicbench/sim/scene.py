@@ -98,7 +98,8 @@ def _add_object(spec: mujoco.MjSpec, obj: SceneObject, meshes: bool) -> None:
         masses = np.zeros(len(obj.box_pos))
     for slot in range(SLOTS):
         geom = body.add_geom(name=f"object_{slot}", type=mujoco.mjtGeom.mjGEOM_BOX, group=OBJECT_GROUP)
-        geom.friction = FRICTION
+        geom.friction = (obj.friction, *FRICTION[1:])
+        geom.priority = 1  # or MuJoCo would take the larger friction of the two that touch, and nothing could be slippery
         # every slot takes part in collision, for MuJoCo lays out its memory by the number that does; a slot to spare
         # is a grain in the middle of the first box, where nothing touches it
         used = min(slot, len(obj.box_pos)) % len(obj.box_pos)
