@@ -112,8 +112,7 @@ class NativePhysics:
         self._ctrl[:] = target.numpy()
         if measure_effort:
             record = self.batch.rollout(SUBSTEPS, record=("actuator_force", "qvel"), ids=ids)
-            parts = record["actuator_force"], record["qvel"][..., self._joint_v]
-            torque, velocity = (sum(part[:, i] for i in range(SUBSTEPS)) / SUBSTEPS for part in parts)
+            torque, velocity = (_mean_of_substeps(part) for part in (record["actuator_force"], record["qvel"][..., self._joint_v]))
             self._effort[slice(None) if ids is None else torch.from_numpy(ids)] = torch.from_numpy(((torque * velocity) ** 2).sum(-1))
         else:
             self.batch.step(ids, nstep=SUBSTEPS)
@@ -169,3 +168,11 @@ class NativePhysics:
 
     def _warnings(self) -> np.ndarray:
         return self.batch.warning[:, _KINDS, 1].sum(-1)
+
+
+def _mean_of_substeps(values: np.ndarray) -> np.ndarray:
+    """(N, J) mean of (N, SUBSTEPS, J), several times as fast as `mean` over so short an axis."""
+    total = values[:, 0].copy()
+    for i in range(1, SUBSTEPS):
+        total += values[:, i]
+    return total / SUBSTEPS
