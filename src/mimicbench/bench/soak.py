@@ -8,6 +8,7 @@ import hashlib
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 from mujoco.batch import Batch
@@ -20,6 +21,7 @@ from mimicbench.robot.description import Robot, load_robot
 from mimicbench.sim.scene import build_model
 from mimicbench.tasks.gym import TaskVectorEnv
 from mimicbench.tasks.registry import TASKS, get_task
+from mimicbench.tasks.spaces import action_space
 
 PAPER_COUNTS = {"chair": 4600, "sofa": 1500, "bed": 350, "couch": 1800, "household": 2300, "box": 30}
 """Objects of each family in the paper's table: 10.6 thousand."""
@@ -79,7 +81,7 @@ class SoakedTask:
     """Resident memory at the end above that after the first fifth of the steps [MB]."""
 
 
-def soak(config: SoakConfig, say: Callable[[str], None]) -> dict[str, object]:
+def soak(config: SoakConfig, say: Callable[[str], None]) -> dict[str, Any]:
     """Compile every object, then step; everything as plain JSON values. `sound` sums up whether all is as it should be."""
     robot = load_robot("h1")
     compiled = [compile_family(robot, family, config.objects or PAPER_COUNTS[family], config.seed, say) for family in FAMILIES]
@@ -118,7 +120,8 @@ def soak_task(task: str, control: str, steps: int, threads: int, config: SoakCon
     env = TaskVectorEnv(task, envs, split="all", pool=pool, control=control, time_limit=config.episode, workers=threads)
     env.reset(seed=config.seed)
     physics, digest, random = env.episodes.physics, hashlib.sha256(), rng(config.seed, "soak", task, control)
-    low, high = env.single_action_space.low, env.single_action_space.high
+    space = action_space(env.episodes.robot, control)
+    low, high = space.low, space.high
     target = random.uniform(low, high, (envs, len(low))).astype(np.float32)
     rounds, episodes, unreported, met = -(-steps // envs), envs, 0, {start.obj.id for start in env.episodes.starts}
     settled, started = float("nan"), time.perf_counter()

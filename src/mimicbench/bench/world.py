@@ -10,6 +10,7 @@ import multiprocessing
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -77,7 +78,7 @@ class MemoryRow:
     """The same with the elevation map."""
 
 
-def bench_world(config: WorldBenchConfig, say: Callable[[str], None]) -> dict[str, object]:
+def bench_world(config: WorldBenchConfig, say: Callable[[str], None]) -> dict[str, Any]:
     """Measure environments of all tasks and sizes, memory, and the senses; everything as plain JSON values."""
     rows = [bench_task(task, envs, config, say) for task in config.tasks for envs in config.sizes]
     memory = [_memory_row(config.tasks[0], envs, config, say) for envs in config.sizes] if config.memory else []
@@ -131,8 +132,8 @@ def _make(task: str, envs: int, observe: Sequence[str], config: WorldBenchConfig
     env = TaskVectorEnv(task, envs, observe=observe, split="all", pool=config.pool, workers=config.workers)
     env.reset(seed=0)
     random = rng(0, "bench", "world", task)
-    low, high = env.single_action_space.low, env.single_action_space.high
-    rest = np.array(env.episodes.robot.rest_pose)
+    robot = env.episodes.robot
+    rest, (low, high) = np.array(robot.rest_pose), robot.joint_range.T
     targets = np.clip(rest + random.uniform(-0.3, 0.3, (_TARGETS, envs, len(rest))), low, high).astype(np.float32)
     for step in range(_TARGETS):  # so that robots are in touch with something, and most objects compiled
         env.episodes.step(targets[step], np.ones(envs, bool))

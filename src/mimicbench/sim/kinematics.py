@@ -18,7 +18,11 @@ _SENSORS = {
     mujoco.mjtSensor.mjSENS_FRAMEANGVEL: 3,
 }  # fmt: skip
 """What is read of every link, in LinkState's order, and how many numbers each is."""
-_OFF = mujoco.mjtDisableBit
+_OFF = (
+    mujoco.mjtDisableBit.mjDSBL_CONTACT, mujoco.mjtDisableBit.mjDSBL_CONSTRAINT, mujoco.mjtDisableBit.mjDSBL_ACTUATION, mujoco.mjtDisableBit.mjDSBL_SPRING,
+    mujoco.mjtDisableBit.mjDSBL_DAMPER,
+)  # fmt: skip
+"""Only the robot's tree matters; forces would be worked out for nothing."""
 
 
 class Kinematics:
@@ -28,8 +32,7 @@ class Kinematics:
         self._links, self._num_envs = len(robot.links), num_envs
         spec = mujoco.MjSpec()
         spec.compiler.degree = False
-        # only the robot's tree matters; forces would be worked out for nothing
-        spec.option.disableflags = int(_OFF.mjDSBL_CONTACT | _OFF.mjDSBL_CONSTRAINT | _OFF.mjDSBL_ACTUATION | _OFF.mjDSBL_SPRING | _OFF.mjDSBL_DAMPER)
+        spec.option.disableflags = sum(bit.value for bit in _OFF)
         add_links(spec, robot)
         for sensor in _SENSORS:
             for name in robot.link_names:
