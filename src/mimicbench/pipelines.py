@@ -52,7 +52,7 @@ class Profile:
 
 PROFILES = {
     "smoke": Profile(objects=16, clips=16, tracked=16, episodes=16, policies=("planner",)),
-    "default": Profile(objects=120, clips=128, tracked=128, episodes=128, policies=("planner",)),
+    "default": Profile(objects=120, clips=128, tracked=128, episodes=128, policies=("planner", "act-clock", "bc-clock")),
     "full": Profile(objects=400, clips=2000, tracked=256, episodes=400, policies=("planner", "act", "bc", "act-clock", "bc-clock")),
 }
 

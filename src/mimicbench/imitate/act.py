@@ -15,7 +15,7 @@ weights learned on photographs and keeps them almost as they are; here it is lea
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import torch
 from torch import Tensor, nn
@@ -68,6 +68,11 @@ class ACTConfig:
             inputs=inputs or InputConfig(), encoder=EncoderConfig.small(), chunk=25, hidden=128, feedforward=256, heads=4,
             posterior_layers=1, encoder_layers=2, decoder_layers=1, latent=16, dropout=0.05,
         )  # fmt: skip
+
+    @staticmethod
+    def quick(inputs: InputConfig | None = None) -> "ACTConfig":
+        """For minutes on a CPU: about 400 thousand parameters, a fifth of a second ahead. Many batches do more for it than a large network."""
+        return replace(ACTConfig.small(inputs), chunk=10, hidden=96, feedforward=256)
 
 
 class ACT(Learner):

@@ -40,7 +40,7 @@ REMEMBERING = InputConfig(body="proprio", clock=True, memory=True, elevation=Fal
 LEARNERS: dict[str, LearnerConfig] = {
     "act": ACTConfig.small(),
     "bc": BCConfig.small(),
-    "act-clock": ACTConfig.small(REMEMBERING),
+    "act-clock": ACTConfig.quick(REMEMBERING),
     "bc-clock": BCConfig.small(REMEMBERING),
 }
 """Learners that clone demonstrations. `ACTConfig.paper()` is the paper's size, for a GPU."""
