@@ -20,7 +20,7 @@ def workspaces(tmp_path_factory):
 def test_the_same_clips(workspaces):
     for stage in ("references", "retarget"):
         one, two = ({path.name: path.read_bytes() for path in ws.folder(stage).glob("*.npz")} for ws in workspaces)
-        assert one == two and len(one) == 4
+        assert one == two and len(one) >= 4
 
 
 def test_the_same_tracking(workspaces):

@@ -233,5 +233,6 @@ def prepare_episodes(ws: Workspace, episodes: int) -> None:
         ws.finished("retarget")
         return
     objects_stage(ws, ObjectsConfig())
-    references_stage(ws, ReferencesConfig(episodes, test_only=True))
+    # some more, for the gate and K may leave out a few
+    references_stage(ws, ReferencesConfig(episodes + episodes // 20 + 2, test_only=True))
     retarget_stage(ws, RetargetConfig())
