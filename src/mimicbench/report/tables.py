@@ -127,7 +127,7 @@ def to_rich(table: Table) -> RichTable:
     """For `rich.print`."""
     shown = RichTable(title=table.title, caption=table.note or None, title_justify="left", caption_justify="left", title_style="bold")
     for i, column in enumerate(table.columns):
-        shown.add_column(column, justify="right" if table.numeric(i) else "left")
+        shown.add_column(column, justify="right" if table.numeric(i) else "left", overflow="fold")  # narrow terminals break numbers rather than hide digits
     for row in table.rows:
         # brackets are rich's markup, and ours around intervals
         shown.add_row(*(text(cell).replace("[", "\\[") for cell in row))
