@@ -21,7 +21,6 @@ from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.judge import Judge
 from mimicbench.tasks.start import Start, Starts
 from mimicbench.tasks.task import Task
-from mimicbench.tasks.touch_points import TOUCH_POINTS
 
 SENSES = ("proprio", "state", "time", "elevation")
 """What can be observed, besides the targets of tasks that have some."""
@@ -178,13 +177,14 @@ class Episodes:
         if "elevation" in senses:
             self._look()  # brings what the rays meet up to date
             seen["elevation"] = camera_map(self.physics, rig=self.task.rig, cell=self.task.map_cell).numpy()
-        if self.task is TOUCH_POINTS:
+        if self.task.wrist_goals:
             goal, root_pos, root_quat = np.stack([start.wrist_goal_w for start in self.starts]), self.physics.qpos()[:, :3], self.physics.qpos()[:, 3:7]
             seen["targets"] = rot.rotate_inverse(root_quat[:, None], goal - root_pos[:, None]).astype(np.float32)
             if "elevation" in senses:
                 seen["target_elevation"] = target_map(root_pos, root_quat, goal, self.task.map_cell).numpy()
         for values in seen.values():
             if not np.isfinite(values).all():
+                # of a scene that broke: its episode ends with `diverged`, but what is returned has to be in the space
                 np.nan_to_num(values, copy=False)
             np.clip(values, -BOUND, BOUND, out=values)
         return seen

@@ -8,7 +8,6 @@ from mimicbench.robot.description import Robot
 from mimicbench.sense.heightmap import CELLS
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.episodes import BOUND, Episodes
-from mimicbench.tasks.touch_points import TOUCH_POINTS
 
 
 def action_space(robot: Robot, control: str) -> spaces.Box:
@@ -30,6 +29,6 @@ def observation_space(episodes: Episodes) -> spaces.Dict:
         "target_elevation": spaces.Box(-BOUND, BOUND, (CELLS, CELLS)), "targets": spaces.Box(-BOUND, BOUND, (2, 3)),
     }  # fmt: skip
     chosen = set(episodes.config.observe)
-    if episodes.task is TOUCH_POINTS:
+    if episodes.task.wrist_goals:
         chosen |= {"targets", "target_elevation"} if "elevation" in chosen else {"targets"}
     return spaces.Dict({name: space for name, space in every.items() if name in chosen})

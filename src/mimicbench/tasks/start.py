@@ -25,7 +25,6 @@ from mimicbench.retarget.make import read_retargeted
 from mimicbench.robot.description import Robot
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.task import Task
-from mimicbench.tasks.touch_points import TOUCH_POINTS
 
 SPLITS = ("train", "test", "all")
 CLEARANCE = 0.005
@@ -114,7 +113,7 @@ def draw_start(task: Task, obj: SceneObject, stance: Stance, random: np.random.G
     clips of sit-chair start. The others: in front of the object, facing it, up to 0.3 m (touch-points: 0.1 m) behind where it could begin,
     0.1 m to the side and turned by 0.2 rad.
     """
-    goal = np.stack(touch_pair(obj, random)) if task is TOUCH_POINTS else np.zeros((0, 3))
+    goal = np.stack(touch_pair(obj, random)) if task.wrist_goals else np.zeros((0, 3))
     if task.max_start_distance is not None:
         xy, yaw = _around(obj, task.max_start_distance, random)
     else:

@@ -123,6 +123,8 @@ class Task:
     """The robot's cameras (appendix C.2)."""
     map_cell: float
     """[m] Side of a cell of the elevation map (appendix C.2)."""
+    wrist_goals: bool = False
+    """Whether every episode has a target for each wrist."""
 
     def hold_frames(self, fps: float) -> int:
         """Frames in a row that count as holding."""

@@ -26,6 +26,7 @@ TOUCH_POINTS = Task(
     requires_seat=False,
     upright=True,
     max_start_distance=None,
+    wrist_goals=True,
     rig=HEAD_RIG,
     map_cell=0.01,
 )
