@@ -17,7 +17,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.sense.heightmap import CELL, CELLS, cell_centers
 from mimicbench.sense.rays import bounding_spheres, cast
 from mimicbench.sense.rigs import PELVIS_RIG, Rig
-from mimicbench.sim.native import NativePhysics
+from mimicbench.sim.physics import Physics
 
 RANGE = 6.0
 """[m] Depth beyond this is left out (C.2)."""
@@ -43,9 +43,7 @@ def map_from_depth(depth: np.ndarray, root_pos: np.ndarray, root_quat: np.ndarra
     return torch.from_numpy(maps)
 
 
-def camera_map(
-    physics: NativePhysics, ids: np.ndarray | None = None, height: int = 90, width: int = 120, rig: Rig = PELVIS_RIG, cell: float = CELL
-) -> torch.Tensor:
+def camera_map(physics: Physics, ids: np.ndarray | None = None, height: int = 90, width: int = 120, rig: Rig = PELVIS_RIG, cell: float = CELL) -> torch.Tensor:
     """(N, 128, 128) elevation maps of scenes `ids` (None: all) by the lines of sight of cameras of `height` x `width` pixels."""
     ids = np.arange(physics.num_envs) if ids is None else ids
     if len(ids) > _AT_ONCE:
@@ -71,7 +69,7 @@ def camera_map(
     return torch.from_numpy(maps)
 
 
-def down_map(physics: NativePhysics, ids: np.ndarray | None = None, cell: float = CELL) -> torch.Tensor:
+def down_map(physics: Physics, ids: np.ndarray | None = None, cell: float = CELL) -> torch.Tensor:
     """(N, 128, 128) elevation maps of scenes `ids` (None: all) by vertical rays through the cells' centers."""
     ids = np.arange(physics.num_envs) if ids is None else ids
     root_pos, yaw = physics.qpos()[ids, :3], rot.yaw_of(physics.qpos()[ids, 3:7])

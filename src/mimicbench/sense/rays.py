@@ -1,4 +1,4 @@
-"""Lines of sight through the physical scenes, on the physics' own threads; nothing is drawn."""
+"""Lines of sight through the physical scenes, followed by the physics itself; nothing is drawn."""
 
 from collections.abc import Sequence
 
@@ -7,7 +7,7 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.objects.shape import SceneObject
 from mimicbench.sense.rigs import HEIGHT, PELVIS_RIG, WIDTH, Rig
-from mimicbench.sim.native import NativePhysics
+from mimicbench.sim.physics import Physics
 from mimicbench.sim.scene import FLOOR_GROUP, OBJECT_GROUP, ROBOT_GROUP, VISUAL_GROUP
 
 FARTHEST = 50.0
@@ -17,7 +17,7 @@ _RAYS_AT_ONCE = 1 << 18
 
 
 def ray_depth(
-    physics: NativePhysics, ids: np.ndarray | None = None, height: int = HEIGHT, width: int = WIDTH, rig: Rig = PELVIS_RIG, robot: bool = True
+    physics: Physics, ids: np.ndarray | None = None, height: int = HEIGHT, width: int = WIDTH, rig: Rig = PELVIS_RIG, robot: bool = True
 ) -> np.ndarray:
     """(N, C, height, width) float32 depth images of scenes `ids` (None: all), along the cameras' axes, at most 50 m [m].
 
@@ -26,19 +26,19 @@ def ray_depth(
     ids = np.arange(physics.num_envs) if ids is None else ids
     rays, origins = rig.rays(height, width).reshape(len(rig.mounts), -1, 3), rig.origins()
     root_pos, turns = physics.qpos()[ids, :3], rot.to_matrix(physics.qpos()[ids, 3:7])
-    group = _groups(FLOOR_GROUP, OBJECT_GROUP, *((ROBOT_GROUP, VISUAL_GROUP) if robot else ()))
+    groups = (FLOOR_GROUP, OBJECT_GROUP, *((ROBOT_GROUP, VISUAL_GROUP) if robot else ()))
     images = np.empty((len(ids), len(rays), height * width), np.float32)
     step = max(1, _RAYS_AT_ONCE // rays.shape[1])
     for first in range(0, len(ids), step):
         some = slice(first, first + step)
         for camera, (origin, ray) in enumerate(zip(origins, rays, strict=True)):
             eye = (root_pos[some] + turns[some] @ origin)[:, None]
-            depth, _ = physics.batch.ray(eye, ray @ turns[some].swapaxes(1, 2), geomgroup=group, ids=ids[some])
+            depth = physics.ray(eye, ray @ turns[some].swapaxes(1, 2), groups, ids[some])
             images[some, camera] = np.where(depth < 0, FARTHEST, np.minimum(depth, FARTHEST))
     return images.reshape(len(ids), len(rays), height, width)
 
 
-def bounding_spheres(physics: NativePhysics, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def bounding_spheres(physics: Physics, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Centers (N, 3) and radii (N,) [m] of spheres that hold the objects of scenes `ids`, where they are now."""
     objects: Sequence[SceneObject] = [physics.objects[env] for env in ids]
     starts = np.cumsum([0, *(len(obj.box_pos) for obj in objects[:-1])])
@@ -49,7 +49,7 @@ def bounding_spheres(physics: NativePhysics, ids: np.ndarray) -> tuple[np.ndarra
     return at + rot.rotate(turn, 0.5 * (low + high)), 0.5 * np.linalg.norm(high - low, axis=-1)
 
 
-def cast(physics: NativePhysics, ids: np.ndarray, starts: Sequence[np.ndarray], rays: Sequence[np.ndarray]) -> list[np.ndarray]:
+def cast(physics: Physics, ids: np.ndarray, starts: Sequence[np.ndarray], rays: Sequence[np.ndarray]) -> list[np.ndarray]:
     """For each scene, how many lengths of its rays (R, 3) it is from their starts (R, 3) to the object; -1 for a miss."""
     counts = np.array([len(some) for some in rays])
     depths = [np.zeros(0)] * len(ids)
@@ -64,15 +64,8 @@ def cast(physics: NativePhysics, ids: np.ndarray, starts: Sequence[np.ndarray], 
         start[..., 2] = ray[..., 2] = 1e3  # up and away, for those that have fewer
         for row, i in enumerate(chunk):
             start[row, : counts[i]], ray[row, : counts[i]] = starts[i], rays[i]
-        depth, _ = physics.batch.ray(start, ray, geomgroup=_groups(OBJECT_GROUP), ids=ids[chunk])
+        depth = physics.ray(start, ray, (OBJECT_GROUP,), ids[chunk])
         for row, i in enumerate(chunk):
             depths[i] = depth[row, : counts[i]]
         first = last
     return depths
-
-
-def _groups(*seen: int) -> np.ndarray:
-    """The geom groups that rays see."""
-    groups = np.zeros(6, np.uint8)
-    groups[list(seen)] = 1
-    return groups

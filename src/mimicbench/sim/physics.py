@@ -103,7 +103,7 @@ class Physics(Protocol):
     def ray(self, starts: np.ndarray, rays: np.ndarray, groups: Sequence[int], ids: np.ndarray | None = None) -> np.ndarray:
         """How many lengths of its ray (n, R, 3) it is from each start (n, R, 3) to a geom of `groups`: (n, R), -1 for a miss.
 
-        In scenes `ids`, ascending (None: all).
+        In scenes `ids`, ascending (None: all). One start (n, 1, 3) may serve all rays of a scene.
         """
         ...
 

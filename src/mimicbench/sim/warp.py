@@ -6,6 +6,7 @@ Numbers have 32 bits, and a GPU adds up in no fixed order: unlike the native bac
 """
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from pathlib import Path
 from typing import Any
 
@@ -256,21 +257,23 @@ class WarpPhysics:
         return pose[:, :3].copy(), pose[:, 3:7].copy()
 
     def ray(self, starts: np.ndarray, rays: np.ndarray, groups: Sequence[int], ids: np.ndarray | None = None) -> np.ndarray:
-        """See Physics.ray. All worlds cast as many rays, so those that are not asked cost too."""
+        """For scenes `ids`, how many lengths of each ray it is to a geom; see Physics.ray."""
         index = torch.arange(self.num_envs, device=self.device) if ids is None else torch.from_numpy(np.asarray(ids)).to(self.device)
-        count = rays.shape[1]
-        start, ray = (torch.zeros(self.num_envs, count, 3, device=self.device) for _ in range(2))
-        start[..., 2] = ray[..., 2] = 1e3  # up and away, in worlds that are not asked
-        start[index], ray[index] = (torch.from_numpy(np.asarray(given, np.float32)).to(self.device) for given in (starts, rays))
+        shape = (len(index), rays.shape[1])
+        start, ray = (torch.from_numpy(np.asarray(given, np.float32)).to(self.device).expand(*shape, 3).contiguous() for given in (starts, rays))
         self._kinematics()
+        # all that rays meet in those worlds alone: others need not cast any
+        model, data = copy(self._model), copy(self._data)
+        data.nworld = len(index)
         with wp.ScopedDevice(self._wp_device):
+            for owner, name in ((model, "geom_size"), (data, "geom_xpos"), (data, "geom_xmat")):
+                rows = getattr(owner, name)
+                setattr(owner, name, wp.from_torch(wp.to_torch(rows)[index], dtype=rows.dtype))
             seen = _GROUP_MASK(*(float(group in groups) for group in range(6)))
-            everybody, shape = wp.full(count, -1, dtype=int), (self.num_envs, count)
+            nobody = wp.full(rays.shape[1], -1, dtype=int)
             distance, geom, normal = wp.empty(shape, dtype=float), wp.empty(shape, dtype=int), wp.empty(shape, dtype=wp.vec3)  # pyright: ignore[reportArgumentType]
-            _cast(
-                self._model, self._data, wp.from_torch(start, dtype=wp.vec3), wp.from_torch(ray, dtype=wp.vec3), seen, True, everybody, distance, geom, normal
-            )
-        return wp.to_torch(distance)[index].double().cpu().numpy()
+            _cast(model, data, wp.from_torch(start, dtype=wp.vec3), wp.from_torch(ray, dtype=wp.vec3), seen, True, nobody, distance, geom, normal)
+        return wp.to_torch(distance).double().cpu().numpy()
 
     def push(self, ids: np.ndarray, lin_vel_w: np.ndarray) -> None:
         """Add (n, 3) [m/s] to the root's velocity in scenes `ids`."""
