@@ -11,9 +11,11 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.chairs import make_chair
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references import skeletons as human
+from mimicbench.references.body import unihsi_body
 from mimicbench.references.gait import Gait, around_box, balance, plan_footsteps, support_point, swing_feet
 from mimicbench.references.limbs import minimum_jerk, smooth_below, two_link
-from mimicbench.references.synthesis import Limits, check_clip, faults, is_good, synthesize
+from mimicbench.references.quality import Limits, check_clip, faults, is_good
+from mimicbench.references.synthesis import synthesize
 
 CLIPS = 48
 
@@ -108,12 +110,13 @@ def test_pendulum_is_balanced_over_the_feet():
     center, support = balance(steps, time, gait, 1.0, 0.9), support_point(steps, time, gait, 1.0)
     acceleration = np.diff(center, 2, axis=0) * 60**2
     assert center[1:-1] - 0.9 / 9.81 * acceleration == pytest.approx(support[1:-1], abs=1e-9)
-    feet = swing_feet(steps, time, gait, 1.0, human.SOLE, human.TOE, human.HEEL)
+    body = unihsi_body()
+    feet = swing_feet(steps, time, gait, 1.0, body.sole, body.toe, body.heel)
     for side in (0, 1):  # while one foot swings, the support is by the other
         swings = ~feet.contact[:, side]
         away = np.linalg.norm(support[swings] - feet.pos_w[swings, 1 - side, :2], axis=-1)
         assert away.max() == pytest.approx(np.hypot(gait.forefoot, gait.outward), abs=1e-6)
-        assert feet.pos_w[swings, side, 2].max() >= human.SOLE + 0.05
+        assert feet.pos_w[swings, side, 2].max() >= body.sole + 0.05
 
 
 def test_clips_pass_the_gate(clips: list[tuple[HumanMotion, SceneObject]]):
@@ -130,7 +133,7 @@ def test_clips_end_on_the_seat_facing_forward(clips: list[tuple[HumanMotion, Sce
         end = motion.root_pos_w[-1]
         low, high = obj.seat_polygon.min(0), obj.seat_polygon.max(0)
         assert (end[:2] > low).all() and (end[:2] < high).all()
-        assert -0.02 <= end[2] - obj.require_seat() - human.BUTTOCK * scale <= 0
+        assert -0.02 <= end[2] - obj.require_seat() - unihsi_body(scale).buttock <= 0
         assert abs(rot.yaw_of(motion.local_quat[-1, 0])) < 0.02
         still = motion.root_pos_w[-round(1.2 * motion.fps) :]
         assert np.ptp(still, axis=0).max() < 1e-3

@@ -14,10 +14,11 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile, BadMotion
 from mimicbench.core.motion import HumanMotion, forward_kinematics
 from mimicbench.core.pickles import load_restricted
+from mimicbench.references.body import unihsi_body
 from mimicbench.references.contacts import drop_short
 from mimicbench.references.fit_object import seated_frame
 from mimicbench.references.segments import find_sittings
-from mimicbench.references.skeletons import BUTTOCK, UNIHSI
+from mimicbench.references.skeletons import UNIHSI
 from mimicbench.references.unihsi import FPS, import_sitting, import_skeleton_motion, smooth_jumps
 
 DATA = Path(__file__).parents[1].parent / "shared" / "data"
@@ -73,7 +74,7 @@ def test_a_made_up_recording_comes_out_as_it_went_in(tmp_path):
 def test_a_made_up_person_gets_a_chair(tmp_path):
     [(motion, chair)] = import_sitting(write(tmp_path, made_up(), "made.npy"))
     assert (motion.id, motion.object_id, chair.id, motion.source) == ("real-made-0", "fitted-made-0", "fitted-made-0", "made")
-    assert abs(chair.seat_height - (0.88 - 0.421546 + 0.0014 - BUTTOCK)) < 2e-3
+    assert abs(chair.seat_height - (0.88 - 0.421546 + 0.0014 - unihsi_body().buttock)) < 2e-3
     origin, yaw, _ = seated_frame(motion, slice(motion.frames - 30, None))
     assert abs(origin[1]) < 1e-3 and abs(yaw) < 1e-3
     assert motion.contacts[-10:].all(), "both feet and the pelvis bear"
@@ -236,7 +237,7 @@ def test_every_real_sitting_gets_a_chair(name):
         end, start = motion.root_pos_w[-1], motion.root_pos_w[0]
         low, high = chair.seat_polygon.min(0), chair.seat_polygon.max(0)
         assert (end[:2] > low).all() and (end[:2] < high).all(), "the person ends on the seat"
-        assert abs(end[2] - BUTTOCK - chair.seat_height) < 0.02
+        assert abs(end[2] - unihsi_body().buttock - chair.seat_height) < 0.02
         assert np.linalg.norm(start[:2]) < 2.4 and not chair.contains_xy(start), "and starts beside the chair, near it"
         assert motion.contacts[-20:, 2].all() and not motion.contacts[:30, 2].any()
         assert 0.2 < motion.contacts[:, :2].mean() < 0.95
@@ -247,7 +248,7 @@ def test_every_real_sitting_gets_a_chair(name):
 @real
 @pytest.mark.parametrize("name", SITTING)
 def test_nobody_walks_or_sits_through_the_chair(name):
-    from mimicbench.references.synthesis import check_clip
+    from mimicbench.references.quality import check_clip
 
     for motion, chair in imported(name):
         measures = check_clip(motion, chair)

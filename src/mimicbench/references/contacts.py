@@ -5,7 +5,7 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.shape import SceneObject
-from mimicbench.references import skeletons as human
+from mimicbench.references.body import Body, body_of
 
 CONTACT_NAMES = ("left_foot", "right_foot", "pelvis")
 LOW, STILL = 0.03, 0.25
@@ -15,17 +15,18 @@ SHORTEST = 0.1
 
 
 def detect_contacts(motion: HumanMotion, obj: SceneObject) -> np.ndarray:
-    """(T, 3) which of CONTACT_NAMES bears on the floor or on the object; UniHSI skeleton, object at the origin."""
+    """(T, 3) which of CONTACT_NAMES bears on the floor or on the object, which is at the origin."""
+    body = body_of(motion.skeleton)
     pos, quat = motion.forward_kinematics()
-    labels = [_foot(motion, pos, quat, name) for name in CONTACT_NAMES[:2]]
-    labels.append(_pelvis(motion, pos[:, motion.skeleton.index("pelvis")], obj))
+    labels = [_foot(motion, body, pos[:, leg.end], quat[:, leg.end]) for leg in body.legs]
+    labels.append(_pelvis(motion, body, pos[:, body.pelvis], obj))
     shortest = max(1, round(SHORTEST * motion.fps))
     return np.stack([drop_short(label, shortest) for label in labels], -1)
 
 
-def sole_points(pos: np.ndarray, quat: np.ndarray) -> np.ndarray:
+def sole_points(body: Body, pos: np.ndarray, quat: np.ndarray) -> np.ndarray:
     """(T, 2, 3) middle of the heel and of the toe, on the sole [m], from the ankle's pose (T, 3), (T, 4)."""
-    ends = np.array([[human.HEEL, 0.0, -human.SOLE], [human.TOE, 0.0, -human.SOLE]])
+    ends = np.array([[body.heel, 0.0, -body.sole], [body.toe, 0.0, -body.sole]])
     return pos[:, None] + rot.rotate(quat[:, None], ends)
 
 
@@ -40,18 +41,17 @@ def drop_short(label: np.ndarray, shortest: int) -> np.ndarray:
     return label
 
 
-def _foot(motion: HumanMotion, pos: np.ndarray, quat: np.ndarray, name: str) -> np.ndarray:
-    """(T,) whether a foot bears on the floor."""
-    joint = motion.skeleton.index(name)
-    ends = sole_points(pos[:, joint], quat[:, joint])
+def _foot(motion: HumanMotion, body: Body, pos: np.ndarray, quat: np.ndarray) -> np.ndarray:
+    """(T,) whether a foot bears on the floor, from its ankle's pose."""
+    ends = sole_points(body, pos, quat)
     speed = np.linalg.norm(np.gradient(ends, 1 / motion.fps, axis=0), axis=-1)
     return ((ends[..., 2] < LOW) & (speed < STILL)).any(-1)
 
 
-def _pelvis(motion: HumanMotion, pelvis: np.ndarray, obj: SceneObject) -> np.ndarray:
+def _pelvis(motion: HumanMotion, body: Body, pelvis: np.ndarray, obj: SceneObject) -> np.ndarray:
     """(T,) whether the pelvis bears on the seat."""
     low, high = obj.seat_polygon.min(0) - 0.05, obj.seat_polygon.max(0) + 0.05
     over = ((pelvis[:, :2] >= low) & (pelvis[:, :2] <= high)).all(-1)
-    near = pelvis[:, 2] - human.BUTTOCK - obj.require_seat() < LOW
+    near = pelvis[:, 2] - body.buttock - obj.require_seat() < LOW
     slow = np.abs(np.gradient(pelvis[:, 2], 1 / motion.fps)) < STILL
     return over & near & slow

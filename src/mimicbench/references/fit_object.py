@@ -11,7 +11,7 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.chairs import KINDS, build_chair, draw_shape
 from mimicbench.objects.shape import SceneObject
-from mimicbench.references import skeletons as human
+from mimicbench.references.body import body_of
 
 FAR = 0.2
 """[m]; nothing is judged by distances beyond it."""
@@ -67,7 +67,8 @@ def fit_chair(object_id: str, motion: HumanMotion, seated: slice, candidates: in
     to rest on. Raises BadMotion if no chair suits.
     """
     pos, quat = motion.forward_kinematics()
-    seat_height = float(np.median(pos[seated, motion.skeleton.index("pelvis"), 2])) - human.BUTTOCK
+    person = body_of(motion.skeleton)
+    seat_height = float(np.median(pos[seated, person.pelvis, 2])) - person.buttock
     if not 0.25 <= seat_height <= 0.65:
         raise BadMotion(f"clip {motion.id}: the seat would be {seat_height:.2f} m high, no chair's height (0.25 to 0.65); is the floor at z = 0?")
     body = _body(pos, quat, motion)
@@ -105,18 +106,16 @@ def _candidates(object_id: str, seat_height: float, count: int) -> Iterator[tupl
 
 def _body(pos: np.ndarray, quat: np.ndarray, motion: HumanMotion) -> _Body:
     """The body's sample points in all frames."""
-    points, radii, joints = [], [], []
-    for part in human.UNIHSI_PARTS:
-        joint = motion.skeleton.index(part.joint)
+    points, radii, roles = [], [], []
+    for part in body_of(motion.skeleton).parts:
         samples = np.linspace(part.start, part.end, 1 if part.start == part.end else 5)
-        points.append(pos[:, joint, None] + rot.rotate(quat[:, joint, None], samples))
+        points.append(pos[:, part.joint, None] + rot.rotate(quat[:, part.joint, None], samples))
         radii += [part.radius] * len(samples)
-        joints += [part.joint] * len(samples)
-    trunk = np.isin(joints, ("pelvis", "torso", "head"))
+        roles += [part.role] * len(samples)
     path = np.concatenate(points, 1)
     still = np.linalg.norm(path[-1] - path[-min(len(path), round(0.2 * motion.fps) + 1)], axis=-1) < 0.02
-    resting = still & np.isin(joints, ("left_hand", "right_hand"))
-    return _Body(path, np.array(radii), trunk, resting, np.isin(joints, ("left_shin", "right_shin", "left_foot", "right_foot")))
+    resting = still & np.isin(roles, "hand")
+    return _Body(path, np.array(radii), np.isin(roles, ("pelvis", "trunk", "head")), resting, np.isin(roles, ("shin", "foot")))
 
 
 def _judge(obj: SceneObject, slides: np.ndarray, body: _Body, frames: np.ndarray, seated: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -11,7 +11,8 @@ from mimicbench.core.parallel import map_items
 from mimicbench.core.stage import Stage, open_stage
 from mimicbench.objects.make import read_objects
 from mimicbench.objects.shape import SceneObject, load_object, save_object
-from mimicbench.references.synthesis import check_clip, clip_id, is_good, synthesize
+from mimicbench.references.quality import check_clip, is_good
+from mimicbench.references.synthesis import clip_id, synthesize
 from mimicbench.references.unihsi import import_sitting
 
 

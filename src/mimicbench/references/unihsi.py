@@ -11,6 +11,7 @@ from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import MAX_FRAMES, HumanMotion, Skeleton, forward_kinematics
 from mimicbench.core.pickles import load_restricted
 from mimicbench.objects.shape import SceneObject
+from mimicbench.references.body import unihsi_body
 from mimicbench.references.contacts import CONTACT_NAMES, detect_contacts, sole_points
 from mimicbench.references.fit_object import fit_chair, seated_frame
 from mimicbench.references.segments import Sitting, SittingRules, find_sittings
@@ -67,7 +68,7 @@ def import_skeleton_motion(path: Path) -> SkeletonMotion:
     _check_upright(path, root, quat)
     _check_rate(path, data, skeleton, float(fps), root, quat)
     pos, world = forward_kinematics(skeleton, root, quat)
-    floor = _floor(skeleton, pos, world)
+    floor = _floor(pos, world)
     root = root - np.array([0.0, 0.0, floor])
     assumed.append(f"the floor was taken to be where the soles usually are, at z = {floor:.3f} m")
     return SkeletonMotion(path.stem, skeleton, float(fps), root, quat, tuple(assumed))
@@ -189,12 +190,13 @@ def _check_rate(path: Path, data: dict, skeleton: Skeleton, fps: float, root: np
         raise BadMotion(f"{path} says {fps:g} frames per second, but its stored velocities fit {fps * told / max(speed, 1e-6):.0f}; mend its fps")
 
 
-def _floor(skeleton: Skeleton, pos: np.ndarray, quat: np.ndarray) -> float:
+def _floor(pos: np.ndarray, quat: np.ndarray) -> float:
     """Height of the floor: the usual height of the lower sole while the person is up [m].
 
     These files put the lowest ankle of the whole recording at z = 0, which is some centimeters above the soles.
     """
     up = pos[:, 0, 2] >= 0.8 * np.quantile(pos[:, 0, 2], 0.9)
     pos, quat = pos[up], quat[up]
-    soles = [sole_points(pos[:, joint], quat[:, joint])[..., 2].min(-1) for joint in (skeleton.index("left_foot"), skeleton.index("right_foot"))]
+    body = unihsi_body()
+    soles = [sole_points(body, pos[:, leg.end], quat[:, leg.end])[..., 2].min(-1) for leg in body.legs]
     return float(np.median(np.minimum(*soles)))

@@ -20,9 +20,10 @@ from mimicbench.objects.families import FAMILIES, make_object
 from mimicbench.objects.make import read_objects
 from mimicbench.objects.shape import SceneObject, split_of
 from mimicbench.objects.touch import stance_before, touch_pair
-from mimicbench.references.sit_chair import draw_start as draw_place
+from mimicbench.references.walking import draw_start as draw_place
 from mimicbench.retarget.make import read_retargeted
 from mimicbench.robot.description import Robot
+from mimicbench.sim.physics import Physics
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.task import Task
 
@@ -76,6 +77,12 @@ def start_of(motion: RobotMotion, obj: SceneObject, robot: Robot, task: Task) ->
         CubicSpline(times, motion.root_pos_w[head])(0.0, 1), rot.rotate_inverse(turning[0], spin_w), CubicSpline(times, motion.joint_pos[head])(0.0, 1),
         motion.wrist_goal_w, motion.id,
     )  # fmt: skip
+
+
+def put_at_start(physics: Physics, ids: np.ndarray, starts: Sequence[Start]) -> None:
+    """Put the robots of scenes `ids` (n,) where their episodes start, and the objects to the origin."""
+    names = "root_pos_w", "root_quat_w", "joint_pos", "root_lin_vel_w", "root_ang_vel_b", "joint_vel"
+    physics.reset(ids, *(np.stack([getattr(start, name) for start in starts]) for name in names))
 
 
 def clipped(root_pos_w: np.ndarray, limit: float | None) -> np.ndarray:

@@ -1,0 +1,120 @@
+"""A person who walks somewhere and stops: from footsteps to pelvis, trunk, head and arms."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mimicbench.core import rotations as rot
+from mimicbench.objects.shape import SceneObject
+from mimicbench.references.body import Body
+from mimicbench.references.gait import Feet, Footsteps, Gait, Route, balance, body_yaw, plan_footsteps, stride_difference, swing_feet
+from mimicbench.references.limbs import about_x, about_y, smooth, smooth_below
+from mimicbench.references.posing import Arms, Legs
+
+FPS = 30.0
+"""Frame rate of synthetic clips."""
+REACH = 0.985
+"""Share of its full length to which a leg may be stretched."""
+
+
+@dataclass(frozen=True)
+class Walk:
+    """A walk and what follows it on standing feet, in T frames at FPS."""
+
+    steps: Footsteps
+    time: np.ndarray
+    """(T,) [s]."""
+    feet: Feet
+    yaw: np.ndarray
+    """(T,) heading of the pelvis, without jumps of 2 pi [rad]."""
+    pelvis_pos_w: np.ndarray
+    """(T, 3) in balance over the feet [m]."""
+    ahead: np.ndarray
+    """(T,) how far the left foot is in front of the right one [m]."""
+    twist: np.ndarray
+    """(T,) turn of the pelvis with the steps, to be added to `yaw` [rad]."""
+    list: np.ndarray
+    """(T,) roll of the pelvis, down on the side of the swinging leg [rad]."""
+    look: np.ndarray
+    """(T,) turn of the head towards where the way leads [rad]."""
+
+    @property
+    def end(self) -> float:
+        """When the last foot stands [s]."""
+        return self.steps.end
+
+    def legs(self) -> Legs:
+        """The legs that go with the feet."""
+        heading = rot.from_yaw(self.feet.yaw)
+        return Legs(self.feet.pos_w, rot.multiply(heading, about_y(self.feet.pitch)), rot.rotate(heading, np.array([0.0, 1.0, 0.0])))
+
+    def pelvis_quat(self, pitch: np.ndarray) -> np.ndarray:
+        """(T, 4) the pelvis with the walk's heading, twist and list, bent forward by pitch (T,) [rad]."""
+        return rot.multiply(rot.from_yaw(self.yaw + self.twist), rot.multiply(about_y(pitch), about_x(self.list)))
+
+    def chest_turn(self, spine: np.ndarray) -> np.ndarray:
+        """(T, 4) the chest relative to the pelvis: it counters twist and list, and bends forward by spine (T,) [rad]."""
+        return rot.multiply(rot.from_yaw(-1.6 * self.twist), rot.multiply(about_y(spine), about_x(-self.list)))
+
+    def head_turn(self, nod: np.ndarray) -> np.ndarray:
+        """(T, 4) the head relative to the chest: it looks where the way leads, and nods by (T,) [rad]."""
+        return rot.multiply(rot.from_yaw(self.look), about_y(nod))
+
+    def arms(self, body: Body, amount: float) -> Arms:
+        """Arms that swing against the legs, `amount` times as much as usual."""
+        upper, elbow = [], []
+        for sign in (1.0, -1.0):
+            swing = amount * sign * self.ahead / body.size
+            upper.append(rot.multiply(about_y(0.04 + 0.75 * swing), about_x(np.full_like(swing, sign * 0.13))))
+            elbow.append(about_y(-0.30 - 0.25 * np.maximum(0.0, 0.2 - swing)))
+        return Arms(np.stack(upper, 1), np.stack(elbow, 1))
+
+
+def draw_start(random: np.random.Generator, obj: SceneObject) -> tuple[np.ndarray, float]:
+    """A place (2,) [m] 1 to 2 m from the origin, within 100 degrees of the front and 0.45 m clear of the object, and any heading [rad]."""
+    low, high = obj.bounds()
+    azimuth = np.deg2rad(random.uniform(-100, 100))
+    ray = np.array([np.cos(azimuth), np.sin(azimuth)])
+    edge = np.where(ray > 0, high[:2], low[:2]) + 0.45 * np.sign(ray)
+    nearest = max(1.0, float(np.min(edge / np.where(np.abs(ray) < 1e-9, 1e-9, ray))))
+    distance = random.uniform(nearest, max(2.0, nearest + 0.5))
+    return distance * ray, float(random.uniform(-np.pi, np.pi))
+
+
+def walk(body: Body, route: Route, start_yaw: float, stop_xy: np.ndarray, stop_yaw: float, gait: Gait, after: float) -> Walk:
+    """Walk along a route, turn and back up to the stop, and stand there `after` seconds after the last foot has landed.
+
+    The point between the ankles starts at the route's first point with heading `start_yaw` [rad] and ends at `stop_xy` (2,) [m]
+    with heading `stop_yaw` [rad].
+    """
+    steps = plan_footsteps(start_yaw, route, stop_xy, stop_yaw, gait, body.size)
+    time = np.arange(int((steps.end + after) * FPS) + 1) / FPS
+    feet = swing_feet(steps, time, gait, body.size, body.sole, body.toe, body.heel)
+    yaw = body_yaw(feet, FPS)
+    ahead = stride_difference(feet, yaw, FPS)
+    pelvis = np.empty((len(time), 3))
+    pelvis[:, :2] = balance(steps, time, gait, body.size, 0.9 * body.size)
+    pelvis[:, 2] = standing_height(body, pelvis[:, :2], yaw, feet)
+    sideways = _sideways(pelvis, feet, yaw)
+    soon = int(0.5 * FPS)
+    coming = np.concatenate([yaw[soon:], np.repeat(yaw[-1:], min(soon, len(yaw)))])
+    look = smooth(np.clip(coming - yaw, -0.6, 0.6), round(0.2 * FPS))
+    return Walk(steps, time, feet, yaw, pelvis, ahead, -0.15 * ahead / body.size, 0.25 * sideways / body.size, look)
+
+
+def standing_height(body: Body, pelvis_xy: np.ndarray, yaw: np.ndarray, feet: Feet) -> np.ndarray:
+    """The highest smooth pelvis path (T,) [m] from which both legs reach their feet: lower in double support, as people walk."""
+    leg = REACH * sum(body.length(body.legs[0]))
+    limits = np.full(len(yaw), leg + body.sole)
+    for side, limb in enumerate(body.legs):
+        forward, left, _ = body.skeleton.offsets[limb.root]
+        hip = pelvis_xy + forward * np.stack([np.cos(yaw), np.sin(yaw)], -1) + left * np.stack([-np.sin(yaw), np.cos(yaw)], -1)
+        away = ((hip - feet.pos_w[:, side, :2]) ** 2).sum(-1)
+        limits = np.minimum(limits, feet.pos_w[:, side, 2] + np.sqrt(np.maximum(leg**2 - away, 0.25 * leg**2)))
+    return smooth_below(limits, round(0.2 * FPS)) - 0.006 + body.hip_drop
+
+
+def _sideways(pelvis: np.ndarray, feet: Feet, yaw: np.ndarray) -> np.ndarray:
+    """How far the pelvis is to the left of the middle of the feet (T,) [m]."""
+    offset = pelvis[:, :2] - feet.pos_w[..., :2].mean(1)
+    return smooth(offset[:, 1] * np.cos(yaw) - offset[:, 0] * np.sin(yaw), round(0.2 * FPS))
