@@ -1,11 +1,8 @@
 """Lines of sight through the physical scenes, followed by the physics itself; nothing is drawn."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.objects.shape import SceneObject
 from mimicbench.sense.rigs import HEIGHT, PELVIS_RIG, WIDTH, Rig
 from mimicbench.sim.physics import Physics
 from mimicbench.sim.scene import FLOOR_GROUP, OBJECT_GROUP, ROBOT_GROUP, VISUAL_GROUP
@@ -36,36 +33,3 @@ def ray_depth(
             depth = physics.ray(eye, ray @ turns[some].swapaxes(1, 2), groups, ids[some])
             images[some, camera] = np.where(depth < 0, FARTHEST, np.minimum(depth, FARTHEST))
     return images.reshape(len(ids), len(rays), height, width)
-
-
-def bounding_spheres(physics: Physics, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Centers (N, 3) and radii (N,) [m] of spheres that hold the objects of scenes `ids`, where they are now."""
-    objects: Sequence[SceneObject] = [physics.objects[env] for env in ids]
-    starts = np.cumsum([0, *(len(obj.box_pos) for obj in objects[:-1])])
-    pos, quat, half = (np.concatenate(parts) for parts in zip(*((obj.box_pos, obj.box_quat, obj.box_half) for obj in objects), strict=True))
-    reach = (abs(rot.to_matrix(quat)) * half[:, None, :]).sum(-1)  # half the size of each box's own bounding box
-    low, high = np.minimum.reduceat(pos - reach, starts), np.maximum.reduceat(pos + reach, starts)
-    at, turn = (pose[ids] for pose in physics.object_pose())
-    return at + rot.rotate(turn, 0.5 * (low + high)), 0.5 * np.linalg.norm(high - low, axis=-1)
-
-
-def cast(physics: Physics, ids: np.ndarray, starts: Sequence[np.ndarray], rays: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """For each scene, how many lengths of its rays (R, 3) it is from their starts (R, 3) to the object; -1 for a miss."""
-    counts = np.array([len(some) for some in rays])
-    depths = [np.zeros(0)] * len(ids)
-    order = np.argsort(-counts, kind="stable")
-    first = 0
-    while first < len(order) and counts[order[first]]:
-        # scenes with about as many rays go together, for each call needs the same number in all
-        most = counts[order[first]]
-        last = min(first + max(1, _RAYS_AT_ONCE // most), first + int((counts[order[first:]] > 0.75 * most).sum()))
-        chunk = np.sort(order[first:last])  # as the batch wants them
-        start, ray = np.zeros((len(chunk), most, 3)), np.zeros((len(chunk), most, 3))
-        start[..., 2] = ray[..., 2] = 1e3  # up and away, for those that have fewer
-        for row, i in enumerate(chunk):
-            start[row, : counts[i]], ray[row, : counts[i]] = starts[i], rays[i]
-        depth = physics.ray(start, ray, (OBJECT_GROUP,), ids[chunk])
-        for row, i in enumerate(chunk):
-            depths[i] = depth[row, : counts[i]]
-        first = last
-    return depths

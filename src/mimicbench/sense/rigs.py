@@ -63,6 +63,11 @@ class Rig:
         """(C, height, width, 3) lines of sight in the root frame, each one meter long along its camera's axis: a pixel of depth d shows origin + d * ray."""
         return _rays(self, height, width)
 
+    def sights(self, height: int = HEIGHT, width: int = WIDTH) -> np.ndarray:
+        """(C, 3, 3) the same lines of sight as linear forms: `sights @ (1, row, column)` is that of a pixel."""
+        focal = self.focal(width)
+        return rot.to_matrix(self.turns()) @ np.array([[1, 0, 0], [(width - 1) / 2 / focal, 0, -1 / focal], [(height - 1) / 2 / focal, -1 / focal, 0]])
+
     def project(self, points_r: np.ndarray, height: int = HEIGHT, width: int = WIDTH) -> tuple[np.ndarray, np.ndarray]:
         """Where points (K, 3) of the root frame are in the pictures.
 
