@@ -81,14 +81,16 @@ def draw_start(random: np.random.Generator, obj: SceneObject) -> tuple[np.ndarra
     return distance * ray, float(random.uniform(-np.pi, np.pi))
 
 
-def walk(body: Body, route: Route, start_yaw: float, stop_xy: np.ndarray, stop_yaw: float, gait: Gait, after: float) -> Walk:
-    """Walk along a route, turn and back up to the stop, and stand there `after` seconds after the last foot has landed.
+def walk(body: Body, route: Route, start_yaw: float, stop_xy: np.ndarray, stop_yaw: float, gait: Gait, after: float, duration: float = 0.0) -> Walk:
+    """Walk along a route, turn and back up to the stop, and stand there at least `after` seconds after the last foot has landed.
+
+    The whole has at least `duration` seconds.
 
     The point between the ankles starts at the route's first point with heading `start_yaw` [rad] and ends at `stop_xy` (2,) [m]
     with heading `stop_yaw` [rad].
     """
     steps = plan_footsteps(start_yaw, route, stop_xy, stop_yaw, gait, body.size)
-    time = np.arange(int((steps.end + after) * FPS) + 1) / FPS
+    time = np.arange(int(max(steps.end + after, duration) * FPS) + 1) / FPS
     feet = swing_feet(steps, time, gait, body.size, body.sole, body.toe, body.heel)
     yaw = body_yaw(feet, FPS)
     ahead = stride_difference(feet, yaw, FPS)
