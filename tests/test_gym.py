@@ -6,6 +6,7 @@ from dataclasses import replace
 import gymnasium
 import numpy as np
 import pytest
+import torch
 from gymnasium.utils.env_checker import check_env, data_equivalence
 from gymnasium.vector import AutoresetMode
 from hypothesis import given, settings
@@ -16,15 +17,14 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion, BadObject, MimicbenchError, UnknownName
 from mimicbench.core.motion import RobotMotion
 from mimicbench.core.seeds import rng
-from mimicbench.evaluate.rollout import place_at_start
 from mimicbench.objects.families import FAMILIES, make_object
 from mimicbench.objects.shape import save_object, split_of
 from mimicbench.objects.touch import STAND_OFF
 from mimicbench.sense.opengl import NoPictures
-from mimicbench.sim.native import NativePhysics
 from mimicbench.tasks.gym import TaskEnv, TaskVectorEnv
 from mimicbench.tasks.registry import TASKS, get_task
 from mimicbench.tasks.start import Stance, Starts, clipped, draw_start, start_of
+from mimicbench.track.reference import ReferenceBank
 from stool import H1, JOINT, block, seated
 
 READY = [name for name, slug in mimicbench.ENVIRONMENTS.items() if get_task(slug).family in FAMILIES]
@@ -273,17 +273,20 @@ def clip(frames=60, object_id="chair-0-00001", far=3.0):
 
 
 @pytest.mark.parametrize("frames", [60, 45, 12])
-def test_a_motion_starts_as_evaluations_start_it(frames):
+def test_a_motion_starts_as_trackers_start_it(frames):
     motion, task = clip(frames), get_task("sit-chair")
-    obj = make_object(motion.object_id)
-    physics = NativePhysics(H1, [obj], workers=1)
-    place_at_start(physics, [motion], task)
-    start = start_of(motion, obj, H1, task)
-    ours = np.concatenate([start.root_pos_w, start.root_quat_w, start.joint_pos])
-    np.testing.assert_allclose(ours, physics.qpos()[0], atol=1e-5)
-    ours = np.concatenate([start.root_lin_vel_w, start.root_ang_vel_b, start.joint_vel])
-    np.testing.assert_allclose(ours, physics.qvel()[0], atol=2e-4)
-    assert np.linalg.norm(start.root_pos_w[:2]) == pytest.approx(2.0)
+    start = start_of(motion, make_object(motion.object_id), H1, task)
+    first = ReferenceBank([motion], H1).frame(torch.tensor([0]), torch.tensor([0]))
+    pos, quat, lin_vel_w, spin_w, joint_pos, joint_vel = (values[0].numpy().astype(float) for values in vars(first).values())
+    np.testing.assert_allclose(start.root_pos_w, [*(pos[:2] * 2 / np.linalg.norm(pos[:2])), pos[2]], atol=1e-12)
+    np.testing.assert_allclose(start.root_quat_w, rot.normalize(quat), atol=1e-12)
+    np.testing.assert_array_equal(start.joint_pos, joint_pos)
+    for ours, theirs in (
+        (start.root_lin_vel_w, lin_vel_w),
+        (start.root_ang_vel_b, rot.rotate_inverse(rot.normalize(quat), spin_w)),
+        (start.joint_vel, joint_vel),
+    ):
+        np.testing.assert_allclose(ours, theirs, atol=2e-4 if frames < 60 else 1e-6)
     assert start.reference_id == motion.id
 
 

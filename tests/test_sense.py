@@ -306,6 +306,9 @@ class Recorder:
     def __init__(self, eyes):
         self.eyes, self.seen = eyes, []
 
+    def to(self, device):
+        assert device == "cpu"
+
     def reset(self, ids, senses):
         self.target = torch.tensor(H1.rest_pose).expand(len(ids), 19)
 

@@ -23,6 +23,7 @@ Task = Annotated[str, tyro.conf.arg(help="which task, such as `sit-chair`")]
 Workdir = Annotated[Path, tyro.conf.arg(help="where all artefacts go, in <workdir>/<task>/<stage>")]
 Seed = Annotated[int, tyro.conf.arg(help="same seed, same results, whatever the number of workers")]
 Workers = Annotated[int, tyro.conf.arg(help="threads or processes; 0 for all processors")]
+Device = Annotated[str, tyro.conf.arg(help="what computes the physics: cpu, cuda, cuda:1 (MuJoCo Warp on a GPU), or warp-cpu (slow, for tests)")]
 Json = Annotated[bool, tyro.conf.arg(name="json", help="print the summary as one line of JSON and nothing else on stdout")]
 Axis = Literal["x+", "x-", "y+", "y-", "z+", "z-"]
 WORK = Path("work")
@@ -116,12 +117,13 @@ def track(
     workdir: Workdir = WORK,
     seed: Seed = 0,
     workers: Workers = 0,
+    device: Device = "cpu",
     as_json: Json = False,
 ) -> None:
     """Train a tracker on the retargeted clips, or evaluate one."""
     from mimicbench import workspace
 
-    ws = workspace.Workspace(workdir, task, seed, workers, as_json)
+    ws = workspace.Workspace(workdir, task, seed, workers, as_json, device=device)
     if evaluate:
         rows = workspace.evaluate_tracker(ws, checkpoint or workspace.tracker_folder(ws), episodes, None if split == "all" else split)
         _summary(rows, as_json)
@@ -132,12 +134,12 @@ def track(
 
 
 @app.command(name="demos")
-def demos(task: Task = "sit-chair", workdir: Workdir = WORK, seed: Seed = 0, workers: Workers = 0, as_json: Json = False) -> None:
+def demos(task: Task = "sit-chair", workdir: Workdir = WORK, seed: Seed = 0, workers: Workers = 0, device: Device = "cpu", as_json: Json = False) -> None:
     """Let the tracker turn the training clips into demonstrations (a LeRobotDataset v3)."""
     from mimicbench import workspace
     from mimicbench.imitate.demos import DemosConfig
 
-    ws = workspace.Workspace(workdir, task, seed, workers, as_json)
+    ws = workspace.Workspace(workdir, task, seed, workers, as_json, device=device)
     _done(workspace.demos_stage(ws, DemosConfig()).header, as_json)
 
 
@@ -150,6 +152,7 @@ def imitate(
     workdir: Workdir = WORK,
     seed: Seed = 0,
     workers: Workers = 0,
+    device: Device = "cpu",
     as_json: Json = False,
 ) -> None:
     """Learn a policy that sees: a planner over the tracker by DAgger, or a clone of demonstrations."""
@@ -157,9 +160,10 @@ def imitate(
     from mimicbench.imitate.make import CloneConfig, ImitateConfig
     from mimicbench.imitate.planner import PlannerConfig
     from mimicbench.imitate.train import TrainConfig
+    from mimicbench.sim.devices import tensor_device
 
-    ws = workspace.Workspace(workdir, task, seed, workers, as_json)
-    config = ImitateConfig(planner=PlannerConfig(samples=samples), clone=CloneConfig(TrainConfig(minutes=minutes, seed=seed)))
+    ws = workspace.Workspace(workdir, task, seed, workers, as_json, device=device)
+    config = ImitateConfig(planner=PlannerConfig(samples=samples), clone=CloneConfig(TrainConfig(minutes=minutes, seed=seed, device=tensor_device(device))))
     _done(workspace.imitate_stage(ws, policy, config, _say).header, as_json)
 
 
@@ -171,13 +175,14 @@ def evaluate(
     workdir: Workdir = WORK,
     seed: Seed = 0,
     workers: Workers = 0,
+    device: Device = "cpu",
     as_json: Json = False,
 ) -> None:
     """Judge a policy by K and P on objects and starts that it has never seen; makes them if the workdir has none."""
     from mimicbench import workspace
     from mimicbench.evaluate.rows import write_rows
 
-    ws = workspace.Workspace(workdir, task, seed, workers, as_json)
+    ws = workspace.Workspace(workdir, task, seed, workers, as_json, device=device)
     workspace.prepare_episodes(ws, episodes)
     rows, _ = workspace.evaluate_policy(ws, policy, episodes)
     write_rows(ws.folder("evaluate") / f"{rows[0].policy}.parquet", rows)
@@ -192,18 +197,24 @@ def run(
     workdir: Workdir = WORK,
     seed: Annotated[int | None, tyro.conf.arg(help="by default 0 with --train and 1 without, so that the shipped policies meet new objects")] = None,
     workers: Workers = 0,
+    device: Device = "cpu",
     as_json: Json = False,
 ) -> None:
     """Do the whole task: new objects and human clips, retargeted, tracked, done by the policies, judged, reported."""
     from mimicbench import pipelines, workspace
 
     size = pipelines.PROFILES[profile or ("full" if train else "default")]
-    ws = workspace.Workspace(workdir, task, (0 if train else 1) if seed is None else seed, workers, as_json)
+    ws = workspace.Workspace(workdir, task, (0 if train else 1) if seed is None else seed, workers, as_json, device=device)
     if train:
-        from mimicbench.imitate.make import ImitateConfig
+        from dataclasses import replace
+
+        from mimicbench.imitate.make import CloneConfig, ImitateConfig
+        from mimicbench.sim.devices import tensor_device
         from mimicbench.track.train import TrackConfig
 
-        page, rows = pipelines.run_training(ws, size, TrackConfig(), ImitateConfig(), _say)
+        clone = CloneConfig(replace(CloneConfig().train, device=tensor_device(device)))
+
+        page, rows = pipelines.run_training(ws, size, TrackConfig(), ImitateConfig(clone=clone), _say)
     else:
         page, rows = pipelines.run_shipped(ws, size, _say)
     if as_json:
@@ -236,6 +247,7 @@ def bench(
     task: Task = "sit-chair",
     seconds: Annotated[float, tyro.conf.arg(help="how long each part is measured")] = 10.0,
     workers: Workers = 0,
+    device: Device = "cpu",
     as_json: Json = False,
 ) -> None:
     """Measure how fast this machine makes clips, retargets, simulates and learns."""
@@ -243,7 +255,7 @@ def bench(
     from mimicbench.robot.description import load_robot
     from mimicbench.tasks.registry import get_task
 
-    _measured(measure(load_robot("h1"), get_task(task), workers, seconds, _say), as_json)
+    _measured(measure(load_robot("h1"), get_task(task), workers, seconds, _say, device), as_json)
 
 
 @_bench_app.command(name="world")
@@ -254,6 +266,7 @@ def bench_world_(
     maps: Annotated[bool, tyro.conf.arg(help="measure with the elevation map too")] = True,
     memory: Annotated[bool, tyro.conf.arg(help="measure memory too, in processes of their own")] = True,
     workers: Workers = 0,
+    device: Device = "cpu",
     as_json: Json = False,
 ) -> None:
     """Measure the environments of all tasks beside bare physics, their memory, and the senses."""
@@ -261,7 +274,7 @@ def bench_world_(
     from mimicbench.tasks.registry import TASKS, get_task
 
     chosen = tuple(get_task(task).slug for task in tasks or TASKS)
-    _measured(bench_world(WorldBenchConfig(chosen, sizes, seconds, maps, memory, workers=workers), _say), as_json)
+    _measured(bench_world(WorldBenchConfig(chosen, sizes, seconds, maps, memory, workers=workers, device=device), _say), as_json)
 
 
 @_bench_app.command(name="soak")

@@ -95,7 +95,7 @@ def evaluated_rows(ws: Workspace, name: str, checkpoint: Path, episodes: int, ru
 
     path, source = ws.folder("evaluate") / f"{name}.parquet", ws.folder("evaluate") / f"{name}.json"
     model = hashlib.blake2b((checkpoint / MODEL).read_bytes(), digest_size=8).hexdigest()
-    made_from = {"checkpoint": model, "retarget": ws.finished("retarget").fingerprint, "episodes": episodes, "seed": ws.seed}
+    made_from = {"checkpoint": model, "retarget": ws.finished("retarget").fingerprint, "episodes": episodes, "seed": ws.seed, "device": ws.device}
     if path.exists() and source.exists() and read_json(source) == made_from:
         return read_rows(path)
     rows = run()
@@ -134,7 +134,7 @@ def showcase(ws: Workspace, rows: Sequence[EpisodeRow], policy: str) -> Showcase
     motion = next(m for m in ws.motions("test") if m.id == chosen.reference_id)
     obj = ws.objects()[motion.object_id]
     human = HumanMotion.load(ws.folder("references") / f"{motion.id}.npz")
-    tracked = track_clips(load_tracker(tracker_folder(ws), ws.robot), ws.robot, ws.task, [motion], {obj.id: obj}, ws.workers, record=True)
+    tracked = track_clips(load_tracker(tracker_folder(ws), ws.robot), ws.robot, ws.task, [motion], {obj.id: obj}, ws.workers, record=True, device=ws.device)
     # the whole first batch again, so that the episode runs exactly as it was judged
     _, recordings = evaluate_policy(ws, policy, min(len(of_policy), Protocol().batch), [chosen.episode], linger=1.5)
     fps = 1 / CONTROL_DT

@@ -20,6 +20,7 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.references.make import ReferencesConfig, import_references, make_references
 from mimicbench.retarget.make import RetargetConfig, make_retargeted, read_retargeted
 from mimicbench.robot.description import Robot, load_robot
+from mimicbench.sim.devices import CPU
 from mimicbench.tasks.registry import get_task
 from mimicbench.tasks.task import Task
 
@@ -46,6 +47,15 @@ class Workspace:
     quiet: bool = False
     """No progress bars."""
     robot_name: str = "h1"
+    device: str = "cpu"
+    """What computes the physics, and where networks learn and judge: `cpu`, `cuda`, `cuda:1` or `warp-cpu`."""
+
+    def __post_init__(self) -> None:
+        """Raises UnknownName or MimicbenchError where there is no such device."""
+        if self.device != CPU:
+            from mimicbench.sim.backends import check_device
+
+            check_device(self.device)
 
     @cached_property
     def task(self) -> Task:
@@ -112,8 +122,8 @@ def track_stage(ws: Workspace, config: TrackConfig, say: Say = print) -> Stage:
             f"K on training clips {row['k_train']:.2f}, on unseen objects {row['k_held_out']:.2f}"
         )
 
-    train_tracker(stage.folder, ws.robot, ws.task, train, test, ws.objects(), config, ws.seed, ws.workers, report)
-    return stage.finish(clips=len(train), samples=config.samples)
+    train_tracker(stage.folder, ws.robot, ws.task, train, test, ws.objects(), config, ws.seed, ws.workers, report, ws.device)
+    return stage.finish(clips=len(train), samples=config.samples, device=ws.device)
 
 
 def evaluate_tracker(ws: Workspace, checkpoint: Path, episodes: int, split: str | None) -> list[EpisodeRow]:
@@ -125,7 +135,7 @@ def evaluate_tracker(ws: Workspace, checkpoint: Path, episodes: int, split: str 
     _one_thread()
     tracker = load_tracker(checkpoint, ws.robot)
     motions, objects = ws.motions(split)[:episodes], ws.objects()
-    rollout = track_clips(tracker, ws.robot, ws.task, motions, objects, ws.workers)
+    rollout = track_clips(tracker, ws.robot, ws.task, motions, objects, ws.workers, device=ws.device)
     return tracker_rows(rollout, motions, objects, ws.task, ws.robot, "tracker", tracker.kind.name, ws.seed)
 
 
@@ -138,7 +148,7 @@ def demos_stage(ws: Workspace, config: DemosConfig) -> Stage:
     tracker = load_tracker(track.folder / "checkpoint", ws.robot)
     return make_demos(
         ws.folder("demos"), ws.finished("retarget"), ws.robot, ws.task, tracker, track.fingerprint, ws.motions("train"), ws.objects(), config,
-        ws.seed, ws.workers, ws.quiet,
+        ws.seed, ws.workers, ws.quiet, ws.device,
     )  # fmt: skip
 
 
@@ -155,7 +165,7 @@ def imitate_stage(ws: Workspace, name: str, config: ImitateConfig, say: Say = pr
     eyes = make.make_perception(folder / "perception", ws.slug, ws.robot, train, test, made_from, config.perception, ws.quiet)
     if name == "planner":
         made_from = {"track": track.fingerprint, "perception": eyes.fingerprint}
-        return make.make_planner(folder / name, ws.robot, ws.task, ws.motions("train"), objects, made_from, config.planner, ws.seed, ws.workers, say)
+        return make.make_planner(folder / name, ws.robot, ws.task, ws.motions("train"), objects, made_from, config.planner, ws.seed, ws.workers, say, ws.device)
     demos = demos_stage(ws, config.demos)
     made_from = {"demos": demos.fingerprint, "perception": eyes.fingerprint}
     return make.make_clone(folder / name, ws.robot, ws.task, name, demos.folder / "dataset", objects, made_from, config.clone, ws.seed, ws.quiet)
@@ -219,7 +229,7 @@ def evaluate_policy(
     driver = load_any(folder, ws.robot)
     starts, objects = ws.motions("test")[:episodes], ws.objects()
     with counter(len(starts), f"evaluating {folder.name}", ws.quiet) as tick:
-        runs = run_policy(driver, ws.robot, ws.task, starts, objects, driver.gains, Protocol(linger=linger), ws.workers, record, tick)
+        runs = run_policy(driver, ws.robot, ws.task, starts, objects, driver.gains, Protocol(linger=linger), ws.workers, record, tick, ws.device)
     rows = policy_rows(runs, starts, objects, ws.task, ws.robot, folder.name, driver.gains, ws.seed)
     recordings = {}
     for number, run in enumerate(runs):

@@ -12,7 +12,7 @@ from mimicbench.references.synthesis import synthesize
 from mimicbench.retarget.bench import frames_per_second
 from mimicbench.retarget.optimization import OptimizationConfig, retarget_clip
 from mimicbench.robot.description import Robot
-from mimicbench.sim.scene import SUBSTEPS
+from mimicbench.sim.backends import check_device
 from mimicbench.tasks.task import Task
 from mimicbench.track.env import TrackingConfig, TrackingEnv
 from mimicbench.track.ppo import PPOConfig, PPOLearner
@@ -31,7 +31,7 @@ class BenchResult:
     retarget_fps: float
     """Frames retargeted per second on one core."""
     bare_steps: float
-    """Control steps per second of bare `mujoco.batch` stepping of the tracking scenes."""
+    """Control steps per second of bare stepping (`Physics.advance`) of the tracking scenes."""
     env_steps: float
     """Control steps per second of the tracking environment: observations, rewards, restarts."""
     env_ratio: float
@@ -40,8 +40,9 @@ class BenchResult:
     """Samples per second of the whole training: environment, exploration, updates."""
 
 
-def bench(robot: Robot, task: Task, workers: int, seconds: float, say: Callable[[str], None]) -> dict[str, float]:
+def bench(robot: Robot, task: Task, workers: int, seconds: float, say: Callable[[str], None], device: str = "cpu") -> dict[str, float]:
     """Measure everything; each part runs for about `seconds`."""
+    check_device(device)
     objects = [FAMILIES[task.family](index, 0) for index in range(CLIPS)]
     started = time.perf_counter()
     humans = [synthesize(task.slug, index, obj, 0) for index, obj in enumerate(objects)]
@@ -50,8 +51,8 @@ def bench(robot: Robot, task: Task, workers: int, seconds: float, say: Callable[
     retarget = frames_per_second(humans[: max(2, CLIPS // 4)], robot, OptimizationConfig())
     say(f"{retarget:.0f} frames retargeted per second and core")
     motions = [retarget_clip(human, robot) for human in humans]
-    env = TrackingEnv(get_kind("improved"), robot, motions, {obj.id: obj for obj in objects}, ENVS, TrackingConfig(), 0, workers)
-    learner = PPOLearner(env.observe().shape[1], len(robot.joints), ENVS, PPOConfig())
+    env = TrackingEnv(get_kind("improved"), robot, motions, {obj.id: obj for obj in objects}, ENVS, TrackingConfig(), 0, workers, device)
+    learner = PPOLearner(env.observe().shape[1], len(robot.joints), ENVS, PPOConfig(), env.device)
     train = _rate(lambda: _train(env, learner), ENVS * PPOConfig().steps, seconds)
     say(f"training: {train:.0f} samples per second")
     # environment and bare physics take turns, so that both meet the same machine
@@ -82,11 +83,12 @@ def _train(env: TrackingEnv, learner: PPOLearner) -> None:
 
 
 def _steps(env: TrackingEnv) -> None:
-    action = torch.zeros(env.num_envs, len(env.robot.joints))
+    action = torch.zeros(env.num_envs, len(env.robot.joints), device=env.device)
     for _ in range(8):
         env.step(action)
 
 
 def _bare(env: TrackingEnv) -> None:
+    target = env.moment.reference(0).joint_pos
     for _ in range(8):
-        env.physics.batch.step(nstep=SUBSTEPS)
+        env.physics.advance(target)

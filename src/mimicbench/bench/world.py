@@ -13,13 +13,13 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+import torch
 
 from mimicbench.bench.memory import resident_bytes
 from mimicbench.core.seeds import rng
 from mimicbench.objects.families import make_object
 from mimicbench.robot.description import load_robot
 from mimicbench.sense.bench import bench_senses
-from mimicbench.sim.scene import SUBSTEPS
 from mimicbench.tasks.gym import TaskVectorEnv
 from mimicbench.tasks.registry import TASKS
 
@@ -48,6 +48,8 @@ class WorldBenchConfig:
     """Objects to meet. They are compiled beforehand, as in a long run."""
     workers: int = 0
     """Threads; 0 for all processors."""
+    device: str = "cpu"
+    """What computes the physics."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ class WorldRow:
     task: str
     envs: int
     bare: float
-    """Control steps per second, all environments together, of bare `mujoco.batch` stepping."""
+    """Control steps per second, all environments together, of bare stepping (`Physics.advance`)."""
     env: float
     """The same of the environments: goals, K and P, observations, resets."""
     ratio: float
@@ -82,7 +84,7 @@ def bench_world(config: WorldBenchConfig, say: Callable[[str], None]) -> dict[st
     """Measure environments of all tasks and sizes, memory, and the senses; everything as plain JSON values."""
     rows = [bench_task(task, envs, config, say) for task in config.tasks for envs in config.sizes]
     memory = [_memory_row(config.tasks[0], envs, config, say) for envs in config.sizes] if config.memory else []
-    senses = bench_senses(load_robot("h1"), [make_object(f"chair-0-{index:05d}") for index in range(16)], config.seconds / 4)
+    senses = bench_senses(load_robot("h1"), [make_object(f"chair-0-{index:05d}") for index in range(16)], config.seconds / 4, device=config.device)
     say(", ".join(f"{name} {value:.3g}" for name, value in senses.items()))
     return {"config": asdict(config), "rows": [asdict(row) for row in rows], "memory": [asdict(row) for row in memory], "senses": senses}
 
@@ -101,7 +103,8 @@ def bench_task(task: str, envs: int, config: WorldBenchConfig, say: Callable[[st
 def _take_turns(task: str, envs: int, observe: Sequence[str], config: WorldBenchConfig) -> tuple[float, float, float]:
     """Control steps per second of environments, of bare physics, and the ratio."""
     env, targets = _make(task, envs, observe, config)
-    batch = env.episodes.physics.batch
+    physics = env.episodes.physics
+    on_device = torch.from_numpy(targets).to(physics.device)
     count = 0
 
     def step_env() -> None:
@@ -111,8 +114,7 @@ def _take_turns(task: str, envs: int, observe: Sequence[str], config: WorldBench
 
     def step_bare() -> None:
         nonlocal count
-        batch.ctrl = targets[count % _TARGETS]
-        batch.step(nstep=SUBSTEPS)
+        physics.advance(on_device[count % _TARGETS])
         count += 1
 
     step_env()
@@ -129,7 +131,7 @@ def _take_turns(task: str, envs: int, observe: Sequence[str], config: WorldBench
 
 def _make(task: str, envs: int, observe: Sequence[str], config: WorldBenchConfig) -> tuple[TaskVectorEnv, np.ndarray]:
     """Environments in the midst of their episodes, and targets for some steps (_TARGETS, N, J)."""
-    env = TaskVectorEnv(task, envs, observe=observe, split="all", pool=config.pool, workers=config.workers)
+    env = TaskVectorEnv(task, envs, observe=observe, split="all", pool=config.pool, workers=config.workers, device=config.device)
     env.reset(seed=0)
     random = rng(0, "bench", "world", task)
     robot = env.episodes.robot

@@ -8,7 +8,6 @@ import numpy as np
 import torch
 
 import mimicbench
-from mimicbench.core import rotations as rot
 from mimicbench.core.motion import RobotMotion
 from mimicbench.evaluate.rows import EpisodeRow
 from mimicbench.imitate.policy import Policy, Senses
@@ -16,14 +15,15 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.robot.description import Robot
 from mimicbench.sense.elevation import camera_map, down_map
 from mimicbench.sense.proprioception import Odometry, body_state, s_current
-from mimicbench.sim.native import NativePhysics
+from mimicbench.sim.backends import make_physics
+from mimicbench.sim.physics import Physics
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.judge import Judge
+from mimicbench.tasks.start import put_at_start, start_of
 from mimicbench.tasks.task import Task
-from mimicbench.track.reference import ReferenceBank
 from mimicbench.track.rollout import Rollout
 
-Eyes = Callable[[NativePhysics, np.ndarray], torch.Tensor]
+Eyes = Callable[[Physics, np.ndarray], torch.Tensor]
 EYES: dict[str, Eyes] = {"cameras": camera_map, "rays": down_map}
 """Makers of the elevation maps (M, 128, 128) of some robots (M,), of which a policy names one."""
 
@@ -54,35 +54,37 @@ class PolicyRun:
 def run_policy(
     policy: Policy, robot: Robot, task: Task, starts: Sequence[RobotMotion], objects: Mapping[str, SceneObject], preset: str,
     protocol: Protocol | None = None, workers: int = 0, record: Sequence[int] = (), tick: Callable[[int], None] | None = None,
+    device: str = "cpu",
 ) -> list[PolicyRun]:  # fmt: skip
     """One episode from the first frame of each motion in `starts`, beside that motion's object.
 
     Everything else of the motions is withheld. Runs in batches of the protocol's size; returns one PolicyRun a batch.
-    `tick(n)` is called when n more episodes are over.
+    `tick(n)` is called when n more episodes are over. The policy's networks move to where the tensors of physics on `device` live.
     """
     protocol = protocol or Protocol()
     runs = []
     for first in range(0, len(starts), protocol.batch):
         part = starts[first : first + protocol.batch]
         wanted = [episode - first for episode in record if first <= episode < first + len(part)]
-        runs.append(_run_batch(policy, robot, task, part, objects, preset, protocol, workers, wanted, tick))
+        runs.append(_run_batch(policy, robot, task, part, objects, preset, protocol, workers, wanted, tick, device))
     return runs
 
 
 @torch.no_grad()
 def _run_batch(
     policy: Policy, robot: Robot, task: Task, starts: Sequence[RobotMotion], objects: Mapping[str, SceneObject], preset: str,
-    protocol: Protocol, workers: int, record: Sequence[int], tick: Callable[[int], None] | None,
+    protocol: Protocol, workers: int, record: Sequence[int], tick: Callable[[int], None] | None, device: str,
 ) -> PolicyRun:  # fmt: skip
     n = len(starts)
     scene = [objects[motion.object_id] for motion in starts]
-    physics = NativePhysics(robot, scene, preset=preset, workers=workers)
-    place_at_start(physics, starts, task)
+    physics = make_physics(device, robot, scene, preset, workers=workers)
+    put_at_start(physics, np.arange(n), [start_of(motion, obj, robot, task) for motion, obj in zip(starts, scene, strict=True)])
+    policy.to(physics.device)
     judge = Judge(task, robot, scene, CONTROL_DT, [motion.wrist_goal_w for motion in starts])
-    odometry = Odometry(n)
-    everyone = torch.arange(n)
+    odometry = Odometry(n, physics.device)
+    everyone = torch.arange(n, device=physics.device)
     odometry.reset(everyone, physics.state())
-    last_target = torch.zeros(n, len(robot.joints))
+    last_target = torch.zeros(n, len(robot.joints), device=physics.device)
     start_distance = _distances(physics, scene)
     end_distance = start_distance.copy()
     limit = round(task.time_limit / CONTROL_DT)
@@ -113,28 +115,16 @@ def _run_batch(
     return PolicyRun(judge, start_distance, end_distance, {episode: np.array(track) for episode, track in tracks.items()})
 
 
-def place_at_start(physics: NativePhysics, starts: Sequence[RobotMotion], task: Task) -> None:
-    """Put each robot into the first frame of its motion, velocities included, no farther from the object than the task allows (C.1)."""
-    bank = ReferenceBank(starts, physics.robot)
-    first = bank.frame(torch.arange(len(starts)), torch.zeros(len(starts), dtype=torch.long))
-    pos = first.root_pos_w.numpy().astype(float)
-    if task.max_start_distance is not None:
-        distance = np.linalg.norm(pos[:, :2], axis=-1, keepdims=True)
-        pos[:, :2] *= np.minimum(1.0, task.max_start_distance / np.maximum(distance, 1e-9))
-    quat = rot.normalize(first.root_quat_w.numpy().astype(float))
-    spin = rot.rotate_inverse(quat, first.root_ang_vel_w.numpy().astype(float))
-    physics.reset(np.arange(len(starts)), pos, quat, first.joint_pos.numpy(), first.root_lin_vel_w.numpy(), spin, first.joint_vel.numpy())
-
-
-def _sense(physics: NativePhysics, odometry: Odometry, last_target: torch.Tensor, step: int, eyes: Eyes) -> Senses:
+def _sense(physics: Physics, odometry: Odometry, last_target: torch.Tensor, step: int, eyes: Eyes) -> Senses:
     state = physics.state()
     return Senses(
-        state=s_current(state, physics.links(), last_target), proprio=body_state(state), time=torch.full((physics.num_envs,), step * CONTROL_DT),
-        odometry_pos=odometry.pos, odometry_yaw=odometry.yaw, elevation=lambda ids: eyes(physics, ids.numpy()),
+        state=s_current(state, physics.links(), last_target), proprio=body_state(state),
+        time=torch.full((physics.num_envs,), step * CONTROL_DT, device=physics.device),
+        odometry_pos=odometry.pos, odometry_yaw=odometry.yaw, elevation=lambda ids: eyes(physics, ids.cpu().numpy()).to(physics.device),
     )  # fmt: skip
 
 
-def _distances(physics: NativePhysics, scene: Sequence[SceneObject]) -> np.ndarray:
+def _distances(physics: Physics, scene: Sequence[SceneObject]) -> np.ndarray:
     """(N,) horizontal distance of each root from its object's bounding rectangle [m]."""
     low, high = (np.array(corner)[:, :2] for corner in zip(*(obj.bounds() for obj in scene), strict=True))
     xy = physics.qpos()[:, :2]

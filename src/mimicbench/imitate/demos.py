@@ -15,7 +15,8 @@ from mimicbench.imitate.lerobot import Demonstration, DemoWriter
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robot.description import Robot
 from mimicbench.sense.proprioception import s_current
-from mimicbench.sim.native import NativePhysics
+from mimicbench.sim.kinematics import Kinematics
+from mimicbench.sim.physics import RobotState
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.task import Task
 from mimicbench.track.checkpoint import Tracker
@@ -40,7 +41,7 @@ class DemosConfig:
 
 def make_demos(
     folder: Path, retarget: Stage, robot: Robot, task: Task, tracker: Tracker, made_by: str, motions: Sequence[RobotMotion],
-    objects: Mapping[str, SceneObject], config: DemosConfig, seed: int, workers: int, quiet: bool = False,
+    objects: Mapping[str, SceneObject], config: DemosConfig, seed: int, workers: int, quiet: bool = False, device: str = "cpu",
 ) -> Stage:  # fmt: skip
     """Write the demonstrations as a LeRobotDataset v3; `made_by` is the tracker's fingerprint.
 
@@ -57,24 +58,24 @@ def make_demos(
         if any(motion.id in written for motion in part):
             continue
         noise = 0.0 if number < config.clean_share * len(parts) else config.action_noise
-        rollout = track_clips(tracker, robot, task, part, objects, workers, record=True, action_noise=noise, seed=seed, settle=config.settle)
+        rollout = track_clips(tracker, robot, task, part, objects, workers, True, noise, seed, config.settle, device=device)
         for i, motion in enumerate(part):
             if not rollout.judge.success[i] or rollout.judge.diverged[i]:
                 continue
-            state = observed_states(robot, objects[motion.object_id], tracker.kind.gains, rollout.qpos[i], rollout.qvel[i], rollout.targets[i])
+            state = observed_states(robot, rollout.qpos[i], rollout.qvel[i], rollout.targets[i])
             writer.add(Demonstration(state, rollout.targets[i], rollout.executed[i], rollout.qpos[i], rollout.qvel[i], motion.object_id, motion.id, True, seed))
         writer.finish()
     made = len(writer.written)
     if not made:
         raise BadMotion(f"the tracker fulfilled {task.slug} on none of {len(clips)} clips; train it longer")
-    return stage.finish(clips=len(clips), demonstrations=made, rate=made / len(clips))
+    return stage.finish(clips=len(clips), demonstrations=made, rate=made / len(clips), device=device)
 
 
-def observed_states(robot: Robot, obj: SceneObject, preset: str, qpos: np.ndarray, qvel: np.ndarray, targets: np.ndarray) -> np.ndarray:
+def observed_states(robot: Robot, qpos: np.ndarray, qvel: np.ndarray, targets: np.ndarray) -> np.ndarray:
     """(T, 300) S_current at every recorded frame; its last action is the joint target that was chosen before, zeros at first."""
-    frames = len(qpos)
-    physics = NativePhysics(robot, [obj] * frames, preset=preset, workers=1)
-    physics.qpos()[:], physics.qvel()[:] = qpos, qvel
-    last = torch.zeros(frames, len(robot.joints))
+    frames, joints = len(qpos), len(robot.joints)
+    pose, motion = torch.from_numpy(qpos.astype(np.float32)), torch.from_numpy(qvel.astype(np.float32))
+    state = RobotState(pose[:, :3], pose[:, 3:7], motion[:, :3], motion[:, 3:6], pose[:, 7 : 7 + joints], motion[:, 6 : 6 + joints])
+    last = torch.zeros(frames, joints)
     last[1:] = torch.as_tensor(targets[:-1])
-    return s_current(physics.state(), physics.links(), last).numpy()
+    return s_current(state, Kinematics(robot, frames, 1).links(qpos, qvel), last).numpy()

@@ -33,14 +33,14 @@ class _Episodes:
     def __init__(self, env: TrackingEnv, objects: Mapping[str, SceneObject], styles: torch.Tensor, seed: int) -> None:
         """`styles` (C, S) are the clips', normalized."""
         self._env, self._styles = env, styles
-        clips = torch.arange(len(env.bank))
+        clips = torch.arange(len(env.bank), device=env.device)
         first = env.bank.frame(clips, torch.zeros_like(clips))
         self._start_pos, self._start_yaw = first.root_pos_w[:, :2], rot.yaw_of(first.root_quat_w)
-        seats = torch.tensor(np.array([seat_of(objects[object_id]) for object_id in env.bank.object_ids]), dtype=torch.float32)
+        seats = torch.tensor(np.array([seat_of(objects[object_id]) for object_id in env.bank.object_ids]), dtype=torch.float32, device=env.device)
         self._seats = seat_in_root(seats, first.root_pos_w, self._start_yaw)
-        self._generator = torch.Generator().manual_seed(digest(seed, "planner", "seat noise") % (1 << 63))
-        self._seen = torch.zeros(env.num_envs, SEAT_SIZE)
-        self.begin(torch.arange(env.num_envs))
+        self._generator = torch.Generator(env.device).manual_seed(digest(seed, "planner", "seat noise") % (1 << 63))
+        self._seen = torch.zeros(env.num_envs, SEAT_SIZE, device=env.device)
+        self.begin(torch.arange(env.num_envs, device=env.device))
 
     def begin(self, ids: torch.Tensor) -> None:
         """Robots `ids` begin anew: each perceives its seat, with the errors that perception makes, once an episode."""
@@ -63,27 +63,31 @@ class _Episodes:
 
 def train_planner(
     folder: Path, robot: Robot, tracker: Tracker, motions: Sequence[RobotMotion], objects: Mapping[str, SceneObject],
-    config: PlannerConfig, seed: int, workers: int = 0, report: Callable[[dict], None] | None = None,
+    config: PlannerConfig, seed: int, workers: int = 0, report: Callable[[dict], None] | None = None, device: str = "cpu",
 ) -> PlannerNetwork:  # fmt: skip
     """Learn a planner over `tracker` by DAgger on `motions`.
 
     Training state goes to `<folder>/training.*` and `<folder>/metrics.jsonl`; a killed training goes on from there.
+    `device` computes the physics, and learns; the tracker's network moves there, too.
     """
     if tracker.kind is not RESIDUAL:
         raise MimicbenchError(f"the planner needs a tracker of preset 'improved', not {tracker.kind.name!r}")
     torch.manual_seed(digest(seed, "planner") % (1 << 63))
     torch.set_num_threads(config.threads)
-    env = TrackingEnv(RESIDUAL, robot, motions, objects, config.num_envs, config.tracking, seed, workers)
+    env = TrackingEnv(RESIDUAL, robot, motions, objects, config.num_envs, config.tracking, seed, workers, device)
     joints = len(robot.joints)
     _, styles = styles_of(motions)
     network = PlannerNetwork(joints, styles.shape[1], config.hidden)
     network.set_styles(styles)
+    network.to(env.device)
+    tracker.network.to(env.device)
+    styles = styles.to(env.device)
     episodes = _Episodes(env, objects, network.normalized_style(styles), seed)
     optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate)
     progress = resume_training(folder, network, optimizer, {"round": 0, "samples": 0, "seconds": 0.0})
-    store = _Store(config.memory, network.input_mean.numel(), joints, plan_size(joints))
+    store = _Store(config.memory, network.input_mean.numel(), joints, plan_size(joints), env.device)
     rounds = config.samples // (config.num_envs * config.steps)
-    teacher = torch.rand(config.num_envs) < _teacher_share(progress["round"] / rounds, config)
+    teacher = (torch.rand(config.num_envs) < _teacher_share(progress["round"] / rounds, config)).to(env.device)
     now = saved = time.monotonic()
     while progress["round"] < rounds:
         part = progress["round"] / rounds
@@ -131,7 +135,7 @@ def _collect(
             ids = done.nonzero()[:, 0]
             endings += int((~teacher[ids]).sum())
             failures += int((~teacher[ids] & ~time_out[ids]).sum())
-            teacher[ids] = torch.rand(len(ids)) < share
+            teacher[ids] = (torch.rand(len(ids)) < share).to(teacher.device)
             episodes.begin(ids)
     return failures, endings
 
@@ -139,21 +143,21 @@ def _collect(
 class _Store:
     """The most recent frames: inputs, last action, label."""
 
-    def __init__(self, size: int, inputs: int, actions: int, plan: int) -> None:
-        self._rows = torch.zeros(size, inputs + actions + plan)
+    def __init__(self, size: int, inputs: int, actions: int, plan: int, device: str) -> None:
+        self._rows = torch.zeros(size, inputs + actions + plan, device=device)
         self._widths = [inputs, actions, plan]
         self._next = self.filled = 0
 
     def add(self, inputs: torch.Tensor, last_action: torch.Tensor, label: torch.Tensor) -> None:
         rows = torch.cat([inputs, last_action, label], -1)
-        at = (self._next + torch.arange(len(rows))) % len(self._rows)
+        at = (self._next + torch.arange(len(rows), device=rows.device)) % len(self._rows)
         self._rows[at] = rows
         self._next = (self._next + len(rows)) % len(self._rows)
         self.filled = min(self.filled + len(rows), len(self._rows))
 
     def draw(self, count: int) -> tuple[torch.Tensor, ...]:
         """`count` frames at random: inputs, last action, label."""
-        return self._rows[torch.randint(self.filled, (count,))].split(self._widths, -1)
+        return self._rows[torch.randint(self.filled, (count,)).to(self._rows.device)].split(self._widths, -1)
 
     def statistics(self, network: PlannerNetwork) -> None:
         """Set the network's normalization from what is stored."""

@@ -80,7 +80,7 @@ def make_perception(
 
 def make_planner(
     folder: Path, robot: Robot, task: Task, motions: Sequence[RobotMotion], objects: Mapping[str, SceneObject], made_from: Mapping[str, str],
-    config: PlannerConfig, seed: int, workers: int, say: Callable[[str], None],
+    config: PlannerConfig, seed: int, workers: int, say: Callable[[str], None], device: str = "cpu",
 ) -> Stage:  # fmt: skip
     """Learn the planner over the tracker beside it."""
     stage = open_stage(folder, "planner", task.slug, seed, asdict(config), made_from)
@@ -91,9 +91,9 @@ def make_planner(
     def report(row: dict) -> None:
         say(f"{row['samples'] / 1e6:6.2f} M frames  {row['samples'] / row['seconds']:6.0f}/s  loss {row['loss']:.4f}  failed {row['failed']:.2f}")
 
-    network = train_planner(folder, robot, tracker, motions, objects, config, seed, workers, report)
+    network = train_planner(folder, robot, tracker, motions, objects, config, seed, workers, report, device)
     save_planner(folder, robot, network, config, {"seed": seed, "task": task.slug, "samples": config.samples, "clips": len(motions)})
-    return stage.finish(clips=len(motions), samples=config.samples)
+    return stage.finish(clips=len(motions), samples=config.samples, device=device)
 
 
 def make_clone(

@@ -195,12 +195,12 @@ def seat_memory(seat: Tensor, odometry_pos: Tensor, odometry_yaw: Tensor) -> Ten
 class SeatMemory:
     """What N robots remember of the seat: their surest look at it so far, carried along by odometry."""
 
-    def __init__(self, perception: Perception, robots: int) -> None:
-        """Nothing is remembered before the first `look` of each robot."""
+    def __init__(self, perception: Perception, robots: int, device: torch.device | str = "cpu") -> None:
+        """Nothing is remembered before the first `look` of each robot. `device` is where perception and senses are."""
         self.perception = perception
-        self.seat = torch.zeros(robots, SEAT_SIZE)
+        self.seat = torch.zeros(robots, SEAT_SIZE, device=device)
         """(N, 6) in the heading frame of each robot's start."""
-        self.doubt = torch.full((robots,), torch.inf)
+        self.doubt = torch.full((robots,), torch.inf, device=device)
         """(N,) how far off it may be [m]."""
 
     def forget(self, ids: Tensor) -> None:
@@ -241,7 +241,7 @@ class SeatMemory:
 def save_perception(folder: Path, net: Perception, robot: str, error: Mapping[str, float] | None = None) -> None:
     """Write a checkpoint of kind `perception`, with its errors on unseen objects, if they were measured."""
     notes = {} if error is None else {"error": dict(error)}
-    save_checkpoint(folder, "perception", robot, net.config, {name: value.numpy() for name, value in net.state_dict().items()}, notes)
+    save_checkpoint(folder, "perception", robot, net.config, {name: value.cpu().numpy() for name, value in net.state_dict().items()}, notes)
 
 
 def load_perception(folder: Path, robot: str) -> Perception:

@@ -112,7 +112,7 @@ class PlannerNetwork(nn.Module):
     def choose(self, seat: torch.Tensor) -> torch.Tensor:
         """(N, S) the normalized style for seats (N, 6) as first seen: the expected one, and the likelier of two choices."""
         if not len(self.style_mean):
-            return torch.zeros(len(seat), 0)
+            return seat.new_zeros(len(seat), 0)
         expected = self.chooser(seat)
         side = torch.where(expected * self.style_std + self.style_mean >= 0, 1.0, -1.0)
         return torch.where(self.style_is_choice > 0, self.normalized_style(side), expected)
@@ -151,13 +151,21 @@ class PlannerPolicy:
         self._last_action = torch.zeros(0, len(robot.joints))
         self._style = torch.zeros(0, len(network.style_mean))
 
+    def to(self, device: str) -> None:
+        """Move the networks to a device."""
+        self._network.to(device)
+        self._tracker.network.to(device)
+        self._memory = SeatMemory(self._memory.perception.to(device), 0)
+        self._last_action, self._style = self._last_action[:0].to(device), self._style[:0].to(device)
+
     @torch.no_grad()
     def reset(self, ids: torch.Tensor, senses: Senses) -> None:
         """Look at the first map, remember the seat, and settle how to go about it."""
         if len(self._last_action) != len(senses.time):
-            self._memory = SeatMemory(self._memory.perception, len(senses.time))
-            self._last_action = torch.zeros(len(senses.time), len(self._robot.joints))
-            self._style = torch.zeros(len(senses.time), len(self._network.style_mean))
+            device = senses.time.device
+            self._memory = SeatMemory(self._memory.perception, len(senses.time), device)
+            self._last_action = torch.zeros(len(senses.time), len(self._robot.joints), device=device)
+            self._style = torch.zeros(len(senses.time), len(self._network.style_mean), device=device)
         look_first(self._memory, ids, senses)
         self._last_action[ids] = 0.0
         self._style[ids] = self._network.choose(self._memory.seat[ids])
@@ -177,7 +185,7 @@ class PlannerPolicy:
 
 def save_planner(folder: Path, robot: Robot, network: PlannerNetwork, config: PlannerConfig, notes: Mapping[str, object]) -> None:
     """Write the planner's own network; its tracker and perception are in folders beside it."""
-    save_checkpoint(folder, "planner", robot.name, config, {name: value.numpy() for name, value in network.state_dict().items()}, notes)
+    save_checkpoint(folder, "planner", robot.name, config, {name: value.cpu().numpy() for name, value in network.state_dict().items()}, notes)
 
 
 def load_planner(folder: Path, robot: Robot) -> PlannerPolicy:

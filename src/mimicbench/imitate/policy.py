@@ -45,6 +45,10 @@ class Policy(Protocol):
     eyes: Literal["cameras", "rays"]
     """Which maker of elevation maps it looks through: `cameras` see what four cameras see, now and then; `rays` are fast enough for every frame."""
 
+    def to(self, device: str) -> None:
+        """Move its networks to where the tensors of `device` live, as torch calls it; senses will come from there."""
+        ...
+
     def reset(self, ids: Tensor, senses: Senses) -> None:
         """Robots `ids` (M,) begin anew; `senses` are those of all N robots in their first frame."""
         ...
@@ -88,13 +92,19 @@ class VisionPolicy:
         self.eyes: Literal["cameras", "rays"] = "rays" if learner.inputs.elevation else "cameras"
         self._memory = None if perception is None or not learner.inputs.memory else SeatMemory(perception, 0)
 
+    def to(self, device: str) -> None:
+        """Move the networks to a device."""
+        self.learner.to(device)
+        if self._memory is not None:
+            self._memory = SeatMemory(self._memory.perception.to(device), 0)
+
     @torch.no_grad()
     def reset(self, ids: Tensor, senses: Senses) -> None:
         """Look and remember the seat."""
         if self._memory is None:
             return
         if len(self._memory.doubt) != len(senses.time):
-            self._memory = SeatMemory(self._memory.perception, len(senses.time))
+            self._memory = SeatMemory(self._memory.perception, len(senses.time), senses.time.device)
         look_first(self._memory, ids, senses)
 
     @torch.no_grad()
@@ -106,7 +116,7 @@ class VisionPolicy:
             memory = self._memory.recall(senses.odometry_pos, senses.odometry_yaw)
         inputs = self.learner.inputs
         vector = inputs.vector(senses.state, senses.proprio, senses.time, memory)
-        everyone = torch.arange(len(senses.time))
+        everyone = torch.arange(len(senses.time), device=senses.time.device)
         return self.learner.predict(vector, senses.elevation(everyone)[:, None] if inputs.elevation else None)
 
 

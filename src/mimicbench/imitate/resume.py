@@ -14,9 +14,9 @@ from mimicbench.core.files import read_json, write_atomic, write_json
 
 def save_training(folder: Path, network: nn.Module, optimizer: torch.optim.Optimizer, progress: Mapping[str, float]) -> None:
     """Write `training.safetensors`, and `training.json` after it: with it, the save is whole."""
-    tensors = {f"network/{name}": value.numpy() for name, value in network.state_dict().items()}
+    tensors = {f"network/{name}": value.cpu().numpy() for name, value in network.state_dict().items()}
     for i, moments in optimizer.state_dict()["state"].items():
-        tensors |= {f"optimizer/{i}/{name}": np.asarray(value) for name, value in moments.items()}
+        tensors |= {f"optimizer/{i}/{name}": torch.as_tensor(value).cpu().numpy() for name, value in moments.items()}
     data = safetensors.numpy.save(tensors)
     write_atomic(folder / "training.safetensors", lambda stream: stream.write(data))
     write_json(folder / "training.json", dict(progress))

@@ -14,13 +14,13 @@ from mimicbench.sense.opengl import NoPictures
 from mimicbench.sense.rays import ray_depth
 from mimicbench.sense.render import RigCameras
 from mimicbench.sense.rigs import HEAD_RIG, HEIGHT, PELVIS_RIG, WIDTH
-from mimicbench.sim.native import NativePhysics
+from mimicbench.sim.backends import make_physics
 
 SMALL = 90, 120
 """[px] of the pictures that maps are made from."""
 
 
-def bench_senses(robot: Robot, objects: Sequence[SceneObject], seconds: float = 1.0, seed: int = 0) -> dict[str, float]:
+def bench_senses(robot: Robot, objects: Sequence[SceneObject], seconds: float = 1.0, seed: int = 0, device: str = "cpu") -> dict[str, float]:
     """Measure the makers of elevation maps and the cameras' pictures.
 
     A robot stands 0.6 to 2 m from each object, and then, for the keys with `near`, on the object's middle, where every line of
@@ -32,6 +32,7 @@ def bench_senses(robot: Robot, objects: Sequence[SceneObject], seconds: float = 
         objects: One or more objects; a few tens of them tell enough.
         seconds: How long each part is measured [s].
         seed: Of the robots' places.
+        device: What computes the physics, and with it the rays.
 
     Returns:
         Milliseconds per robot. Maps: `map_down_ms` by rays straight down, `map_cameras_ms` by the rays of four pictures of 90 x 120,
@@ -40,7 +41,7 @@ def bench_senses(robot: Robot, objects: Sequence[SceneObject], seconds: float = 
         90 x 120 by rays; `render_all_ms`, color, depth and segmentation of four cameras at 360 x 480.
     """
     count, random = len(objects), rng(seed, "bench", "senses")
-    physics = NativePhysics(robot, objects, workers=1)
+    physics = make_physics(device, robot, objects, workers=1)
     around, distance = random.uniform(-np.pi, np.pi, count), random.uniform(0.6, 2.0, count)
     yaw = around + np.pi + random.uniform(-0.5, 0.5, count)
     joints = np.tile(robot.rest_pose, (count, 1))

@@ -81,13 +81,13 @@ class Odometry:
     The position is in the heading frame of the start. Nothing but the robot's own motion goes in.
     """
 
-    def __init__(self, num_envs: int) -> None:
-        self.pos = torch.zeros(num_envs, 2)
+    def __init__(self, num_envs: int, device: str = "cpu") -> None:
+        self.pos = torch.zeros(num_envs, 2, device=device)
         """(N, 2) [m]."""
-        self.yaw = torch.zeros(num_envs)
+        self.yaw = torch.zeros(num_envs, device=device)
         """(N,) [rad]."""
-        self._heading = torch.zeros(num_envs)
-        self._velocity = torch.zeros(num_envs, 2)
+        self._heading = torch.zeros(num_envs, device=device)
+        self._velocity = torch.zeros(num_envs, 2, device=device)
 
     def reset(self, ids: torch.Tensor, state: RobotState) -> None:
         """Robots `ids` begin anew here."""

@@ -1,16 +1,14 @@
 """Which simulator computes the physics. Everything else asks for a device and gets the interface."""
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from mimicbench.core.errors import MimicbenchError, UnknownName
+from mimicbench.core.errors import MimicbenchError
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robot.description import Robot
+from mimicbench.sim.devices import CPU, tensor_device
 from mimicbench.sim.native import NativePhysics
 from mimicbench.sim.physics import Physics
-
-_WARP_CPU = "warp-cpu"
 
 
 def make_physics(
@@ -35,14 +33,23 @@ def make_physics(
         UnknownName: there is no such device.
         MimicbenchError: Warp is not installed, or there is no such GPU, or an object does not fit the backend.
     """
-    if device == "cpu":
+    if device == CPU:
         return NativePhysics(robot, objects, preset, control, workers, visuals, meshes, broken_dir)
-    if device != _WARP_CPU and not re.fullmatch(r"cuda(:\d{1,3})?", device):
-        raise UnknownName("device", device, ["cpu", "cuda", "cuda:1", _WARP_CPU])
+    check_device(device)
+    from mimicbench.sim.warp import WarpPhysics
+
+    return WarpPhysics(robot, objects, tensor_device(device), preset, control, visuals, broken_dir)
+
+
+def check_device(device: str) -> None:
+    """Find out whether there is such a device here before hours of work end at it. Raises as make_physics does."""
+    tensors = tensor_device(device)
+    if device == CPU:
+        return
     try:
-        from mimicbench.sim.warp import WarpPhysics
+        from mimicbench.sim.warp import open_device
     except ModuleNotFoundError as error:
         if error.name not in ("warp", "mujoco_warp"):
             raise
         raise MimicbenchError(f"device {device} needs MuJoCo Warp; run `pip install 'mimicbench[gpu]'`, or use --device cpu") from None
-    return WarpPhysics(robot, objects, "cpu" if device == _WARP_CPU else device, preset, control, visuals, broken_dir)
+    open_device(tensors)

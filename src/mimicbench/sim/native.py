@@ -130,6 +130,11 @@ class NativePhysics:
                 target[env].numpy().astype(float),
             ))  # fmt: skip
 
+    def advance(self, target: torch.Tensor) -> None:
+        """One control step of all scenes and nothing else; see Physics.advance."""
+        self.batch.ctrl = target.numpy()
+        self.batch.step(nstep=SUBSTEPS)
+
     def state(self) -> RobotState:
         """Joint-space state now."""
         qpos, qvel = torch.from_numpy(self._qpos.astype(np.float32)), torch.from_numpy(self._qvel.astype(np.float32))

@@ -54,6 +54,7 @@ class Physics(Protocol):
     robot: Robot
     num_envs: int
     device: str
+    """Where its tensors live, as torch calls it."""
     objects: Sequence[SceneObject]
     """The object in each scene."""
     broken: BrokenLog
@@ -84,7 +85,14 @@ class Physics(Protocol):
         """Advance scenes `ids` (None: all) one control step with targets (N, J): joint angles, velocities or torques by the control mode.
 
         With `measure_effort`, `effort` holds e = sum_j (tau_j v_j)^2 of this control step, tau and v being means over
-        its substeps (appendix D.2).
+        its substeps (appendix D.2). Targets may be on the CPU, too.
+        """
+        ...
+
+    def advance(self, target: torch.Tensor) -> None:
+        """One control step of all scenes with targets (N, J), and nothing else: no reports, no effort. Returns when it is over.
+
+        This is the least that a step can cost, beside which everything else is measured.
         """
         ...
 

@@ -54,7 +54,7 @@ class WarpPhysics:
         self.objects: Sequence[SceneObject] = list(objects)
         self.broken = BrokenLog(broken_dir)
         self._preset, self._control, self._visuals = preset, control, visuals
-        self._wp_device = _open_device(device)
+        self._wp_device = open_device(device)
         self._rows_of: dict[str, dict[str, torch.Tensor]] = {}
         self._models: dict[str, mujoco.MjModel] = {}
         base = build_model(robot, objects[0], preset, control)
@@ -234,6 +234,12 @@ class WarpPhysics:
                 self.objects[env], qpos, qvel, warmstart, target[env].double().cpu().numpy().copy(),
             ))  # fmt: skip
 
+    def advance(self, target: torch.Tensor) -> None:
+        """One control step of all scenes and nothing else; see Physics.advance."""
+        self._ctrl.copy_(target)
+        self._substeps()
+        wp.synchronize_device(self._wp_device)
+
     def state(self) -> RobotState:
         """Joint-space state now."""
         qpos, qvel = self._qpos.clone(), self._qvel.clone()
@@ -290,7 +296,7 @@ class WarpPhysics:
         return self._broken != 0
 
 
-def _open_device(device: str) -> "wp.Device":
+def open_device(device: str) -> "wp.Device":
     """Warp's device, after a clear word if there is none."""
     wp.config.log_level = wp.LOG_WARNING
     if device != "cpu" and not torch.cuda.is_available():

@@ -15,11 +15,11 @@ from mimicbench.robot.description import load_robot
 from mimicbench.sense.elevation import camera_map
 from mimicbench.sense.proprioception import body_state, s_current
 from mimicbench.sense.targets import target_map
-from mimicbench.sim.native import NativePhysics
-from mimicbench.sim.physics import LinkState
+from mimicbench.sim.backends import check_device, make_physics
+from mimicbench.sim.physics import LinkState, Physics
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.judge import Judge
-from mimicbench.tasks.start import Start, Starts
+from mimicbench.tasks.start import Start, Starts, put_at_start
 from mimicbench.tasks.task import Task
 
 SENSES = ("proprio", "state", "time", "elevation")
@@ -53,12 +53,15 @@ class EnvConfig:
     """The robot."""
     workers: int = 0
     """Threads that step the physics; 0: all processors. Never changes a result. Single environments use one."""
+    device: str = "cpu"
+    """What computes the physics: `cpu`, `cuda`, `cuda:1` for another GPU, or `warp-cpu`, for tests. Observations are NumPy arrays on all of them."""
     height: int = 480
     """Of the pictures [px]."""
     width: int = 640
     """Of the pictures [px]."""
 
     def __post_init__(self) -> None:
+        check_device(self.device)
         for sense in self.observe:
             if sense not in SENSES:
                 raise UnknownName("observation", sense, list(SENSES))
@@ -98,11 +101,11 @@ class Episodes:
         self.seeds = np.zeros(num_envs, np.int64)
         """(N,) of each episode."""
         self._last_target = np.zeros((num_envs, len(self.robot.joints)), np.float32)
-        self._scene: tuple[NativePhysics, Judge] | None = None
+        self._scene: tuple[Physics, Judge] | None = None
         self._links: LinkState | None = None
 
     @property
-    def physics(self) -> NativePhysics:
+    def physics(self) -> Physics:
         """The physics that all episodes run in."""
         return self._running()[0]
 
@@ -111,7 +114,7 @@ class Episodes:
         """The judge that watches them."""
         return self._running()[1]
 
-    def _running(self) -> tuple[NativePhysics, Judge]:
+    def _running(self) -> tuple[Physics, Judge]:
         if self._scene is None:
             raise MimicbenchError("no episode has begun; call reset() first")
         return self._scene
@@ -125,16 +128,14 @@ class Episodes:
                 raise MimicbenchError("no episode has begun; call reset() for all environments first")
             config, self.starts = self.config, starts
             room = any(not isinstance(obj, str) and obj.hulls for obj in (*(config.objects or ()), *objects))
-            physics = NativePhysics(self.robot, objects, config.preset, config.control, config.workers, meshes=room)
+            physics = make_physics(config.device, self.robot, objects, config.preset, config.control, config.workers, meshes=room)
             self._scene = physics, Judge(self.task, self.robot, objects, CONTROL_DT, goals)
         else:
             self.physics.set_objects(objects, ids)
             self.judge.restart(ids, objects, goals)
         for env, start, seed in zip(ids, starts, seeds, strict=True):
             self.starts[env], self.seeds[env] = start, seed
-        pose = (np.stack([getattr(start, name) for start in starts]) for name in
-                ("root_pos_w", "root_quat_w", "joint_pos", "root_lin_vel_w", "root_ang_vel_b", "joint_vel"))  # fmt: skip
-        self.physics.reset(ids, *pose)
+        put_at_start(self.physics, ids, starts)
         self._last_target[ids] = 0.0
         self._links = None
 
@@ -169,9 +170,9 @@ class Episodes:
         state, senses = self.physics.state(), self.config.observe
         seen: dict[str, np.ndarray] = {}
         if "proprio" in senses:
-            seen["proprio"] = body_state(state).numpy()
+            seen["proprio"] = body_state(state).cpu().numpy()
         if "state" in senses:
-            seen["state"] = s_current(state, self._look(), torch.from_numpy(self._last_target)).numpy()
+            seen["state"] = s_current(state, self._look(), torch.from_numpy(self._last_target).to(self.physics.device)).cpu().numpy()
         if "time" in senses:
             seen["time"] = (self.judge.steps[:, None] * CONTROL_DT).astype(np.float32)
         if "elevation" in senses:

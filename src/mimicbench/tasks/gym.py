@@ -91,7 +91,7 @@ class TaskEnv(gymnasium.Env[Observation, np.ndarray]):
     ## Arguments
 
     Those of `mimicbench.tasks.episodes.EnvConfig`: `split`, `control`, `preset`, `observe`, `time_limit`, `starts`, `objects`, `pool`, `robot`,
-    `workers`, `height`, `width`; and `render_mode`, None or `"rgb_array"`, which needs OpenGL.
+    `workers`, `device`, `height`, `width`; and `render_mode`, None or `"rgb_array"`, which needs OpenGL.
 
     ## Version history
 

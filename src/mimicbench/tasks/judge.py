@@ -59,21 +59,21 @@ class Judge:
         `links` are the physics' links now, if they are at hand already.
         """
         links = links or physics.links()
-        points = BodyPoints.of(self._robot, links.pos_w.numpy(), links.quat_w.numpy())
-        diverged = physics.diverged.numpy() & active
+        points = BodyPoints.of(self._robot, links.pos_w.cpu().numpy(), links.quat_w.cpu().numpy())
+        diverged = physics.diverged.cpu().numpy() & active
         self.diverged |= diverged
         active = active & ~self.diverged
         self.steps += active
         holds = self._task.holds(points, self._facts.moved(*physics.object_pose()))
         self.run = np.where(active, np.where(holds, self.run + 1, 0), self.run)
-        self.max_effort = np.where(active, np.maximum(self.max_effort, physics.effort.numpy()), self.max_effort)
+        self.max_effort = np.where(active, np.maximum(self.max_effort, physics.effort.cpu().numpy()), self.max_effort)
         held = self.run >= self._hold_frames
         new = held & active & np.isnan(self.first_success)
         self.first_success[new] = self.steps[new] * self._dt
         self.effort_at_success[new] = self.max_effort[new]
         self.success_at_end = np.where(active, held, self.success_at_end)
         self.success = self.success_at_end.copy() if self._task.in_last_frame else self.success | new
-        _, x, y, _ = links.quat_w[:, 0].numpy().T
+        _, x, y, _ = links.quat_w[:, 0].cpu().numpy().T
         up = 1 - 2 * (x * x + y * y)  # how much of the root's own z axis points upwards
         low = points.pelvis_pos_w[:, 2] < np.where(np.isnan(self._facts.seat_height), 0.3, self._facts.seat_height) - FALLEN_DROP
         tilted = (up < np.cos(FALLEN_TILT)) & self._task.upright

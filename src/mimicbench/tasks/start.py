@@ -71,12 +71,16 @@ def start_of(motion: RobotMotion, obj: SceneObject, robot: Robot, task: Task) ->
     # a quaternion and its negative are the same turn; keep to one side so that a spline may pass through them
     quat[1:] *= np.cumprod(np.where((quat[1:] * quat[:-1]).sum(-1) < 0, -1.0, 1.0))[:, None]
     turning = rot.normalize(CubicSpline(times, quat)(np.array([0.0, CONTROL_DT])))
-    spin_w = rot.angular_velocity(turning, 1 / CONTROL_DT)[0]
+    lin_vel_w, joint_vel = (CubicSpline(times, values[head])(0.0, 1) for values in (motion.root_pos_w, motion.joint_pos))
+    spin_w, joint_pos = rot.angular_velocity(turning, 1 / CONTROL_DT)[0], np.clip(motion.joint_pos[0], *robot.joint_range.T)
+    # rounded as a tracker's references are, so that both start from the same bits
+    pos, quat_w, joint_pos, lin_vel_w, spin_w, joint_vel = (
+        np.asarray(values, np.float32).astype(float) for values in (motion.root_pos_w[0], turning[0], joint_pos, lin_vel_w, spin_w, joint_vel)
+    )
+    quat_w = rot.normalize(quat_w)
     return Start(
-        obj, clipped(motion.root_pos_w[0], task.max_start_distance), turning[0], np.clip(motion.joint_pos[0], *robot.joint_range.T),
-        CubicSpline(times, motion.root_pos_w[head])(0.0, 1), rot.rotate_inverse(turning[0], spin_w), CubicSpline(times, motion.joint_pos[head])(0.0, 1),
-        motion.wrist_goal_w, motion.id,
-    )  # fmt: skip
+        obj, clipped(pos, task.max_start_distance), quat_w, joint_pos, lin_vel_w, rot.rotate_inverse(quat_w, spin_w), joint_vel, motion.wrist_goal_w, motion.id
+    )
 
 
 def put_at_start(physics: Physics, ids: np.ndarray, starts: Sequence[Start]) -> None:

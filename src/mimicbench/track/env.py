@@ -11,7 +11,8 @@ from mimicbench.core.motion import RobotMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robot.description import Robot
-from mimicbench.sim.native import NativePhysics
+from mimicbench.sim.backends import make_physics
+from mimicbench.sim.devices import tensor_device
 from mimicbench.sim.physics import RobotState
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.track.reference import ReferenceBank
@@ -47,19 +48,21 @@ class TrackingEnv:
 
     def __init__(
         self, kind: TrackerKind, robot: Robot, motions: Sequence[RobotMotion], objects: Mapping[str, SceneObject], num_envs: int,
-        config: TrackingConfig, seed: int, workers: int = 0,
+        config: TrackingConfig, seed: int, workers: int = 0, device: str = "cpu",
     ) -> None:  # fmt: skip
         self.kind, self.robot, self.config, self.num_envs = kind, robot, config, num_envs
-        self.bank = ReferenceBank(motions, robot)
+        self.bank = ReferenceBank(motions, robot, tensor_device(device))
         self._objects = [objects[object_id] for object_id in self.bank.object_ids]
         self._rng = rng(seed, "tracking environment")
-        self.clip = torch.from_numpy(self._rng.integers(len(self.bank), size=num_envs))
-        self.index = torch.zeros(num_envs, dtype=torch.long)
+        clip = self._rng.integers(len(self.bank), size=num_envs)
         meshes = any(obj.hulls for obj in self._objects)
-        self.physics = NativePhysics(robot, [self._objects[c] for c in self.clip], preset=kind.gains, workers=workers, meshes=meshes)
-        joints = len(robot.joints)
-        self.last_action = torch.zeros(num_envs, joints)
-        self._effort = torch.zeros(num_envs)
+        self.physics = make_physics(device, robot, [self._objects[c] for c in clip], kind.gains, workers=workers, meshes=meshes)
+        self.device = self.physics.device
+        """Where all tensors live."""
+        self.clip = torch.from_numpy(clip).to(self.device)
+        self.index = torch.zeros(num_envs, dtype=torch.long, device=self.device)
+        self.last_action = torch.zeros(num_envs, len(robot.joints), device=self.device)
+        self._effort = torch.zeros(num_envs, device=self.device)
         self.ended = {"position": 0, "angle": 0, "drop": 0, "diverged": 0, "clip over": 0}
         """How many episodes ended for each reason."""
         self._start(np.arange(num_envs))
@@ -96,7 +99,7 @@ class TrackingEnv:
         done, time_out = self._ends()
         reward = torch.where(self.physics.diverged, torch.zeros_like(reward), reward)
         if done.any():
-            self._start(done.nonzero()[:, 0].numpy())
+            self._start(done.nonzero()[:, 0].cpu().numpy())
         return self.observe(), reward, done, time_out
 
     def _look(self) -> Moment:
@@ -116,25 +119,27 @@ class TrackingEnv:
     def _start(self, ids: np.ndarray) -> None:
         """Put the robots `ids` on frames drawn at random, with noise, and exchange their objects."""
         config, draw, n = self.config, self._rng, len(ids)
-        clip = torch.from_numpy(draw.integers(len(self.bank), size=n))
+        chosen = draw.integers(len(self.bank), size=n)
         share = np.where(draw.random(n) < config.first_frame, 0.0, draw.random(n))
-        index = (torch.from_numpy(share) * (self.bank.lengths[clip] - 2)).long()
+        clip, env = (torch.from_numpy(array).to(self.device) for array in (chosen, ids))
+        index = (torch.from_numpy(share).to(self.device) * (self.bank.lengths[clip] - 2)).long()
         self.clip, self.index = self.clip.clone(), self.index.clone()
-        self.clip[ids], self.index[ids] = clip, index
+        self.clip[env], self.index[env] = clip, index
         frame = self.bank.frame(clip, index)
+        lin, ang, joint_pos, joint_vel = (array.cpu().numpy() for array in (frame.root_lin_vel_w, frame.root_ang_vel_w, frame.joint_pos, frame.joint_vel))
         joints = len(self.robot.joints)
-        pos = frame.root_pos_w.numpy() + draw.normal(size=(n, 3)) * config.start_pos_noise * np.array([1, 1, 1 / 3])
+        pos = frame.root_pos_w.cpu().numpy() + draw.normal(size=(n, 3)) * config.start_pos_noise * np.array([1, 1, 1 / 3])
         turn = rot.from_rotvec(draw.normal(size=(n, 3)) * config.start_angle_noise)
-        quat = rot.normalize(rot.multiply(turn, frame.root_quat_w.numpy().astype(float)))
-        joint_pos = frame.joint_pos.numpy() + draw.normal(size=(n, joints)) * config.start_angle_noise
+        quat = rot.normalize(rot.multiply(turn, frame.root_quat_w.cpu().numpy().astype(float)))
+        joint_pos = joint_pos + draw.normal(size=(n, joints)) * config.start_angle_noise
         joint_pos = np.clip(joint_pos, self.robot.joint_range[:, 0], self.robot.joint_range[:, 1])
-        lin_vel = frame.root_lin_vel_w.numpy() + draw.normal(size=(n, 3)) * config.start_vel_noise
-        ang_vel = rot.rotate_inverse(quat, frame.root_ang_vel_w.numpy().astype(float)) + draw.normal(size=(n, 3)) * config.start_vel_noise
-        joint_vel = frame.joint_vel.numpy() + draw.normal(size=(n, joints)) * config.start_vel_noise * 0.5
-        self.physics.set_objects([self._objects[c] for c in clip], ids)
+        lin_vel = lin + draw.normal(size=(n, 3)) * config.start_vel_noise
+        ang_vel = rot.rotate_inverse(quat, ang.astype(float)) + draw.normal(size=(n, 3)) * config.start_vel_noise
+        joint_vel = joint_vel + draw.normal(size=(n, joints)) * config.start_vel_noise * 0.5
+        self.physics.set_objects([self._objects[c] for c in chosen], ids)
         self.physics.reset(ids, pos, quat, joint_pos, lin_vel, ang_vel, joint_vel)
         self.last_action = self.last_action.clone()
-        self.last_action[ids] = 0.0
+        self.last_action[env] = 0.0
         self.moment = self._look()
 
     def disturb(self) -> None:

@@ -17,7 +17,7 @@ def observe(moment: Moment) -> torch.Tensor:
     """(N, 578) S of F.1: joints, link poses and velocities in the current root frame, of the robot and of its next target; last action; gravity."""
     state = moment.state
     nxt = moment.reference(1)
-    down = torch.tensor([0.0, 0.0, -1.0]).expand_as(state.root_pos_w)
+    down = state.root_pos_w.new_tensor([0.0, 0.0, -1.0]).expand_as(state.root_pos_w)
     current = [state.joint_pos, state.joint_vel, *_in_root_frame(moment, moment.links())]
     wanted = [nxt.joint_pos, nxt.joint_vel, *_in_root_frame(moment, reference_links(moment.robot, nxt))]
     return torch.cat([*current, *wanted, moment.last_action, rot.rotate_inverse(state.root_quat_w, down)], -1)
@@ -35,9 +35,7 @@ def _in_root_frame(moment: Moment, links: LinkState) -> list[torch.Tensor]:
 def reference_links(robot: Robot, frame: Frame) -> LinkState:
     """Link poses and velocities of a reference frame by forward kinematics."""
     parents, drives = robot.link_parents, {int(link): j for j, link in enumerate(robot.joint_link)}
-    offsets = torch.tensor(robot.link_pos, dtype=torch.float32)
-    rests = torch.tensor(robot.link_quat, dtype=torch.float32)
-    axes = torch.tensor(robot.joint_axis, dtype=torch.float32)
+    offsets, rests, axes = (frame.root_pos_w.new_tensor(array) for array in (robot.link_pos, robot.link_quat, robot.joint_axis))
     pos, quat, lin, ang = [frame.root_pos_w], [frame.root_quat_w], [frame.root_lin_vel_w], [frame.root_ang_vel_w]
     for i, parent in enumerate(parents):
         if parent < 0:
@@ -59,7 +57,7 @@ def reference_links(robot: Robot, frame: Frame) -> LinkState:
 
 def target(robot: Robot, frame: Frame, action: torch.Tensor) -> torch.Tensor:
     """(N, J) joint targets [rad]: the action is the joint angle itself (F.2), kept within the limits."""
-    low, high = torch.tensor(robot.joint_range, dtype=action.dtype).T
+    low, high = action.new_tensor(robot.joint_range).T
     return torch.clamp(action, low, high)
 
 

@@ -97,6 +97,8 @@ class PPOLearner:
             tensors |= {f"optimizer/{i}/{k}": torch.as_tensor(v) for k, v in moments.items()}
         tensors["learning_rate"] = torch.tensor(self.ppo.learning_rate, dtype=torch.float64)
         tensors["random"] = torch.get_rng_state()
+        if self._on_gpu():
+            tensors["random_gpu"] = torch.cuda.get_rng_state(self.ppo.device)
         return {name: value.detach().cpu().numpy().copy() for name, value in tensors.items()}
 
     def load_state_tensors(self, tensors: Mapping[str, np.ndarray]) -> None:
@@ -119,6 +121,11 @@ class PPOLearner:
         for group in self.ppo.optimizer.param_groups:
             group["lr"] = self.ppo.learning_rate
         torch.set_rng_state(torch.from_numpy(np.array(tensors["random"])))
+        if self._on_gpu() and "random_gpu" in tensors:
+            torch.cuda.set_rng_state(torch.from_numpy(np.array(tensors["random_gpu"])), self.ppo.device)
+
+    def _on_gpu(self) -> bool:
+        return torch.device(self.ppo.device).type == "cuda"
 
 
 def _wrap(obs: torch.Tensor) -> TensorDict:

@@ -35,18 +35,18 @@ class Frame:
 class ReferenceBank:
     """C clips in one table of frames. A clip that is over stays at its last frame, at rest."""
 
-    def __init__(self, motions: Sequence[RobotMotion], robot: Robot) -> None:
-        """Resample to the control rate by cubic splines, whose derivatives are the velocities."""
+    def __init__(self, motions: Sequence[RobotMotion], robot: Robot, device: str = "cpu") -> None:
+        """Resample to the control rate by cubic splines, whose derivatives are the velocities. `device` is where the table and all its frames live."""
         if not motions:
             raise BadMotion("no clips to track; run `mimicbench retarget` first, or see why it kept none")
         rows = [_at_control_rate(motion, robot) for motion in motions]
         self.ids = [motion.id for motion in motions]
         self.object_ids = [motion.object_id for motion in motions]
-        self.lengths = torch.tensor([len(row) for row in rows])
+        self.lengths = torch.tensor([len(row) for row in rows], device=device)
         """(C,) frames of each clip."""
         self.starts = torch.cumsum(self.lengths, 0) - self.lengths
         """(C,) row of each clip's first frame."""
-        self._table = torch.from_numpy(np.concatenate(rows).astype(np.float32))
+        self._table = torch.from_numpy(np.concatenate(rows).astype(np.float32)).to(device)
         self._joints = len(robot.joints)
 
     def __len__(self) -> int:

@@ -48,20 +48,20 @@ class TrackConfig:
 
 def train_tracker(
     folder: Path, robot: Robot, task: Task, motions: Sequence[RobotMotion], held_out: Sequence[RobotMotion], objects: Mapping[str, SceneObject],
-    config: TrackConfig, seed: int, workers: int = 0, report: Callable[[dict], None] | None = None,
+    config: TrackConfig, seed: int, workers: int = 0, report: Callable[[dict], None] | None = None, device: str = "cpu",
 ) -> Path:  # fmt: skip
     """Train on `motions`, evaluate on `held_out`, and write `<folder>/checkpoint`.
 
     Progress goes to `<folder>/metrics.jsonl`, one line per evaluation, and to `report`. A killed training goes on from
-    its last save when called again. Returns the checkpoint's folder.
+    its last save when called again. `device` computes the physics, and learns. Returns the checkpoint's folder.
     """
     torch.manual_seed(digest(seed, "tracker") % (1 << 63))
     torch.set_num_threads(config.threads)
     kind = get_kind(config.preset)
-    env = TrackingEnv(kind, robot, motions, objects, config.num_envs, config.tracking, seed, workers)
+    env = TrackingEnv(kind, robot, motions, objects, config.num_envs, config.tracking, seed, workers, device)
     obs = env.observe()
     shape = TrackerConfig(config.preset, obs.shape[1], len(robot.joints), config.ppo.hidden)
-    learner = PPOLearner(shape.observations, shape.actions, config.num_envs, config.ppo)
+    learner = PPOLearner(shape.observations, shape.actions, config.num_envs, config.ppo, env.device)
     progress = _resume(folder, learner)
     now = saved = evaluated = time.monotonic()
     recent: list[float] = []
@@ -84,7 +84,8 @@ def train_tracker(
             row = {**progress, **losses, "reward": sum(recent) / len(recent), "ended": dict(env.ended)}
             for name, clips in (("k_train", motions), ("k_held_out", held_out)):
                 chosen = clips[:: max(1, len(clips) // config.evaluate_clips)][: config.evaluate_clips]
-                row[name] = float(track_clips(tracker, robot, task, chosen, objects, workers, go_on=False).judge.success.mean()) if chosen else None
+                rollout = track_clips(tracker, robot, task, chosen, objects, workers, go_on=False, device=device) if chosen else None
+                row[name] = None if rollout is None else float(rollout.judge.success.mean())
             _append(folder / "metrics.jsonl", row)
             if report:
                 report(row)
