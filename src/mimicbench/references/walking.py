@@ -89,7 +89,11 @@ def walk(body: Body, route: Route, start_yaw: float, stop_xy: np.ndarray, stop_y
     The point between the ankles starts at the route's first point with heading `start_yaw` [rad] and ends at `stop_xy` (2,) [m]
     with heading `stop_yaw` [rad].
     """
-    steps = plan_footsteps(start_yaw, route, stop_xy, stop_yaw, gait, body.size)
+    return follow(body, plan_footsteps(start_yaw, route, stop_xy, stop_yaw, gait, body.size), gait, after, duration)
+
+
+def follow(body: Body, steps: Footsteps, gait: Gait, after: float, duration: float = 0.0) -> Walk:
+    """The walk over given footsteps, and at least `after` seconds of standing on the last ones; at least `duration` seconds in all."""
     time = np.arange(int(max(steps.end + after, duration) * FPS) + 1) / FPS
     feet = swing_feet(steps, time, gait, body.size, body.sole, body.toe, body.heel)
     yaw = body_yaw(feet, FPS)
