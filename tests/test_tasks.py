@@ -19,7 +19,7 @@ from mimicbench.tasks.lie_sofa import LIE_SOFA
 from mimicbench.tasks.lift_box import LIFT_BOX
 from mimicbench.tasks.registry import TASKS, get_task
 from mimicbench.tasks.sit_chair import SIT_CHAIR
-from mimicbench.tasks.task import BodyPoints, ObjectFacts, longest_run
+from mimicbench.tasks.task import REST, BodyPoints, ObjectFacts, first_run, longest_run
 from mimicbench.tasks.touch_points import TOUCH_POINTS
 from stool import H1, block, place, seated, standing
 
@@ -80,12 +80,12 @@ def test_longest_run(values):
     assert longest_run(np.array(values, bool)) == best
 
 
-def clip(seated_frames, fps=50.0):
+def clip(seated_frames, fps=50.0, frames=40):
     """A motion that stands, sits for so many frames, and stands again."""
     (up, joints), (down, bent) = standing(), seated(0.42)
-    sits = (np.arange(40) >= 10) & (np.arange(40) < 10 + seated_frames)
+    sits = (np.arange(frames) >= 10) & (np.arange(frames) < 10 + seated_frames)
     pos, angles = np.where(sits[:, None], down, up), np.where(sits[:, None], bent, joints)
-    return RobotMotion("c", "sit-chair", "h1", H1.joint_names, fps, pos, np.tile(rot.IDENTITY, (40, 1)), angles, "block", "c")
+    return RobotMotion("c", "sit-chair", "h1", H1.joint_names, fps, pos, np.tile(rot.IDENTITY, (frames, 1)), angles, "block", "c")
 
 
 def test_k_of_a_motion():
@@ -93,6 +93,27 @@ def test_k_of_a_motion():
     assert not SIT_CHAIR.fulfilled(clip(14), block(), H1)
     assert SIT_CHAIR.fulfilled(clip(14, fps=30.0), block(), H1), "nine frames are enough at 30 Hz"
     assert not SIT_CHAIR.fulfilled(clip(30), block(0.8), H1), "too low for a higher stool"
+
+
+@pytest.mark.parametrize("fps", [30.0, 50.0])
+def test_learning_sees_little_of_the_rest(fps):
+    """K holds from the first seated frame, so it is fulfilled after the hold time, and the clip ends REST seconds later."""
+    motion = clip(190, fps, 200)
+    cut = SIT_CHAIR.trimmed(motion, block(), H1)
+    assert cut.frames == 10 + SIT_CHAIR.hold_frames(fps) + round(REST * fps)
+    assert (cut.joint_pos == motion.joint_pos[: cut.frames]).all() and SIT_CHAIR.fulfilled(cut, block(), H1)
+    assert SIT_CHAIR.trimmed(cut, block(), H1) is cut
+    assert SIT_CHAIR.trimmed(motion, block(0.8), H1) is motion, "never fulfilled"
+    assert LIFT_BOX.trimmed(motion, block(), H1) is motion, "judged in the last frame"
+
+
+@given(st.lists(st.booleans(), max_size=20), st.integers(1, 4))
+def test_first_run(values, length):
+    end = first_run(np.array(values, bool), length)
+    if end is None:
+        assert longest_run(np.array(values, bool)) < length
+    else:
+        assert all(values[end - length + 1 : end + 1]) and longest_run(np.array(values[:end], bool)) < length
 
 
 def test_body_points():

@@ -81,10 +81,11 @@ class Workspace:
         return read_objects(self.folder("objects"))
 
     def motions(self, split: str | None = None) -> list[RobotMotion]:
-        """Retargeted clips that fulfil K, of one split or of both."""
+        """Retargeted clips that fulfil K, of one split or of both, without the long rest after it is fulfilled."""
         self.finished("retarget")
         objects = self.objects()
-        return [m for m in read_retargeted(self.folder("retarget"), self.robot.name) if split is None or objects[m.object_id].split == split]
+        motions = [m for m in read_retargeted(self.folder("retarget"), self.robot.name) if split is None or objects[m.object_id].split == split]
+        return [self.task.trimmed(m, objects[m.object_id], self.robot) for m in motions]
 
 
 def objects_stage(ws: Workspace, config: ObjectsConfig) -> Stage:

@@ -176,6 +176,13 @@ class RobotMotion:
         """Seconds from the first frame to the last."""
         return (self.frames - 1) / self.fps
 
+    def first(self, frames: int) -> "RobotMotion":
+        """Its first so many frames, or all of them if there are fewer."""
+        if frames >= self.frames:
+            return self
+        per_frame = ("root_pos_w", "root_quat_w", "joint_pos", "contacts", "object_pos_w", "object_quat_w")
+        return replace(self, **{name: getattr(self, name)[:frames] for name in per_frame})
+
     def resampled(self, fps: float) -> "RobotMotion":
         """The same motion at another frame rate."""
         if fps == self.fps:

@@ -11,6 +11,9 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.robot.description import Robot
 from mimicbench.sense.rigs import Rig
 
+REST = 1.5
+"""[s] What is learned from a clip ends so long after it first fulfils K; clips rest for much longer."""
+
 
 @dataclass(frozen=True)
 class ObjectFacts:
@@ -43,6 +46,10 @@ class ObjectFacts:
             objects, np.array(heights), np.array([low for low, _ in bounds]), np.array([high for _, high in bounds]),
             np.zeros((n, 3)), np.tile(rot.IDENTITY, (n, 1)), np.array(goals),
         )  # fmt: skip
+
+    def repeated(self, frames: int) -> "ObjectFacts":
+        """Of one scene: the same in each of several frames."""
+        return ObjectFacts(list(self.objects) * frames, *(np.repeat(value, frames, 0) for name, value in vars(self).items() if name != "objects"))
 
     def moved(self, pos_w: np.ndarray, quat_w: np.ndarray) -> "ObjectFacts":
         """The same with the objects at (N, 3) and turned by (N, 4)."""
@@ -77,7 +84,7 @@ class ObjectFacts:
 
 @dataclass(frozen=True)
 class BodyPoints:
-    """The robot's key positions in N scenes, world frame [m]."""
+    """Key positions of the robot, or of a person, in N scenes, world frame [m]."""
 
     pelvis_pos_w: np.ndarray
     """(N, 3) the root."""
@@ -132,15 +139,37 @@ class Task:
 
     def fulfilled(self, motion: RobotMotion, obj: SceneObject, robot: Robot) -> bool:
         """Whether a robot motion fulfils K: the filter between retargeting and tracking (section 4.1)."""
+        holds, needed = self.held(motion, obj, robot), self.hold_frames(motion.fps)
+        return bool(holds[-needed:].all()) if self.in_last_frame else longest_run(holds) >= needed
+
+    def trimmed(self, motion: RobotMotion, obj: SceneObject, robot: Robot) -> RobotMotion:
+        """A robot motion up to REST seconds after it first fulfils K: nobody needs to learn how to go on resting.
+
+        The motion itself where K is judged in the last frame, or never fulfilled.
+        """
+        if self.in_last_frame:
+            return motion
+        end = first_run(self.held(motion, obj, robot), self.hold_frames(motion.fps))
+        return motion if end is None else motion.first(end + 1 + round(REST * motion.fps))
+
+    def held(self, motion: RobotMotion, obj: SceneObject, robot: Robot) -> np.ndarray:
+        """(T,) whether the condition of K holds in each frame of a robot motion."""
         points = BodyPoints.of(robot, *robot.forward_kinematics(motion.root_pos_w, motion.root_quat_w, motion.joint_pos))
         facts = ObjectFacts.of([obj] * motion.frames, [motion.wrist_goal_w] * motion.frames)
         if len(motion.object_pos_w):
             facts = facts.moved(motion.object_pos_w, motion.object_quat_w)
-        holds, needed = self.holds(points, facts), self.hold_frames(motion.fps)
-        return bool(holds[-needed:].all()) if self.in_last_frame else longest_run(holds) >= needed
+        return self.holds(points, facts)
 
 
 def longest_run(values: np.ndarray) -> int:
     """Length of the longest run of true values in (T,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(values, np.int8), [0]])))
     return int((edges[1::2] - edges[::2]).max(initial=0))
+
+
+def first_run(values: np.ndarray, length: int) -> int | None:
+    """Index of the frame that first ends a run of `length` true values in (T,); None if there is no such run."""
+    if len(values) < length:
+        return None
+    ends = np.flatnonzero(np.lib.stride_tricks.sliding_window_view(np.asarray(values, bool), length).all(-1))
+    return int(ends[0]) + length - 1 if len(ends) else None
