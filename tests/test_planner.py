@@ -10,7 +10,8 @@ from mimicbench.imitate.perception import Perception, PerceptionConfig, save_per
 from mimicbench.imitate.planner import PlannerConfig, load_planner, plan_size, save_planner
 from mimicbench.objects.chairs import make_chair
 from mimicbench.references.synthesis import synthesize
-from mimicbench.retarget.optimization import retarget_clip
+from mimicbench.retarget.clip import Clip
+from mimicbench.retarget.optimization import optimize
 from mimicbench.robot.description import load_robot
 from mimicbench.sense.proprioception import Odometry
 from mimicbench.sim.scene import CONTROL_DT
@@ -28,7 +29,7 @@ SMALL = PlannerConfig(hidden=(16,), samples=8 * 4 * 3, num_envs=8, steps=4, batc
 @pytest.fixture(scope="module")
 def clips():
     chairs = [make_chair(index) for index in range(2)]
-    motions = [retarget_clip(synthesize("sit-chair", index, chair, 0), ROBOT) for index, chair in enumerate(chairs)]
+    motions = [optimize(Clip(synthesize("sit-chair", index, chair, 0), chair, ROBOT)) for index, chair in enumerate(chairs)]
     return motions, {chair.id: chair for chair in chairs}
 
 

@@ -10,7 +10,8 @@ import torch
 from mimicbench.objects.families import FAMILIES
 from mimicbench.references.synthesis import synthesize
 from mimicbench.retarget.bench import frames_per_second
-from mimicbench.retarget.optimization import OptimizationConfig, retarget_clip
+from mimicbench.retarget.clip import Clip
+from mimicbench.retarget.methods import get_method
 from mimicbench.robot.description import Robot
 from mimicbench.sim.backends import check_device
 from mimicbench.tasks.task import Task
@@ -48,9 +49,10 @@ def bench(robot: Robot, task: Task, workers: int, seconds: float, say: Callable[
     humans = [synthesize(task.slug, index, obj, 0) for index, obj in enumerate(objects)]
     synthesis = (time.perf_counter() - started) / CLIPS
     say(f"one clip synthesized in {1e3 * synthesis:.0f} ms")
-    retarget = frames_per_second(humans[: max(2, CLIPS // 4)], robot, OptimizationConfig())
+    method, clips = get_method("optimization"), [Clip(human, obj, robot) for human, obj in zip(humans, objects, strict=True)]
+    retarget = frames_per_second(clips[: max(2, CLIPS // 4)], method)
     say(f"{retarget:.0f} frames retargeted per second and core")
-    motions = [retarget_clip(human, robot) for human in humans]
+    motions = [method.retarget(clip, "improved") for clip in clips]
     env = TrackingEnv(get_kind("improved"), robot, motions, {obj.id: obj for obj in objects}, ENVS, TrackingConfig(), 0, workers, device)
     learner = PPOLearner(env.observe().shape[1], len(robot.joints), ENVS, PPOConfig(), env.device)
     train = _rate(lambda: _train(env, learner), ENVS * PPOConfig().steps, seconds)

@@ -3,15 +3,14 @@
 from collections.abc import Sequence
 from time import perf_counter
 
-from mimicbench.core.motion import HumanMotion
-from mimicbench.retarget.optimization import OptimizationConfig, retarget_clip
-from mimicbench.robot.description import Robot
+from mimicbench.retarget.clip import Clip
+from mimicbench.retarget.methods import Method
 
 
-def frames_per_second(motions: Sequence[HumanMotion], robot: Robot, config: OptimizationConfig | None = None) -> float:
+def frames_per_second(clips: Sequence[Clip], method: Method) -> float:
     """Frames of these clips retargeted per second by this process, everything included. The first clip is done once more before, unmeasured."""
-    retarget_clip(motions[0], robot, config)
+    method.retarget(clips[0], "improved")
     start = perf_counter()
-    for motion in motions:
-        retarget_clip(motion, robot, config)
-    return sum(motion.frames for motion in motions) / (perf_counter() - start)
+    for clip in clips:
+        method.retarget(clip, "improved")
+    return sum(clip.motion.frames for clip in clips) / (perf_counter() - start)

@@ -1,11 +1,19 @@
-"""Copied rotations: the robot's joint angles read off the human's, without regard to places (section 4.1). The optimization starts from them."""
+"""Copied rotations: the robot's joint angles read off the human's, without regard to places (section 4.1). The other methods start from them."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mimicbench.core import rotations as rot
-from mimicbench.retarget.kinematics import Pose, Tree
-from mimicbench.retarget.mapping import Bound, followed_points
+from mimicbench.core.motion import RobotMotion
+from mimicbench.retarget.clip import Clip, storable
+from mimicbench.retarget.kinematics import Pose, Tree, tree_of
+from mimicbench.retarget.mapping import Bound, Preset, followed_points
+
+
+def copy_rotation(clip: Clip, preset: Preset = "improved") -> RobotMotion:
+    """The motion with the human's rotations; its root stands where the human's does, moved up or down until standing soles are on the floor."""
+    bound, tree = clip.bind(preset), tree_of(clip.robot)
+    return clip.grounded(tree, copy_rotations(bound, tree, storable(clip.robot.joint_range), *clip.motion.forward_kinematics()), bound)
 
 
 def copy_rotations(bound: Bound, tree: Tree, limits: np.ndarray, pos_w: np.ndarray, quat_w: np.ndarray) -> Pose:

@@ -7,6 +7,8 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.retarget.kinematics import Links
 from mimicbench.retarget.mapping import Bound
 
+FEET = ("left_foot", "right_foot")
+"""What contact labels call the feet, in the order of every mapping."""
 _NEAR = 0.12  # [m] soles higher than this all the time do not stand on the floor, whatever the clip shows
 
 
@@ -21,9 +23,8 @@ def sole_heights(links: Links, bound: Bound) -> np.ndarray:
 
 def stance(motion: HumanMotion, bound: Bound, ankle_pos_w: np.ndarray) -> np.ndarray:
     """(T, F) whether each foot bears weight: the clip's labels, or, without them, a human ankle (T, F, 3) that is low and slow."""
-    names = [motion.skeleton.joint_names[joint] for joint, _ in bound.feet]
-    if motion.contacts.size and all(name in motion.contact_names for name in names):
-        return motion.contacts[:, [motion.contact_names.index(name) for name in names]].astype(bool)
+    if motion.contacts.size and all(name in motion.contact_names for name in FEET):
+        return motion.contacts[:, [motion.contact_names.index(name) for name in FEET]].astype(bool)
     speed = np.linalg.norm(np.gradient(ankle_pos_w, axis=0), axis=-1) * motion.fps
     return (ankle_pos_w[..., 2] < _NEAR) & (speed < 0.2)
 

@@ -1,7 +1,7 @@
 """Stage `retarget`: every human clip becomes a robot clip, measured and judged by the task's metric K."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -10,7 +10,9 @@ from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.core.parallel import map_items
 from mimicbench.core.stage import Stage, open_stage
 from mimicbench.objects.shape import SceneObject, load_object
-from mimicbench.retarget.optimization import OptimizationConfig, retarget_clip
+from mimicbench.retarget.clip import Clip
+from mimicbench.retarget.mapping import Preset
+from mimicbench.retarget.methods import get_method
 from mimicbench.robot.description import Robot, load_robot
 
 Fulfils = Callable[[RobotMotion, SceneObject, Robot], bool]
@@ -22,7 +24,10 @@ class RetargetConfig:
     """How to retarget."""
 
     robot: str = "h1"
-    optimization: OptimizationConfig = field(default_factory=OptimizationConfig)
+    method: str = "optimization"
+    """One of `mimicbench.retarget.methods.METHODS`."""
+    preset: Preset = "improved"
+    """`paper`: tables and loss to the letter; `improved`: what we find to be better."""
 
 
 def make_retargeted(
@@ -49,8 +54,8 @@ def _retarget_one(folder: Path, objects_folder: Path, fulfils: Fulfils, config: 
     if target.exists():
         return RobotMotion.load(target, robot.name).success
     motion = HumanMotion.load(path)
-    retargeted = retarget_clip(motion, robot, config.optimization)
     obj = load_object(objects_folder, motion.object_id)
+    retargeted = get_method(config.method).retarget(Clip(motion, obj, robot), config.preset)
     retargeted = replace(retargeted, success=bool(fulfils(retargeted, obj, robot)))
     retargeted.save(target)
     return retargeted.success

@@ -1,6 +1,5 @@
 """Which robot link stands for which human joint (appendix B.1), and how their frames relate."""
 
-from collections.abc import Mapping as Dictionary
 from dataclasses import dataclass
 from typing import Literal
 
@@ -61,64 +60,6 @@ class Mapping:
         """Body size of a skeleton: 1 for one as tall as the original."""
         _, knee, ankle = (skeleton.index(joint) for joint in self.leg)
         return float(np.linalg.norm(skeleton.offsets[[knee, ankle]], axis=-1).sum() / self.leg_length)
-
-
-# Standing feet of an H1 are 0.406 m apart, those of the human 0.170 m. With no ankle roll, feet put where the human's are would tilt by
-# 8.5 degrees; where the H1's are, the gait would be a straddle. Half way they tilt by 4 degrees, 3 mm over the width of a sole.
-_ANKLE_OUT, _KNEE_OUT = 0.06, 0.09
-# Down to the sole from the ankles, and down to the underside of the buttocks from the hips and from the pelvis frame: of the H1, of the human
-# at size 1. The H1's pelvis frame is 0.174 m above its hips, the human's between them: without this every walk would be a crouch.
-# One centimeter is added at the seat: thighs that slope down to the knees meet its front edge before the buttocks meet the seat.
-_SOLE, _HIP_SEAT, _PELVIS_SEAT = (0.07, 0.05), (0.071, 0.09), (0.245, 0.09)
-# A foot beside its place skates, a pelvis beside its place does not; and the H1 must reach the floor with legs that may be too short.
-_ANKLE_WEIGHT = 100.0
-# Where the pelvis frame comes to lie depends on how the one trunk of the H1 settles between the human's two; where the hips lie does not.
-_PELVIS_WEIGHT = 0.25
-
-
-def _sides(side: str, out: float) -> tuple[tuple[Pair, ...], tuple[Pair, ...]]:
-    """The pairs of one leg and one arm; `out` is the sign of y on this side."""
-    thigh, shin, foot = f"{side}_thigh", f"{side}_shin", f"{side}_foot"
-    leg = (
-        Pair(thigh, f"{side}_hip_yaw_link", f"{side}_hip_pitch_link", surface=_HIP_SEAT, frame="pelvis"),
-        Pair(thigh, f"{side}_hip_roll_link", f"{side}_hip_pitch_link", surface=_HIP_SEAT, frame="pelvis"),
-        Pair(shin, f"{side}_knee_link", f"{side}_knee_link", (0.02, out * _KNEE_OUT, 0.0)),
-        Pair(foot, f"{side}_ankle_link", f"{side}_ankle_link", (0.0, out * _ANKLE_OUT, 0.0), _SOLE, weight=_ANKLE_WEIGHT),
-    )
-    arm = (
-        Pair(f"{side}_upper_arm", f"{side}_shoulder_roll_link", f"{side}_shoulder_yaw_link", frame="torso", at_rest=True),
-        Pair(f"{side}_lower_arm", f"{side}_elbow_link", f"{side}_elbow_link", frame="torso", at_rest=True),
-    )
-    return leg, arm
-
-
-(_LEFT_LEG, _LEFT_ARM), (_RIGHT_LEG, _RIGHT_ARM) = _sides("left", 1.0), _sides("right", -1.0)
-
-UNIHSI_H1 = Mapping(
-    skeleton="unihsi",
-    robot="h1",
-    leg=("left_thigh", "left_shin", "left_foot"),
-    leg_length=0.831416,
-    pairs=(
-        Pair("pelvis", "pelvis", "pelvis", surface=_PELVIS_SEAT, weight=_PELVIS_WEIGHT),
-        # The H1 has no waist: its one trunk answers for the human's pelvis and, in `improved`, for the human's torso too.
-        Pair("pelvis", "torso_link", "torso_link", surface=_PELVIS_SEAT, weight=_PELVIS_WEIGHT, turned_by="torso"),
-        *_LEFT_LEG, *_RIGHT_LEG, *_LEFT_ARM, *_RIGHT_ARM,
-    ),
-    wrists=(("left_hand", "left_wrist"), ("right_hand", "right_wrist")),
-    feet=(("left_foot", "left_ankle_link"), ("right_foot", "right_ankle_link")),
-    sole=((-0.10, 0.0, -0.07), (0.20, 0.0, -0.07)),
-)  # fmt: skip
-"""Table of appendix B.1."""
-
-MAPPINGS: Dictionary[tuple[str, str], Mapping] = {(m.skeleton, m.robot): m for m in (UNIHSI_H1,)}
-
-
-def find_mapping(skeleton: str, robot: str) -> Mapping:
-    """The table between a human skeleton and a robot. Raises UnknownName."""
-    if (skeleton, robot) not in MAPPINGS:
-        raise UnknownName("retargeting from skeleton to robot", f"{skeleton} -> {robot}", [f"{s} -> {r}" for s, r in MAPPINGS])
-    return MAPPINGS[skeleton, robot]
 
 
 @dataclass(frozen=True)
