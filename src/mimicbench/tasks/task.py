@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.motion import RobotMotion
+from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.objects.shape import SceneObject
+from mimicbench.references.body import body_of
 from mimicbench.robot.description import Robot
 from mimicbench.sense.rigs import Rig
 
@@ -139,8 +140,14 @@ class Task:
 
     def fulfilled(self, motion: RobotMotion, obj: SceneObject, robot: Robot) -> bool:
         """Whether a robot motion fulfils K: the filter between retargeting and tracking (section 4.1)."""
-        holds, needed = self.held(motion, obj, robot), self.hold_frames(motion.fps)
-        return bool(holds[-needed:].all()) if self.in_last_frame else longest_run(holds) >= needed
+        return self._judge(self.held(motion, obj, robot), motion.fps)
+
+    def fulfilled_by_human(self, motion: HumanMotion, obj: SceneObject) -> bool:
+        """Whether a human motion fulfils K, with the person's pelvis, ankles and wrists in place of the robot's: the filter before retargeting."""
+        body = body_of(motion.skeleton)
+        pos_w, _ = motion.forward_kinematics()
+        points = BodyPoints(pos_w[:, body.pelvis], pos_w[:, [leg.end for leg in body.legs]], pos_w[:, [arm.end for arm in body.arms]])
+        return self._judge(self._held(points, motion, obj), motion.fps)
 
     def trimmed(self, motion: RobotMotion, obj: SceneObject, robot: Robot) -> RobotMotion:
         """A robot motion up to REST seconds after it first fulfils K: nobody needs to learn how to go on resting.
@@ -155,10 +162,17 @@ class Task:
     def held(self, motion: RobotMotion, obj: SceneObject, robot: Robot) -> np.ndarray:
         """(T,) whether the condition of K holds in each frame of a robot motion."""
         points = BodyPoints.of(robot, *robot.forward_kinematics(motion.root_pos_w, motion.root_quat_w, motion.joint_pos))
-        facts = ObjectFacts.of([obj] * motion.frames, [motion.wrist_goal_w] * motion.frames)
+        return self._held(points, motion, obj)
+
+    def _held(self, points: BodyPoints, motion: HumanMotion | RobotMotion, obj: SceneObject) -> np.ndarray:
+        facts = ObjectFacts.of([obj], [motion.wrist_goal_w]).repeated(motion.frames)
         if len(motion.object_pos_w):
             facts = facts.moved(motion.object_pos_w, motion.object_quat_w)
         return self.holds(points, facts)
+
+    def _judge(self, holds: np.ndarray, fps: float) -> bool:
+        needed = self.hold_frames(fps)
+        return bool(holds[-needed:].all()) if self.in_last_frame else longest_run(holds) >= needed
 
 
 def longest_run(values: np.ndarray) -> int:
