@@ -6,8 +6,9 @@ from mimicbench.core.errors import UnknownName
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.sit_chair import synthesize_sit_chair
+from mimicbench.references.sit_sofa import synthesize_sit_sofa
 
-TASKS: dict[str, Callable[[str, SceneObject, int], HumanMotion]] = {"sit-chair": synthesize_sit_chair}
+TASKS: dict[str, Callable[[str, SceneObject, int], HumanMotion]] = {"sit-chair": synthesize_sit_chair, "sit-sofa": synthesize_sit_sofa}
 """(clip id, object, seed) -> clip."""
 
 

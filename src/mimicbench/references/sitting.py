@@ -1,0 +1,195 @@
+"""Sitting down: what a person who stands in front of a seat does from there on, in any of several styles.
+
+The trunk leans forward, the hips go back and down, the arms come forward for balance or reach for a support, the trunk comes up
+again; perhaps the pelvis slides back and the trunk leans against the back. Then the person rests: breathes, and looks around.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mimicbench.core import rotations as rot
+from mimicbench.core.motion import HumanMotion
+from mimicbench.objects.shape import SceneObject
+from mimicbench.references.body import Body
+from mimicbench.references.gait import Gait, Route, around_box, last_turn
+from mimicbench.references.limbs import about_y, minimum_jerk
+from mimicbench.references.posing import Arms, Legs, Trunk, blend, pose, reach, shoulders, thigh_orientations
+from mimicbench.references.seats import Leaning, Place, armrest, beside_thigh, lean_against, place_at
+from mimicbench.references.walking import FPS, Walk, walk
+
+CONTACTS = ("left_foot", "right_foot", "pelvis", "back", "left_hand", "right_hand")
+PAUSE = 0.35
+"""From the last touch-down to the first bend [s]."""
+FALL = 0.34
+"""Time in which who drops falls the last centimeters [s]."""
+SLIDE, LEAN_BACK = 1.1, 1.7
+"""Time to slide back on the seat, and to lean against its back [s]."""
+SLUMP = 0.10
+"""How far the chest of who leans back is bent forward [rad]."""
+
+
+@dataclass(frozen=True)
+class SitStyle:
+    """What a clip chooses beyond its start and its seat; stored with it. What is chosen or not is 1 or -1."""
+
+    body_scale: float
+    """Size of the body."""
+    speed: float
+    """Walking speed [m/s]."""
+    sit_duration: float
+    """From the first bend to the seat [s]."""
+    lean: float
+    """How far pelvis and trunk pitch forward on the way down [rad]."""
+    recline: float
+    """How far they lean back in the end, without support [rad]."""
+    seat_x: float
+    """Offset of the seated pelvis [m], forward."""
+    seat_y: float
+    """Offset of the seated pelvis and of the feet from the middle of the seat [m], to the left."""
+    arm_swing: float
+    """Swing of the arms, as a share of the usual."""
+    duration: float = 0.0
+    """Length of the clip, with a rest at its end, at least [s]."""
+    on_thighs: float = -1.0
+    """Whether the hands push on the thighs on the way down. They end there unless they are on the seat or on its arms."""
+    on_seat: float = -1.0
+    """Whether the hands go to the seat beside the thighs."""
+    on_arms: float = -1.0
+    """Whether the hands go to the arms of the seat that are in reach."""
+    drop: float = 0.0
+    """How much of the way down ends in a fall [m]."""
+    against: float = -1.0
+    """Whether the pelvis slides back in the end, and the trunk leans against the back."""
+    lean_back: float = 0.0
+    """How far it then leans [rad], or a little more or less, as the back allows."""
+    look: float = 0.0
+    """How far the head turns to look around at rest [rad], to the left."""
+
+
+def sit_down(clip_id: str, task: str, body: Body, obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: SitStyle) -> HumanMotion:
+    """The clip that follows from a start, a seat and a style, in closed form. Raises BadObject if there is no seat.
+
+    The point between the ankles starts at `start_xy` (2,) [m] with heading `start_yaw` [rad]. A support that is out of reach is not
+    used, and the style that is stored with the clip says so.
+    """
+    middle = float(obj.seat_polygon[:, 1].min() + obj.seat_polygon[:, 1].max()) / 2 if len(obj.seat_polygon) else 0.0
+    place = place_at(obj, body, middle + style.seat_y, style.seat_x)
+    leaning = lean_against(obj, body, place, style.lean_back, 0.05 + SLUMP) if style.against > 0 else None
+    after = PAUSE + style.sit_duration + (0.5 + LEAN_BACK if leaning else 1.5)
+    way = walk(body, route_to(obj, start_xy, place), start_yaw, place.ankles, 0.0, Gait(speed=style.speed), after, style.duration)
+    clock = way.time - way.end - PAUSE
+
+    trunk, legs = _trunk(way, clock, place, leaning, style), way.legs()
+    hands, style = _supports(obj, body, trunk, replace(style, against=1.0 if leaning else -1.0))
+    arms, bears = _arms(body, way, trunk, legs, clock, hands, style)
+    quat = pose(body, trunk, legs, arms)
+    _lay_hands(body, quat, trunk, arms, hands, bears)
+    seated = clock >= 0.9 * style.sit_duration
+    rests = clock >= style.sit_duration + 0.3 + 0.85 * LEAN_BACK
+    contacts = np.stack([*way.feet.contact.T, seated, rests & (leaning is not None), *(bears > 0.99).T], -1)
+    return HumanMotion(
+        clip_id, task, body.skeleton, FPS, trunk.pelvis_pos_w, quat, obj.id, CONTACTS, contacts,
+        {**{name: float(value) for name, value in vars(style).items()}, "turn": last_turn(way.steps)},
+    )  # fmt: skip
+
+
+def route_to(obj: SceneObject, start_xy: np.ndarray, place: Place) -> Route:
+    """The way around the object to in front of a place."""
+    low, high = obj.bounds()
+    margin = 0.40
+    before = np.array([max(place.ankles[0] + 0.25, high[0] + margin), place.ankles[1]])
+    return around_box(start_xy, before, low[:2], high[:2], margin)
+
+
+def _trunk(way: Walk, clock: np.ndarray, place: Place, leaning: Leaning | None, style: SitStyle) -> Trunk:
+    """Pelvis, chest and head; clock (T,) [s] is 0 at the first bend."""
+    progress = clock / style.sit_duration
+    # the hips go back a little before they go down
+    back, down = minimum_jerk(progress / 0.95), minimum_jerk((progress - 0.06) / 0.94)
+    standing = way.pelvis_pos_w[-1]
+    goal = place.pelvis + [0.0, 0.0, style.drop]
+    pelvis_pos = way.pelvis_pos_w + np.stack([back, back, down], -1) * (goal - standing)
+    pelvis_pos[:, 2] -= style.drop * minimum_jerk((clock - 0.9 * style.sit_duration) / FALL)
+    lean, upright = minimum_jerk(progress / 0.7), minimum_jerk((progress - 0.86) / 0.75)
+    pitch = 0.03 + (style.lean - 0.03) * lean - (style.lean + style.recline) * upright
+    spine, nod = 0.02 + 0.10 * lean - 0.07 * upright, 0.12 - 0.30 * lean + 0.22 * upright
+    at_rest = 1.61 * style.sit_duration
+    if leaning is not None:
+        share = (clock - style.sit_duration - 0.2) / SLIDE
+        # the weight is taken off the seat a little while sliding
+        pelvis_pos += minimum_jerk(share)[:, None] * (leaning.pelvis - place.pelvis)
+        pelvis_pos[:, 2] += 0.012 * minimum_jerk(3 * share) * minimum_jerk(3 * (1 - share))
+        leans = minimum_jerk((clock - style.sit_duration - 0.3) / LEAN_BACK)
+        pitch = pitch - (leaning.pitch - style.recline) * leans
+        spine, nod = spine + SLUMP * leans, nod + (0.75 * leaning.pitch - SLUMP) * leans
+        at_rest = max(at_rest, style.sit_duration + 0.3 + LEAN_BACK)
+    resting = clock - at_rest
+    spine = spine + 0.010 * minimum_jerk(resting / 2) * np.sin(2 * np.pi * 0.25 * resting)
+    looks = minimum_jerk((resting - 0.3) / 1.4) - 1.5 * minimum_jerk((resting - 3.0) / 2.0) + 0.5 * minimum_jerk((resting - 6.5) / 1.6)
+    pelvis = way.pelvis_quat(pitch)
+    chest = rot.multiply(pelvis, way.chest_turn(spine))
+    head = rot.multiply(chest, rot.multiply(rot.from_yaw(style.look * looks), way.head_turn(nod)))
+    return Trunk(pelvis_pos, pelvis, chest, head)
+
+
+def _supports(obj: SceneObject, body: Body, trunk: Trunk, style: SitStyle) -> tuple[tuple[np.ndarray | None, ...], SitStyle]:
+    """Where the wrists of both hands rest on the object [m], None for a hand that stays on the thigh; and the style as it can be done."""
+    pelvis = trunk.pelvis_pos_w[-1]
+    hands: tuple[np.ndarray | None, ...] = (None, None)
+    if style.on_arms > 0:
+        at = shoulders(body, _last(trunk))[0]
+        hands = tuple(armrest(obj, body, pelvis, at[side], side) for side in (0, 1))
+    elif style.on_seat > 0:
+        hands = tuple(beside_thigh(obj, body, pelvis, side) for side in (0, 1))
+    if all(hand is None for hand in hands):
+        style = replace(style, on_arms=-1.0, on_seat=-1.0)
+    return hands, style
+
+
+def _arms(
+    body: Body, way: Walk, trunk: Trunk, legs: Legs, clock: np.ndarray, hands: tuple[np.ndarray | None, ...], style: SitStyle
+) -> tuple[Arms, np.ndarray]:
+    """Arms that swing while walking, come forward on the way down, and end on thighs, seat or its arms; and how much (T, 2) they bear on the object."""
+    progress = clock / style.sit_duration
+    forward = minimum_jerk(progress / 0.65)
+    swinging = way.arms(body, style.arm_swing)
+    moving = Arms(rot.multiply(about_y(-1.15 * forward)[:, None], swinging.upper), rot.multiply(swinging.elbow, about_y(-0.25 * forward)[:, None]))
+    wrists = _on_thighs(body, trunk, legs)
+    outward = np.full(2, 0.30)
+    share = np.stack([minimum_jerk(progress / 0.45 if style.on_thighs > 0 else (progress - 0.70) / 0.85)] * 2, -1)
+    for side, hand in enumerate(hands):
+        if hand is not None:
+            wrists[:, side] = hand
+            share[:, side] = minimum_jerk((progress - 0.35) / (0.75 if style.on_arms > 0 else 0.95))
+            outward[side] = 0.9 if style.on_arms > 0 else 0.2
+    axis = np.stack([np.array([1.0, -1.0]) * outward, np.ones(2), np.zeros(2)], -1)
+    reached = reach(body, trunk, wrists, rot.rotate(trunk.chest_quat_w[:, None], axis))
+    return blend(moving, reached, share), share * [hand is not None for hand in hands]
+
+
+def _on_thighs(body: Body, trunk: Trunk, legs: Legs) -> np.ndarray:
+    """(T, 2, 3) wrists of hands that lie on the thighs [m], as far towards the knees as the arms reach in the end."""
+    thigh = thigh_orientations(body, trunk, legs)
+    hips = trunk.pelvis_pos_w[:, None] + rot.rotate(trunk.pelvis_quat_w[:, None], body.skeleton.offsets[[leg.root for leg in body.legs]])
+    at, length = shoulders(body, _last(trunk))[0], body.length(body.legs[0])[0]
+    for share in np.arange(0.69, 0.1, -0.04):
+        on_thigh = np.array([[0.09 * body.size, 0.03 * body.size, -share * length], [0.09 * body.size, -0.03 * body.size, -share * length]])
+        wrists = hips + rot.rotate(thigh, on_thigh)
+        if np.linalg.norm(wrists[-1] - at, axis=-1).max() < 0.96 * sum(body.length(body.arms[0])):
+            break
+    return wrists
+
+
+def _lay_hands(body: Body, quat: np.ndarray, trunk: Trunk, arms: Arms, hands: tuple[np.ndarray | None, ...], bears: np.ndarray) -> None:
+    """Turn the hands of local rotations (T, J, 4) flat, fingers forward, as far as `bears` (T, 2) says that they bear on something."""
+    for side, hand in enumerate(hands):
+        if hand is not None:
+            forearm = rot.multiply(rot.multiply(trunk.chest_quat_w, arms.upper[:, side]), arms.elbow[:, side])
+            flat = rot.multiply(rot.conjugate(forearm), about_y(np.array(-1.35)))
+            quat[:, body.arms[side].end] = rot.slerp(np.broadcast_to(rot.IDENTITY, flat.shape), flat, bears[:, side])
+
+
+def _last(trunk: Trunk) -> Trunk:
+    """The trunk's last frame."""
+    return Trunk(*(values[-1:] for values in vars(trunk).values()))
