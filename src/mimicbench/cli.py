@@ -17,9 +17,12 @@ if TYPE_CHECKING:
 
 app = tyro.extras.SubcommandApp()
 _objects_app = tyro.extras.SubcommandApp()
+_references_app = tyro.extras.SubcommandApp()
 _bench_app = tyro.extras.SubcommandApp()
 
 Task = Annotated[str, tyro.conf.arg(help="which task, such as `sit-chair`")]
+Tasks = Annotated[str, tyro.conf.arg(name="task", help="which task, such as `sit-chair`, or `all`")]
+Count = Annotated[int | Literal["paper"], tyro.conf.arg(help="how many, or `paper` for as many as the paper has")]
 Workdir = Annotated[Path, tyro.conf.arg(help="where all artefacts go, in <workdir>/<task>/<stage>")]
 Seed = Annotated[int, tyro.conf.arg(help="same seed, same results, whatever the number of workers")]
 Workers = Annotated[int, tyro.conf.arg(help="threads or processes; 0 for all processors")]
@@ -30,13 +33,16 @@ WORK = Path("work")
 
 
 @_objects_app.command(name="make", is_default=True)
-def objects(task: Task = "sit-chair", count: int = 400, workdir: Workdir = WORK, seed: Seed = 0, workers: Workers = 0, as_json: Json = False) -> None:
-    """Make the task's objects."""
+def objects(task: Tasks = "sit-chair", count: Count = 400, workdir: Workdir = WORK, seed: Seed = 0, workers: Workers = 0, as_json: Json = False) -> None:
+    """Make the objects of a task, or of all tasks."""
     from mimicbench import workspace
     from mimicbench.objects.make import ObjectsConfig
+    from mimicbench.references.paper import PAPER_SETS
 
-    ws = workspace.Workspace(workdir, task, seed, workers, as_json)
-    _done(workspace.objects_stage(ws, ObjectsConfig(count)).header, as_json)
+    for slug in _slugs(task):
+        ws = workspace.Workspace(workdir, slug, seed, workers, as_json)
+        config = ObjectsConfig(PAPER_SETS[ws.task.slug].objects if count == "paper" else count)
+        _done(workspace.objects_stage(ws, config).header, as_json)
 
 
 @_objects_app.command(name="import")
@@ -72,14 +78,48 @@ def import_objects_(
 app.command(_objects_app, name="objects", help="Make the task's objects, or import your own meshes.")
 
 
-@app.command(name="references")
-def references(task: Task = "sit-chair", count: int = 2000, workdir: Workdir = WORK, seed: Seed = 0, workers: Workers = 0, as_json: Json = False) -> None:
-    """Make human clips on the objects."""
+@_references_app.command(name="make", is_default=True)
+def references(task: Tasks = "sit-chair", count: Count = 2000, workdir: Workdir = WORK, seed: Seed = 0, workers: Workers = 0, as_json: Json = False) -> None:
+    """Make good human clips on the objects of a task, or of all tasks."""
     from mimicbench import workspace
     from mimicbench.references.make import ReferencesConfig
+    from mimicbench.references.paper import PAPER_SETS
 
-    ws = workspace.Workspace(workdir, task, seed, workers, as_json)
-    _done(workspace.references_stage(ws, ReferencesConfig(count)).header, as_json)
+    for slug in _slugs(task):
+        ws = workspace.Workspace(workdir, slug, seed, workers, as_json)
+        config = ReferencesConfig(PAPER_SETS[ws.task.slug].clips if count == "paper" else count)
+        _done(workspace.references_stage(ws, config).header, as_json)
+
+
+@_references_app.command(name="remake")
+def remake_(
+    clip: tyro.conf.Positional[str],
+    task: Annotated[str | None, tyro.conf.arg(help="the task; by default what the clip's id says")] = None,
+    workdir: Workdir = WORK,
+    to: Annotated[Path | None, tyro.conf.arg(help="file to write; by default <clip>.npz here")] = None,
+    as_json: Json = False,
+) -> None:
+    """Make one clip of a workdir again from its id alone, such as sit-chair-0-00042, and say what the quality gate finds."""
+    from mimicbench import workspace
+
+    ws = workspace.Workspace(workdir, task or clip.rsplit("-", 2)[0], quiet=as_json)
+    motion, wrong = workspace.remake_clip(ws, clip)
+    path = to or Path(f"{clip}.npz")
+    motion.save(path)
+    if as_json:
+        print(json.dumps({"clip": clip, "object": motion.object_id, "seconds": motion.duration, "rejected_for": wrong, "file": str(path)}))
+    else:
+        print(f"{path}: {motion.duration:.1f} s on {motion.object_id}, {'rejected for ' + ', '.join(wrong) if wrong else 'passes the gate'}")
+
+
+app.command(_references_app, name="references", help="Make human clips on the objects, and what can be done with them.")
+
+
+def _slugs(task: str) -> list[str]:
+    """The tasks that the user means, `all` for all six."""
+    from mimicbench.tasks.registry import TASKS
+
+    return list(TASKS) if task == "all" else [task]
 
 
 @app.command(name="import")

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mimicbench.core.errors import UnknownName
-from mimicbench.core.motion import RobotMotion
+from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.core.stage import Stage, open_stage, read_stage
 from mimicbench.objects.make import ObjectsConfig, make_objects, read_objects
 from mimicbench.objects.shape import SceneObject
-from mimicbench.references.make import ReferencesConfig, import_references, make_references
+from mimicbench.references.make import ReferencesConfig, import_references, make_references, remake
 from mimicbench.retarget.make import RetargetConfig, make_retargeted, read_retargeted
 from mimicbench.robot.description import Robot, load_robot
 from mimicbench.sim.devices import CPU
@@ -95,7 +95,12 @@ def objects_stage(ws: Workspace, config: ObjectsConfig) -> Stage:
 
 def references_stage(ws: Workspace, config: ReferencesConfig) -> Stage:
     """Make human clips on the objects."""
-    return make_references(ws.folder("references"), ws.finished("objects"), ws.slug, config, ws.seed, ws.workers, ws.quiet)
+    return make_references(ws.folder("references"), ws.finished("objects"), ws.slug, ws.task.fulfilled_by_human, config, ws.seed, ws.workers, ws.quiet)
+
+
+def remake_clip(ws: Workspace, name: str) -> tuple[HumanMotion, list[str]]:
+    """One human clip of the workdir made again from its id, and what the gate says about it."""
+    return remake(ws.finished("references"), ws.folder("objects"), name, ws.task.fulfilled_by_human)
 
 
 def import_stage(ws: Workspace, files: Sequence[Path], say: Say) -> Stage:

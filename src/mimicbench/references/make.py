@@ -1,5 +1,7 @@
 """Stage `references`: human clips on objects, made or imported, each one checked."""
 
+import re
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -8,12 +10,14 @@ from pathlib import Path
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.parallel import map_items
-from mimicbench.core.stage import Stage, open_stage
-from mimicbench.objects.make import read_objects
-from mimicbench.objects.shape import SceneObject, load_object, save_object
-from mimicbench.references.quality import check_clip, is_good
+from mimicbench.core.stage import HEADER, Stage, open_stage
+from mimicbench.objects.shape import SceneObject, load_object, save_object, split_of
+from mimicbench.references.quality import Fulfils, gate
 from mimicbench.references.synthesis import clip_id, synthesize
 from mimicbench.references.unihsi import import_sitting
+
+MOST_TRIES = 3
+"""Times as many clips as wanted that are tried before the stage makes do with what it has."""
 
 
 @dataclass(frozen=True)
@@ -21,38 +25,75 @@ class ReferencesConfig:
     """How many clips to make."""
 
     count: int = 2000
-    """Clips to try, spread evenly over the objects; those that fail the quality gate are left out."""
+    """Good clips to have, spread evenly over the objects: what fails the quality gate is replaced by further clips."""
     test_only: bool = False
     """Use the objects of the test split alone: for an evaluation without training."""
 
 
-def make_references(folder: Path, objects: Stage, task: str, config: ReferencesConfig, seed: int, workers: int, quiet: bool = False) -> Stage:
-    """Make human clips on the objects of an earlier stage, one `<id>.npz` each.
+def make_references(folder: Path, objects: Stage, task: str, fulfils: Fulfils, config: ReferencesConfig, seed: int, workers: int, quiet: bool = False) -> Stage:
+    """Make human clips on the objects of an earlier stage, one `<id>.npz` each, and keep those that pass the gate and fulfil the task's K.
 
-    Killed and started again, it makes only the clips that are missing. Raises BadMotion if none passes the gate.
+    Killed and started again, it makes only the clips that are missing. The summary counts by name what was wrong with the others.
+    Raises BadMotion if none is good.
     """
     stage = open_stage(folder, "references", task, seed, asdict(config), {"objects": objects.fingerprint})
     if stage.complete:
         return stage
-    ids = [obj.id for obj in read_objects(objects.folder).values() if obj.split == "test" or not config.test_only]
-    jobs = [(index, ids[index % len(ids)]) for index in range(config.count)]
-    kept = map_items(partial(_make_one, folder, objects.folder, task, seed), jobs, workers, "human clips", quiet)
-    if not any(kept):
-        raise BadMotion(f"none of {len(jobs)} clips passed the quality gate; make more objects or clips")
-    return stage.finish(tried=len(jobs), kept=sum(kept), rate=sum(kept) / len(jobs))
+    ids = object_ids(objects.folder, config)
+    tried, kept, wrong = 0, 0, Counter[str]()
+    while kept < config.count and tried < MOST_TRIES * config.count:
+        missing = min(config.count - kept, MOST_TRIES * config.count - tried)
+        jobs = [(index, ids[index % len(ids)]) for index in range(tried, tried + missing)]
+        found = map_items(partial(_make_one, folder, objects.folder, task, seed, fulfils), jobs, workers, "human clips", quiet)
+        tried, kept = tried + missing, kept + found.count([])
+        wrong.update(name for names in found for name in names)
+        if not kept:
+            break
+    if not kept:
+        raise BadMotion(f"none of {tried} clips passed the quality gate ({_counted(wrong)}); make more objects or clips")
+    return stage.finish(tried=tried, kept=kept, rate=kept / max(tried, 1), rejected_for=_counted(wrong) or "nothing")
 
 
-def _make_one(folder: Path, objects: Path, task: str, seed: int, job: tuple[int, str]) -> bool:
+def object_ids(objects: Path, config: ReferencesConfig) -> list[str]:
+    """Objects that clips are made on, in the order in which they take turns: clip number i is on object i modulo their number."""
+    ids = sorted(path.stem for path in objects.glob("*.json") if path.name != HEADER)
+    return [object_id for object_id in ids if split_of(object_id) == "test" or not config.test_only]
+
+
+def remake(references: Stage, objects: Path, name: str, fulfils: Fulfils) -> tuple[HumanMotion, list[str]]:
+    """The clip of a stage that an id names, made again from nothing but the id, and what the gate says about it.
+
+    Raises BadMotion if the stage does not make such a clip.
+    """
+    header = references.header
+    match = re.fullmatch(rf"{re.escape(header['task'])}-{header['seed']}-(\d{{5}}|[1-9]\d{{5,8}})", name)
+    if match is None or "count" not in header["config"]:
+        example = clip_id(header["task"], 42, header["seed"])
+        raise BadMotion(f"{name!r} names no synthetic clip of {references.folder}; its ids look like {example}")
+    ids = object_ids(objects, ReferencesConfig(**header["config"]))
+    index = int(match[1])
+    obj = load_object(objects, ids[index % len(ids)])
+    motion = synthesize(header["task"], index, obj, header["seed"])
+    return motion, gate(motion, obj, fulfils)
+
+
+def _make_one(folder: Path, objects: Path, task: str, seed: int, fulfils: Fulfils, job: tuple[int, str]) -> list[str]:
+    """What is wrong with a clip, which is on disk if that is nothing."""
     index, object_id = job
     path = folder / f"{clip_id(task, index, seed)}.npz"
     if path.exists():
-        return True
+        return []
     obj = load_object(objects, object_id)
     motion = synthesize(task, index, obj, seed)
-    if not is_good(check_clip(motion, obj)):
-        return False
-    motion.save(path)
-    return True
+    wrong = gate(motion, obj, fulfils)
+    if not wrong:
+        motion.save(path)
+    return wrong
+
+
+def _counted(wrong: Counter[str]) -> str:
+    """Such as `object_depth 12, K 3`."""
+    return ", ".join(f"{name} {count}" for name, count in sorted(wrong.items(), key=lambda entry: (-entry[1], entry[0])))
 
 
 def import_references(objects_folder: Path, folder: Path, task: str, files: Sequence[Path], say: Callable[[str], None]) -> tuple[Stage, Stage]:
