@@ -1,6 +1,7 @@
 """An object as the benchmark sees it: a few boxes, what can be done with it, and which split it belongs to."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -82,6 +83,11 @@ class SceneObject:
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest corner (3,) of the bounding box [m]: x is length (front to back), y width, z height."""
+        low, high = self._bounds
+        return low.copy(), high.copy()
+
+    @cached_property
+    def _bounds(self) -> tuple[np.ndarray, np.ndarray]:
         corners = self.corners().reshape(-1, 3)
         return corners.min(0), corners.max(0)
 

@@ -15,6 +15,7 @@ The wrists' targets are not the points themselves but `WRIST_OFF` before them al
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -155,12 +156,33 @@ def find_pairs(obj: SceneObject) -> Pairs:
 
 def touch_pair(obj: SceneObject, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Draw the two wrists' targets of one episode: left (3,), right (3,) [m], WRIST_OFF before the surface. Raises BadObject."""
-    pairs = find_pairs(obj)
-    if not len(pairs.points):
+    pairs = _pairs_of(_Shape(obj))
+    if not len(pairs):
         raise BadObject(f"object {obj.id} has no two touch points for two hands; give it some by with_touch_points")
-    chosen = pairs.points[random.integers(len(pairs.points))]
+    chosen = pairs[random.integers(len(pairs))]
     left, right = obj.touch_points[chosen] + WRIST_OFF * obj.touch_normals[chosen]
     return left, right
+
+
+class _Shape:
+    """An object that equals all others whose boxes and touch points are the same, whatever they are called."""
+
+    def __init__(self, obj: SceneObject) -> None:
+        self.obj = obj
+        self._bytes = tuple(array.tobytes() for array in (obj.box_pos, obj.box_quat, obj.box_half, obj.touch_points, obj.touch_normals))
+        self._hash = hash(self._bytes)
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Shape) and self._bytes == other._bytes
+
+
+@lru_cache(maxsize=4096)
+def _pairs_of(shape: _Shape) -> np.ndarray:
+    """(N, 2) the points of an object's pairs, searched once: every episode beside it draws one of them."""
+    return find_pairs(shape.obj).points
 
 
 def stance_before(obj: SceneObject, left: np.ndarray, right: np.ndarray) -> np.ndarray:

@@ -9,15 +9,12 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robot.description import Robot
-from mimicbench.sense.elevation import camera_map, down_map, map_from_depth
+from mimicbench.sense.elevation import SMALL, camera_map, down_map, map_from_depth
 from mimicbench.sense.opengl import NoPictures
 from mimicbench.sense.rays import ray_depth
 from mimicbench.sense.render import RigCameras
 from mimicbench.sense.rigs import HEAD_RIG, HEIGHT, PELVIS_RIG, WIDTH
 from mimicbench.sim.backends import make_physics
-
-SMALL = 90, 120
-"""[px] of the pictures that maps are made from."""
 
 
 def bench_senses(robot: Robot, objects: Sequence[SceneObject], seconds: float = 1.0, seed: int = 0, device: str = "cpu") -> dict[str, float]:

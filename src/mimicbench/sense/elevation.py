@@ -19,11 +19,13 @@ import torch
 from mimicbench.core import rotations as rot
 from mimicbench.sense.faces import Surfaces
 from mimicbench.sense.heightmap import CELL, CELLS, cell_centers
-from mimicbench.sense.rigs import PELVIS_RIG, Rig
+from mimicbench.sense.rigs import HEIGHT, PELVIS_RIG, WIDTH, Rig
 from mimicbench.sim.physics import Physics
 
 RANGE = 6.0
 """[m] Depth beyond this is left out (C.2)."""
+SMALL = 90, 120
+"""[px] Rows and columns of cameras whose pictures are only to fill cells of 4 cm."""
 _PIXELS_AT_ONCE = 1 << 18
 """Of lines of sight that are in memory at a time, so that a processor's cache holds much of it: up to 20 MB."""
 
@@ -46,9 +48,22 @@ def map_from_depth(depth: np.ndarray, root_pos: np.ndarray, root_quat: np.ndarra
     return torch.from_numpy(maps)
 
 
-def camera_map(physics: Physics, ids: np.ndarray | None = None, height: int = 90, width: int = 120, rig: Rig = PELVIS_RIG, cell: float = CELL) -> torch.Tensor:
-    """(N, 128, 128) elevation maps of scenes `ids` (None: all) by the lines of sight of cameras of `height` x `width` pixels."""
+def camera_map(
+    physics: Physics, ids: np.ndarray | None = None, height: int | None = None, width: int | None = None, rig: Rig = PELVIS_RIG, cell: float = CELL
+) -> torch.Tensor:
+    """(N, 128, 128) elevation maps of scenes `ids` (None: all) by the lines of sight of cameras.
+
+    Args:
+        physics: The scenes.
+        ids: Which of them.
+        height: Rows of pixels of each camera; None: 90, and for cells smaller than 4 cm the paper's 360, so that few cells are between the pixels.
+        width: Columns; None: 120, or 480.
+        rig: The cameras.
+        cell: Side of a cell [m].
+    """
     ids = np.arange(physics.num_envs) if ids is None else ids
+    usual = SMALL if cell >= CELL else (HEIGHT, WIDTH)
+    height, width = height or usual[0], width or usual[1]
     qpos = physics.qpos()[ids]
     root_pos, turn, tilt = qpos[:, :3], rot.to_matrix(qpos[:, 3:7]), _tilts(qpos[:, 3:7])
     object_pos, object_turn = _object_frames(physics, ids)

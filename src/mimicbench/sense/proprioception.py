@@ -1,5 +1,6 @@
 """What a robot feels of itself."""
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,31 +22,42 @@ def s_current(state: RobotState, links: LinkState, last_action: torch.Tensor) ->
     t, R, v and omega are the positions, orientations (rotation vectors), linear and angular velocities of all links in
     the root frame, three numbers a link.
     """
-    arrays = [state.root_pos_w, state.root_quat_w, state.joint_pos, state.joint_vel, *vars(links).values(), last_action]
+    return _by_rows(_s_current_rows, [*vars(state).values(), *vars(links).values(), last_action])
+
+
+def body_state(state: RobotState) -> torch.Tensor:
+    """(N, 48 for the H1) what a robot can measure of itself: g, root height, root velocities in the root frame, J, dJ."""
+    return _by_rows(_body_state_rows, list(vars(state).values()))
+
+
+def _by_rows(work: Callable[..., Any], arrays: Sequence[torch.Tensor]) -> torch.Tensor:
+    """(N, C) of what `work` makes of the arrays as (C, N): one row a number, so that every operation runs along the robots."""
     # on the CPU by NumPy: it is quicker for few robots, and torch's arctan2 rounds by a robot's place in the batch
-    on_cpu = state.root_pos_w.device.type == "cpu"
-    rows = _s_current_rows(*((np, *(array.numpy() for array in arrays)) if on_cpu else (torch, *arrays)))
-    return (torch.from_numpy(rows) if on_cpu else rows).T.contiguous()
+    if arrays[0].device.type == "cpu":
+        return torch.from_numpy(work(np, *(array.numpy() for array in arrays))).T.contiguous()
+    return work(torch, *arrays).T.contiguous()
 
 
 def _s_current_rows(
-    xp: Any, root_pos: Any, root_quat: Any, joint_pos: Any, joint_vel: Any, pos_w: Any, quat_w: Any, lin_vel_w: Any, ang_vel_w: Any, last_action: Any
-) -> Any:
-    """S_current as (300, N): one row a number, so that every operation runs along the robots, which lie side by side in memory.
-
-    The arrays are those of RobotState and LinkState, and belong to `xp`: NumPy or torch.
-    """
+    xp: Any, root_pos: Any, root_quat: Any, root_lin_vel: Any, root_ang_vel: Any, joint_pos: Any, joint_vel: Any, pos_w: Any, quat_w: Any,
+    lin_vel_w: Any, ang_vel_w: Any, last_action: Any,
+) -> Any:  # fmt: skip
+    """S_current (300, N) of the arrays of RobotState and LinkState, which belong to `xp`: NumPy or torch. Each operation costs its call, so they are few."""
     count, links = pos_w.shape[:2]
-    turn = _rows(xp, rot.to_matrix(root_quat).reshape(count, 9))
-    xyz = [xp.concatenate([pos_w[..., i].T - root_pos[:, i], lin_vel_w[..., i].T, ang_vel_w[..., i].T]) for i in range(3)]
-    # v_r = R^T v_w, all of a robot's vectors at once
-    pos, lin, ang = (
-        xp.stack(parts, 1).reshape(3 * links, count)
-        for parts in zip(*((turn[i] * xyz[0] + turn[3 + i] * xyz[1] + turn[6 + i] * xyz[2]).reshape(3, links, count) for i in range(3)), strict=True)
-    )
-    rotvec = xp.stack(_turns_between(xp, _rows(xp, root_quat), [quat_w[..., i].T for i in range(4)]), 1).reshape(3 * links, count)
-    down = -turn[6:]  # the third row of R: gravity's direction in the root frame, but for its sign
-    return xp.concatenate([_rows(xp, joint_pos), _rows(xp, joint_vel), pos, rotvec, lin, ang, _rows(xp, last_action), down])
+    quat, turn = _rows(xp, root_quat), _turn(xp, root_quat)
+    vectors = xp.stack([_along_robots(array) for array in (pos_w, lin_vel_w, ang_vel_w)])  # (3, L, 3, N)
+    vectors[0] -= _rows(xp, root_pos)
+    pos, lin, ang = _turn_back(turn, vectors).reshape(3, 3 * links, count)
+    rotvec = _turns_between(xp, quat, _along_robots(quat_w)).reshape(3 * links, count)
+    # the third row of R is gravity's direction in the root frame, but for its sign
+    return xp.concatenate([joint_pos.T, joint_vel.T, pos, rotvec, lin, ang, last_action.T, -turn[2]])
+
+
+def _body_state_rows(xp: Any, root_pos: Any, root_quat: Any, root_lin_vel: Any, root_ang_vel: Any, joint_pos: Any, joint_vel: Any) -> Any:
+    """What `body_state` tells, (48, N); arrays as in `_s_current_rows`."""
+    turn = _turn(xp, root_quat)
+    lin_r = _turn_back(turn, _rows(xp, root_lin_vel))
+    return xp.concatenate([-turn[2], root_pos.T[2:], lin_r, root_ang_vel.T, joint_pos.T, joint_vel.T])
 
 
 def _rows(xp: Any, array: Any) -> Any:
@@ -53,26 +65,39 @@ def _rows(xp: Any, array: Any) -> Any:
     return np.ascontiguousarray(array.T) if xp is np else array.T.contiguous()
 
 
-def _turns_between(xp: Any, a: Any, b: Any) -> list[Any]:
-    """The three components (L, N) of the rotation vectors of a^-1 b, for quaternions a (4, N) and b of four (L, N)."""
-    aw, ax, ay, az = a
-    bw, bx, by, bz = b
-    w = aw * bw + ax * bx + ay * by + az * bz
-    x = aw * bx - ax * bw - ay * bz + az * by
-    y = aw * by + ax * bz - ay * bw - az * bx
-    z = aw * bz - ax * by + ay * bx - az * bw
-    sine = (x * x + y * y + z * z) ** 0.5
+def _along_robots(array: Any) -> Any:
+    """(L, C, N) of (N, L, C)."""
+    return array.swapaxes(0, 1).swapaxes(1, 2)
+
+
+def _turn(xp: Any, quat: Any) -> Any:
+    """(3, 3, N) matrices of quaternions (N, 4)."""
+    q = _rows(xp, quat)
+    twice = (q + q)[:, None] * q
+    squares, mixed, spins = twice[[1, 2, 3], [1, 2, 3]], twice[[2, 1, 1], [3, 3, 2]], twice[0, 1:]  # of x, y, z; yz, xz, xy; wx, wy, wz
+    turn = xp.empty_like(twice[:3, :3])
+    turn[[0, 1, 2], [0, 1, 2]] = 1 - squares[[1, 0, 0]] - squares[[2, 2, 1]]
+    turn[[2, 0, 1], [1, 2, 0]] = mixed + spins
+    turn[[1, 2, 0], [2, 0, 1]] = mixed - spins
+    return turn
+
+
+def _turn_back(turn: Any, vectors: Any) -> Any:
+    """R^T v of vectors (..., 3, N) by R (3, 3, N)."""
+    return vectors[..., :1, :] * turn[0] + vectors[..., 1:2, :] * turn[1] + vectors[..., 2:, :] * turn[2]
+
+
+def _turns_between(xp: Any, a: Any, b: Any) -> Any:
+    """Rotation vectors (L, 3, N) of a^-1 b, for quaternions a (4, N) and b (L, 4, N)."""
+    w, x, y, z = a
+    # a^-1 b is linear in b
+    columns = xp.stack([w, -x, -y, -z, x, w, -z, y, y, z, w, -x, z, -y, x, w]).reshape(4, 4, -1)
+    turn = b[:, :1] * columns[0] + b[:, 1:2] * columns[1] + b[:, 2:3] * columns[2] + b[:, 3:] * columns[3]
+    cosine, axis = turn[:, :1], turn[:, 1:]
+    square = axis * axis
+    sine = (square[:, :1] + square[:, 1:2] + square[:, 2:] + 1e-30) ** 0.5  # never zero, so that its quotient has a limit
     # the shorter way: of the two quaternions of a turn, the one with w >= 0
-    small = sine < 1e-7
-    scale = xp.where(small, 2.0 + 0 * sine, 2 * xp.arctan2(sine, abs(w)) / xp.where(small, 1.0 + 0 * sine, sine))
-    scale = xp.where(w < 0, -scale, scale)
-    return [scale * x, scale * y, scale * z]
-
-
-def body_state(state: RobotState) -> torch.Tensor:
-    """(N, 48 for the H1) what a robot can measure of itself: g, root height, root velocities in the root frame, J, dJ."""
-    lin_r = rot.rotate_inverse(state.root_quat_w, state.root_lin_vel_w)
-    return torch.cat([gravity(state), state.root_pos_w[:, 2:], lin_r, state.root_ang_vel_b, state.joint_pos, state.joint_vel], -1)
+    return axis * xp.copysign(2 * xp.arctan2(sine, abs(cosine)) / sine, cosine)
 
 
 class Odometry:

@@ -142,11 +142,12 @@ class Episodes:
     def step(self, target: np.ndarray, running: np.ndarray) -> Outcome:
         """One control step of the episodes `running` (N,) bool with joint targets (N, J); the others stay as they are."""
         target = np.asarray(target, np.float32)
-        if target.shape != self._last_target.shape or not np.isfinite(target[running]).all():
+        ids = None if running.all() else np.flatnonzero(running)
+        if target.shape != self._last_target.shape or not np.isfinite(target if ids is None else target[ids]).all():
             raise MimicbenchError(f"actions must be {' x '.join(map(str, self._last_target.shape))} finite numbers, one for each joint of each robot")
-        target = np.where(running[:, None], target, self._last_target)
-        if running.any():
-            self.physics.step(torch.from_numpy(target), True, None if running.all() else np.flatnonzero(running))
+        target = target.copy() if ids is None else np.where(running[:, None], target, self._last_target)
+        if ids is None or len(ids):
+            self.physics.step(torch.from_numpy(target), True, ids)
         self._last_target, self._links = target, None
         judge = self.judge
         judge.see(self.physics, running, self._look())
@@ -176,18 +177,18 @@ class Episodes:
         if "time" in senses:
             seen["time"] = (self.judge.steps[:, None] * CONTROL_DT).astype(np.float32)
         if "elevation" in senses:
-            self._look()  # brings what the rays meet up to date
             seen["elevation"] = camera_map(self.physics, rig=self.task.rig, cell=self.task.map_cell).numpy()
         if self.task.wrist_goals:
-            goal, root_pos, root_quat = np.stack([start.wrist_goal_w for start in self.starts]), self.physics.qpos()[:, :3], self.physics.qpos()[:, 3:7]
+            goal, qpos = self.judge.wrist_goal_w, self.physics.qpos()
+            root_pos, root_quat = qpos[:, :3], qpos[:, 3:7]
             seen["targets"] = rot.rotate_inverse(root_quat[:, None], goal - root_pos[:, None]).astype(np.float32)
             if "elevation" in senses:
                 seen["target_elevation"] = target_map(root_pos, root_quat, goal, self.task.map_cell).numpy()
         for values in seen.values():
-            if not np.isfinite(values).all():
+            if not (values.max() <= BOUND and values.min() >= -BOUND):
                 # of a scene that broke: its episode ends with `diverged`, but what is returned has to be in the space
                 np.nan_to_num(values, copy=False)
-            np.clip(values, -BOUND, BOUND, out=values)
+                np.clip(values, -BOUND, BOUND, out=values)
         return seen
 
     def facts(self) -> dict[str, np.ndarray]:

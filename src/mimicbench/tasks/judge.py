@@ -15,6 +15,9 @@ FALLEN_DROP = 0.15
 """[m] So does one whose root is this much below the seat."""
 
 
+_UPRIGHT = float(np.cos(FALLEN_TILT))
+
+
 class Judge:
     """Sees every control step of N episodes and keeps their verdicts. Policies never see a judge."""
 
@@ -23,6 +26,7 @@ class Judge:
         self._task, self._robot, self._dt = task, robot, control_dt
         self._facts = ObjectFacts.of(objects, wrist_goals)
         self._hold_frames = task.hold_frames(1 / control_dt)
+        self._lowest = _lowest(self._facts)
         n = len(objects)
         self.run = np.zeros(n, int)
         """(N,) frames in a row that the condition holds now."""
@@ -43,9 +47,16 @@ class Judge:
         self.steps = np.zeros(n, int)
         """(N,) control steps seen."""
 
+    @property
+    def wrist_goal_w(self) -> np.ndarray:
+        """(N, 2, 3) where left and right wrist are to go [m]; NaN without such a goal."""
+        return self._facts.wrist_goal_w
+
     def restart(self, ids: np.ndarray, objects: Sequence[SceneObject], wrist_goals: Sequence[np.ndarray] | None = None) -> None:
         """Forget the episodes `ids` (n,), which begin anew with these objects and goals."""
-        self._facts = self._facts.exchanged(ids, ObjectFacts.of(objects, wrist_goals))
+        fresh = ObjectFacts.of(objects, wrist_goals)
+        self._facts.exchange(ids, fresh)
+        self._lowest[ids] = _lowest(fresh)
         for counts in (self.run, self.steps, self.max_effort):
             counts[ids] = 0
         for verdicts in (self.success, self.success_at_end, self.fell, self.diverged):
@@ -59,25 +70,26 @@ class Judge:
         `links` are the physics' links now, if they are at hand already.
         """
         links = links or physics.links()
-        points = BodyPoints.of(self._robot, links.pos_w.cpu().numpy(), links.quat_w.cpu().numpy())
-        diverged = physics.diverged.cpu().numpy() & active
-        self.diverged |= diverged
+        pos_w, quat_w = links.pos_w.cpu().numpy(), links.quat_w.cpu().numpy()
+        facts = self._facts.moved(*physics.object_pose()) if physics.objects[0].movable else self._facts
+        self.diverged |= physics.diverged.cpu().numpy() & active
         active = active & ~self.diverged
         self.steps += active
-        holds = self._task.holds(points, self._facts.moved(*physics.object_pose()))
-        self.run = np.where(active, np.where(holds, self.run + 1, 0), self.run)
-        self.max_effort = np.where(active, np.maximum(self.max_effort, physics.effort.cpu().numpy()), self.max_effort)
+        holds = self._task.holds(BodyPoints.of(self._robot, pos_w, quat_w), facts)
+        self.run = np.where(active, (self.run + 1) * holds, self.run)
+        np.maximum(self.max_effort, physics.effort.cpu().numpy(), out=self.max_effort, where=active)
         held = self.run >= self._hold_frames
         new = held & active & np.isnan(self.first_success)
-        self.first_success[new] = self.steps[new] * self._dt
-        self.effort_at_success[new] = self.max_effort[new]
+        if new.any():
+            self.first_success[new] = self.steps[new] * self._dt
+            self.effort_at_success[new] = self.max_effort[new]
         self.success_at_end = np.where(active, held, self.success_at_end)
         self.success = self.success_at_end.copy() if self._task.in_last_frame else self.success | new
-        _, x, y, _ = links.quat_w[:, 0].cpu().numpy().T
-        up = 1 - 2 * (x * x + y * y)  # how much of the root's own z axis points upwards
-        low = points.pelvis_pos_w[:, 2] < np.where(np.isnan(self._facts.seat_height), 0.3, self._facts.seat_height) - FALLEN_DROP
-        tilted = (up < np.cos(FALLEN_TILT)) & self._task.upright
-        self.fell |= active & (tilted | low)
+        fallen = pos_w[:, 0, 2] < self._lowest
+        if self._task.upright:
+            x, y = quat_w[:, 0, 1], quat_w[:, 0, 2]
+            fallen |= 1 - 2 * (x * x + y * y) < _UPRIGHT  # how much of the root's own z axis points upwards
+        self.fell |= active & fallen
 
     def over(self, linger: float = 0.0) -> np.ndarray:
         """(N,) whether there is nothing left to see: K has been fulfilled for `linger` [s], or the physics broke down."""
@@ -89,3 +101,8 @@ class Judge:
         """(N,) the e that P is judged by: up to the fulfilment of K, where the episode ends, or to the last frame."""
         ended = self.success & (not self._task.in_last_frame)
         return np.where(ended, self.effort_at_success, self.max_effort)
+
+
+def _lowest(facts: ObjectFacts) -> np.ndarray:
+    """(N,) below what height of the root a robot has fallen [m]."""
+    return np.where(np.isnan(facts.seat_height), 0.3, facts.seat_height) - FALLEN_DROP

@@ -20,7 +20,7 @@ REST = 1.5
 class ObjectFacts:
     """What K needs to know of N objects and goals. Taken from their labels; no policy ever sees it."""
 
-    objects: Sequence[SceneObject]
+    objects: list[SceneObject]
     """One per scene."""
     seat_height: np.ndarray
     """(N,) H [m]; NaN where there is no seat."""
@@ -44,7 +44,7 @@ class ObjectFacts:
         goals = [goal if len(goal) else nowhere for goal in wrist_goals] if wrist_goals is not None else [nowhere] * len(objects)
         n = len(objects)
         return ObjectFacts(
-            objects, np.array(heights), np.array([low for low, _ in bounds]), np.array([high for _, high in bounds]),
+            list(objects), np.array(heights), np.array([low for low, _ in bounds]), np.array([high for _, high in bounds]),
             np.zeros((n, 3)), np.tile(rot.IDENTITY, (n, 1)), np.array(goals),
         )  # fmt: skip
 
@@ -56,15 +56,12 @@ class ObjectFacts:
         """The same with the objects at (N, 3) and turned by (N, 4)."""
         return replace(self, pos_w=pos_w, quat_w=quat_w)
 
-    def exchanged(self, ids: np.ndarray, others: "ObjectFacts") -> "ObjectFacts":
-        """The same with the facts of scenes `ids` (n,) replaced by those of `others`."""
-        objects = list(self.objects)
-        arrays = {name: value.copy() for name, value in vars(self).items() if name != "objects"}
+    def exchange(self, ids: np.ndarray, others: "ObjectFacts") -> None:
+        """Replace the facts of scenes `ids` (n,), here and now, by those of `others`."""
         for row, env in enumerate(ids):
-            objects[env] = others.objects[row]
-        for name, array in arrays.items():
-            array[ids] = getattr(others, name)
-        return ObjectFacts(objects, **arrays)
+            self.objects[env] = others.objects[row]
+        for name in ("seat_height", "low", "high", "pos_w", "quat_w", "wrist_goal_w"):
+            getattr(self, name)[ids] = getattr(others, name)
 
     def interior_xy(self, pos_w: np.ndarray) -> np.ndarray:
         """(N,) whether positions (N, 3) lie in the fixed object's interior in the bird-eye view (appendix D.1)."""
@@ -98,8 +95,9 @@ class BodyPoints:
     def of(robot: Robot, link_pos_w: np.ndarray, link_quat_w: np.ndarray) -> "BodyPoints":
         """From link poses (N, L, 3) and (N, L, 4)."""
         points = [robot.keypoints[f"{side}_{name}"] for name in ("ankle", "wrist") for side in ("left", "right")]
-        links, offsets = [link for link, _ in points], np.array([offset for _, offset in points])
-        pos_w = link_pos_w[:, links] + rot.rotate(link_quat_w[:, links], offsets)
+        pos_w = link_pos_w[:, [link for link, _ in points]]
+        off = [i for i, (_, offset) in enumerate(points) if any(offset)]  # the others are their links' origins
+        pos_w[:, off] += rot.rotate(link_quat_w[:, [points[i][0] for i in off]], np.array([points[i][1] for i in off]).reshape(-1, 3))
         return BodyPoints(link_pos_w[:, 0], pos_w[:, :2], pos_w[:, 2:])
 
 
