@@ -11,7 +11,7 @@ from mimicbench.retarget.grounding import ground, stance
 from mimicbench.retarget.h1_tables import find_mapping
 from mimicbench.retarget.kinematics import Pose, Tree
 from mimicbench.retarget.mapping import Bound, Preset, bind
-from mimicbench.retarget.measures import measure
+from mimicbench.retarget.measures import measure, measure_scene
 from mimicbench.robot.description import Robot
 
 
@@ -44,7 +44,9 @@ class Clip:
         human = self.motion
         pos_w, quat_w = human.forward_kinematics()
         standing = stance(human, bound, pos_w[:, [joint for joint, _ in bound.feet]])
-        measured = measure(tree.place(pose), pose, bound, self.robot, pos_w, quat_w, human.fps, standing)
+        links, mapping = tree.place(pose), find_mapping(human.skeleton.name, self.robot.name)
+        measured = measure(links, pose, bound, self.robot, pos_w, quat_w, human.fps, standing)
+        measured |= measure_scene(links, self.robot, mapping, bound, human, self.obj, standing)
         return RobotMotion(
             id=human.id, task=human.task, robot=self.robot.name, joint_names=self.robot.joint_names, fps=human.fps, root_pos_w=pose.root_pos,
             root_quat_w=pose.root_quat, joint_pos=pose.joints, object_id=human.object_id, reference_id=human.id, contact_names=human.contact_names,

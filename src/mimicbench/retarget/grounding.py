@@ -36,3 +36,9 @@ def ground(links: Links, bound: Bound, standing: np.ndarray) -> float:
         return -float(np.median(heights[standing]))
     lowest = float(np.percentile(heights.min(-1), 5))
     return -lowest if abs(lowest) < _NEAR else 0.0
+
+
+def runs(values: np.ndarray) -> list[tuple[int, int]]:
+    """First and one past the last index of every run of true values in (T,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(values, np.int8), [0]])))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

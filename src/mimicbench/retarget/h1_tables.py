@@ -43,19 +43,21 @@ class Names:
     """Height of a hip over the seat under it [m]."""
     pelvis_seat: float
     """Height of the pelvis joint over the seat under it [m]."""
+    palm: float
+    """From the wrist to the palm's middle [m]."""
 
 
 UNIHSI = Names(
     "unihsi", ("left", "right"), "pelvis", "torso", "{}_thigh", "{}_shin", "{}_foot", "{}_upper_arm", "{}_lower_arm", "{}_hand",
-    leg_length=0.831416, sole=0.05, hip_seat=0.09, pelvis_seat=0.09,
+    leg_length=0.831416, sole=0.05, hip_seat=0.09, pelvis_seat=0.09, palm=0.06,
 )  # fmt: skip
 ROAM = Names(
     "roam", ("Left", "Right"), "Hips", "Spine3", "{}UpLeg", "{}Leg", "{}Foot", "{}Arm", "{}ForeArm", "{}Hand",
-    leg_length=0.7489, sole=0.069, hip_seat=0.0709, pelvis_seat=0.10,
+    leg_length=0.7489, sole=0.069, hip_seat=0.0709, pelvis_seat=0.10, palm=0.07,
 )  # fmt: skip
 CORE4D = Names(
     "core4d", ("left", "right"), "pelvis", "spine3", "{}_hip", "{}_knee", "{}_ankle", "{}_shoulder", "{}_elbow", "{}_wrist",
-    leg_length=0.8769, sole=0.0863, hip_seat=0.0721, pelvis_seat=0.16,
+    leg_length=0.8769, sole=0.0863, hip_seat=0.0721, pelvis_seat=0.16, palm=0.08,
 )  # fmt: skip
 
 
@@ -92,7 +94,14 @@ def _to_h1(names: Names, shoulder: str) -> Mapping:
         wrists=((names.wrist.format(left), "left_wrist"), (names.wrist.format(right), "right_wrist")),
         feet=((names.ankle.format(left), "left_ankle_link"), (names.ankle.format(right), "right_ankle_link")),
         sole=((-0.10, 0.0, -0.07), (0.20, 0.0, -0.07)),
-    )
+        bearers={
+            "pelvis": ("pelvis",), "back": ("torso_link",), "left_hand": ("left_elbow_link",), "right_hand": ("right_elbow_link",),
+            "left_foot": ("left_ankle_link",), "right_foot": ("right_ankle_link",),
+        },
+        forearms=tuple((names.elbow.format(side), names.wrist.format(side)) for side in names.sides),
+        palm=names.palm,
+        ankle_height=names.sole,
+    )  # fmt: skip
 
 
 # "the human shoulder is the shoulder roll link for UniHSI, the shoulder pitch link for the others" (tables of appendix B.1)

@@ -1,5 +1,6 @@
 """Which robot link stands for which human joint (appendix B.1), and how their frames relate."""
 
+from collections.abc import Mapping as Dictionary
 from dataclasses import dataclass
 from typing import Literal
 
@@ -55,6 +56,14 @@ class Mapping:
     """Human joint and robot link of each foot."""
     sole: tuple[tuple[float, float, float], ...]
     """Heel and toe of the robot's sole in the foot link's frame [m]."""
+    bearers: Dictionary[str, tuple[str, ...]]
+    """Robot links that bear in place of each part of the body that a contact label names."""
+    forearms: tuple[tuple[str, str], ...]
+    """Human elbow and wrist of each arm: the palm's middle is `palm` beyond the wrist, in the forearm's direction."""
+    palm: float
+    """[m] at size 1."""
+    ankle_height: float
+    """Of the human's ankle over the sole [m], at size 1."""
 
     def size_of(self, skeleton: Skeleton) -> float:
         """Body size of a skeleton: 1 for one as tall as the original."""

@@ -3,10 +3,16 @@
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.retarget.grounding import sole_heights
+from mimicbench.core.motion import HumanMotion
+from mimicbench.objects.shape import SceneObject
+from mimicbench.retarget.grounding import FEET, runs, sole_heights
 from mimicbench.retarget.kinematics import Links, Pose
-from mimicbench.retarget.mapping import Bound, followed_points
+from mimicbench.retarget.mapping import Bound, Mapping, followed_points
+from mimicbench.retarget.samples import Balls, Masses, Scene, balls_of
 from mimicbench.robot.description import Robot
+
+DEEP, CLOSE = 0.01, 0.02
+"""[m] What counts as penetration, and as contact."""
 
 
 def measure(
@@ -61,6 +67,83 @@ def measure(
         "sole_tilt": _mean(np.arccos(np.clip(up[standing], -1.0, 1.0))),
         "knee": _mean(bend),
     }
+
+
+def measure_scene(links: Links, robot: Robot, mapping: Mapping, bound: Bound, motion: HumanMotion, obj: SceneObject, standing: np.ndarray) -> dict[str, float]:
+    """What a robot motion does with floor and object.
+
+    Args:
+        links: Poses of all links.
+        robot: Its shapes and masses.
+        mapping: Which links bear for which part of the body.
+        bound: The same with names looked up.
+        motion: The human clip, for its contact labels and the object's track.
+        obj: The object.
+        standing: (T, F) stance of each foot.
+
+    Returns:
+        penetration: share of frames in which some collision shape is more than DEEP in floor or object; depth: the deepest ever [m];
+        contact_kept: share of the labeled contacts (pelvis, back, hands, feet; frame by frame) in which the robot's part is within CLOSE of floor or
+        object, 1 without labels; step_skate: farthest that a sole moves while it stands, mean over steps [m]; balance: mean distance of the center of
+        mass from the strip between heels and toes while both feet alone bear [m]; self_collision: share of frames in which the robot's own shapes
+        that may collide are more than DEEP in each other.
+    """
+    balls, scene = balls_of(robot), Scene.of(motion, obj)
+    centers = balls.place(links)
+    distance, _ = scene.clearance(balls, centers)
+    depth = -distance.min(-1)
+    kept, labeled = 0, 0
+    for column, name in enumerate(motion.contact_names):
+        when = motion.contacts[:, column].astype(bool)
+        which = np.isin(balls.link, [robot.link_names.index(link) for link in mapping.bearers.get(name, ())])
+        if which.any():
+            labeled += int(when.sum())
+            kept += int((distance[when][:, which].min(-1) < CLOSE).sum())
+    feet = [link for _, link in bound.feet]
+    soles = links.pos[:, feet] + rot.rotate(links.quat[:, feet], bound.sole.mean(0))
+    moved = [np.linalg.norm(np.ptp(soles[a:b, foot, :2], axis=0)) for foot in range(len(feet)) for a, b in runs(standing[:, foot])]
+    return {
+        "penetration": float((depth > DEEP).mean()),
+        "depth": float(max(0.0, depth.max())),
+        "contact_kept": kept / labeled if labeled else 1.0,
+        "step_skate": float(np.mean(moved)) if moved else 0.0,
+        "balance": _balance(links, robot, bound, motion, standing),
+        "self_collision": float((_self_depth(robot, links, balls, centers) > DEEP).mean()),
+    }
+
+
+def _balance(links: Links, robot: Robot, bound: Bound, motion: HumanMotion, standing: np.ndarray) -> float:
+    """Mean distance of the center of mass from over the feet while both, and nothing else, bear [m]; along the feet's mean direction."""
+    others = [column for column, name in enumerate(motion.contact_names) if name not in FEET]
+    alone = standing.all(-1) & ~motion.contacts[:, others].astype(bool).any(-1) if motion.contacts.size else standing.all(-1)
+    if not alone.any():
+        return 0.0
+    feet = [link for _, link in bound.feet]
+    heading = rot.rotate(links.quat[:, feet], np.array([1.0, 0.0, 0.0])).mean(1)
+    ahead = ((Masses.of(robot).center(links) - links.pos[:, feet].mean(1)) * heading)[:, :2].sum(-1)[alone]
+    low, high = bound.sole[:, 0].min(), bound.sole[:, 0].max()
+    return float(np.abs(ahead - np.clip(ahead, low, high)).mean())
+
+
+def _self_depth(robot: Robot, links: Links, balls: Balls, centers: np.ndarray) -> np.ndarray:
+    """(T,) how deep the robot's shapes are in each other, of the pairs of groups that may collide [m]; balls against balls and boxes."""
+    deepest = np.full(len(centers), -np.inf)
+    for first, second in robot.collides:
+        one, other = np.flatnonzero(balls.group == first), np.flatnonzero(balls.group == second)
+        for a in one[balls.radius[one] > 0]:
+            round_ = other[balls.radius[other] > 0]
+            if len(round_):
+                apart = np.linalg.norm(centers[:, a, None] - centers[:, round_], axis=-1) - balls.radius[a] - balls.radius[round_]
+                deepest = np.maximum(deepest, -apart.min(-1))
+        for shape in robot.collision:
+            if shape.type == "box" and shape.group in (first, second):
+                mine = one if shape.group == second else other
+                mine = mine[balls.radius[mine] > 0]
+                local = rot.rotate_inverse(links.quat[:, shape.link, None], centers[:, mine] - links.pos[:, shape.link, None]) - np.array(shape.start)
+                beyond = np.abs(local) - np.array(shape.size)
+                apart = np.linalg.norm(np.maximum(beyond, 0), axis=-1) + np.minimum(beyond.max(-1), 0) - balls.radius[mine]
+                deepest = np.maximum(deepest, -apart.min(-1))
+    return deepest
 
 
 def _skate(pos_w: np.ndarray, standing: np.ndarray, fps: float) -> float:

@@ -7,6 +7,7 @@ from mimicbench.core.errors import UnknownName
 from mimicbench.core.motion import RobotMotion
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.copy_rotation import copy_rotation
+from mimicbench.retarget.interaction import interact
 from mimicbench.retarget.mapping import Preset
 from mimicbench.retarget.optimization import PAPER, OptimizationConfig, optimize
 from mimicbench.retarget.shape_alignment import align_and_optimize
@@ -29,6 +30,7 @@ METHODS: dict[str, Method] = {
         Method("optimization", "Optimization", lambda clip, preset: optimize(clip, CONFIGS[preset])),
         # its human has the robot's bones: what `improved` adds to the tables, for bones that differ, has no place in it
         Method("omnih2o", "OmniH2O", lambda clip, preset: align_and_optimize(clip, CONFIGS["paper"])),
+        Method("interaction", "Interaction (ours)", lambda clip, _: interact(clip)),
     )
 }
 CONFIGS: dict[Preset, OptimizationConfig] = {"paper": PAPER, "improved": OptimizationConfig()}
