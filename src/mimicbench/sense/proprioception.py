@@ -1,6 +1,6 @@
 """What a robot feels of itself."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -16,48 +16,57 @@ def gravity(state: RobotState) -> torch.Tensor:
     return torch.stack([2 * (w * y - x * z), -2 * (w * x + y * z), 2 * (x * x + y * y) - 1], -1)
 
 
-def s_current(state: RobotState, links: LinkState, last_action: torch.Tensor) -> torch.Tensor:
+def root_turn(state: RobotState) -> torch.Tensor:
+    """(3, 3, N) rotation matrices from the root's frame to the world's, each number of all robots side by side. Both functions below need them."""
+    xp, (quat,) = _own(state.root_quat_w)
+    q = _rows(xp, quat)
+    twice = (q + q)[:, None] * q
+    squares, mixed, spins = twice[[1, 2, 3], [1, 2, 3]], twice[[2, 1, 1], [3, 3, 2]], twice[0, 1:]  # of x, y, z; yz, xz, xy; wx, wy, wz
+    turn = xp.empty_like(twice[:3, :3])
+    turn[[0, 1, 2], [0, 1, 2]] = 1 - squares[[1, 0, 0]] - squares[[2, 2, 1]]
+    turn[[2, 0, 1], [1, 2, 0]] = mixed + spins
+    turn[[1, 2, 0], [2, 0, 1]] = mixed - spins
+    return torch.from_numpy(turn) if xp is np else turn
+
+
+def s_current(state: RobotState, links: LinkState, last_action: torch.Tensor, turn: torch.Tensor | None = None) -> torch.Tensor:
     """(N, 300 for the H1) S_current of the paper (G.1): J, dJ, t, R, v, omega, last action, g.
 
     t, R, v and omega are the positions, orientations (rotation vectors), linear and angular velocities of all links in
-    the root frame, three numbers a link.
+    the root frame, three numbers a link. `turn` is `root_turn(state)`, if it is at hand.
     """
-    return _by_rows(_s_current_rows, [*vars(state).values(), *vars(links).values(), last_action])
-
-
-def body_state(state: RobotState) -> torch.Tensor:
-    """(N, 48 for the H1) what a robot can measure of itself: g, root height, root velocities in the root frame, J, dJ."""
-    return _by_rows(_body_state_rows, list(vars(state).values()))
-
-
-def _by_rows(work: Callable[..., Any], arrays: Sequence[torch.Tensor]) -> torch.Tensor:
-    """(N, C) of what `work` makes of the arrays as (C, N): one row a number, so that every operation runs along the robots."""
-    # on the CPU by NumPy: it is quicker for few robots, and torch's arctan2 rounds by a robot's place in the batch
-    if arrays[0].device.type == "cpu":
-        return torch.from_numpy(work(np, *(array.numpy() for array in arrays))).T.contiguous()
-    return work(torch, *arrays).T.contiguous()
-
-
-def _s_current_rows(
-    xp: Any, root_pos: Any, root_quat: Any, root_lin_vel: Any, root_ang_vel: Any, joint_pos: Any, joint_vel: Any, pos_w: Any, quat_w: Any,
-    lin_vel_w: Any, ang_vel_w: Any, last_action: Any,
-) -> Any:  # fmt: skip
-    """S_current (300, N) of the arrays of RobotState and LinkState, which belong to `xp`: NumPy or torch. Each operation costs its call, so they are few."""
-    count, links = pos_w.shape[:2]
-    quat, turn = _rows(xp, root_quat), _turn(xp, root_quat)
+    xp, (r, root_pos, root_quat, joint_pos, joint_vel, pos_w, quat_w, lin_vel_w, ang_vel_w, action) = _own(
+        root_turn(state) if turn is None else turn, state.root_pos_w, state.root_quat_w, state.joint_pos, state.joint_vel,
+        links.pos_w, links.quat_w, links.lin_vel_w, links.ang_vel_w, last_action,
+    )  # fmt: skip
     vectors = xp.stack([_along_robots(array) for array in (pos_w, lin_vel_w, ang_vel_w)])  # (3, L, 3, N)
     vectors[0] -= _rows(xp, root_pos)
-    pos, lin, ang = _turn_back(turn, vectors).reshape(3, 3 * links, count)
-    rotvec = _turns_between(xp, quat, _along_robots(quat_w)).reshape(3 * links, count)
+    pos, lin, ang = _turn_back(r, vectors).reshape(3, -1, len(root_pos))
+    rotvec = _turns_between(xp, _rows(xp, root_quat), _along_robots(quat_w)).reshape(pos.shape)
     # the third row of R is gravity's direction in the root frame, but for its sign
-    return xp.concatenate([joint_pos.T, joint_vel.T, pos, rotvec, lin, ang, last_action.T, -turn[2]])
+    return _table(xp, [joint_pos.T, joint_vel.T, pos, rotvec, lin, ang, action.T, -r[2]])
 
 
-def _body_state_rows(xp: Any, root_pos: Any, root_quat: Any, root_lin_vel: Any, root_ang_vel: Any, joint_pos: Any, joint_vel: Any) -> Any:
-    """What `body_state` tells, (48, N); arrays as in `_s_current_rows`."""
-    turn = _turn(xp, root_quat)
-    lin_r = _turn_back(turn, _rows(xp, root_lin_vel))
-    return xp.concatenate([-turn[2], root_pos.T[2:], lin_r, root_ang_vel.T, joint_pos.T, joint_vel.T])
+def body_state(state: RobotState, turn: torch.Tensor | None = None) -> torch.Tensor:
+    """(N, 48 for the H1) what a robot can measure of itself: g, root height, root velocities in the root frame, J, dJ. `turn` as in s_current."""
+    xp, (r, root_pos, lin_vel, ang_vel, joint_pos, joint_vel) = _own(
+        root_turn(state) if turn is None else turn, state.root_pos_w, state.root_lin_vel_w, state.root_ang_vel_b, state.joint_pos, state.joint_vel
+    )
+    return _table(xp, [-r[2], root_pos.T[2:], _turn_back(r, _rows(xp, lin_vel)), ang_vel.T, joint_pos.T, joint_vel.T])
+
+
+def _own(*arrays: torch.Tensor) -> tuple[Any, list[Any]]:
+    """The library that works with these tensors, and they as its arrays.
+
+    On the CPU that is NumPy, which is quicker for few robots; and torch's arctan2 rounds by a robot's place in the batch.
+    """
+    return (np, [array.numpy() for array in arrays]) if arrays[0].device.type == "cpu" else (torch, list(arrays))
+
+
+def _table(xp: Any, rows: Sequence[Any]) -> torch.Tensor:
+    """(N, C) of blocks of rows (., N). What is worked out has one row a number, so that every operation runs along the robots."""
+    joined = xp.concatenate(rows)
+    return (torch.from_numpy(joined) if xp is np else joined).T.contiguous()
 
 
 def _rows(xp: Any, array: Any) -> Any:
@@ -68,18 +77,6 @@ def _rows(xp: Any, array: Any) -> Any:
 def _along_robots(array: Any) -> Any:
     """(L, C, N) of (N, L, C)."""
     return array.swapaxes(0, 1).swapaxes(1, 2)
-
-
-def _turn(xp: Any, quat: Any) -> Any:
-    """(3, 3, N) matrices of quaternions (N, 4)."""
-    q = _rows(xp, quat)
-    twice = (q + q)[:, None] * q
-    squares, mixed, spins = twice[[1, 2, 3], [1, 2, 3]], twice[[2, 1, 1], [3, 3, 2]], twice[0, 1:]  # of x, y, z; yz, xz, xy; wx, wy, wz
-    turn = xp.empty_like(twice[:3, :3])
-    turn[[0, 1, 2], [0, 1, 2]] = 1 - squares[[1, 0, 0]] - squares[[2, 2, 1]]
-    turn[[2, 0, 1], [1, 2, 0]] = mixed + spins
-    turn[[1, 2, 0], [2, 0, 1]] = mixed - spins
-    return turn
 
 
 def _turn_back(turn: Any, vectors: Any) -> Any:

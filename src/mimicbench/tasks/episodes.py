@@ -13,7 +13,7 @@ from mimicbench.core.motion import RobotMotion
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robot.description import load_robot
 from mimicbench.sense.elevation import camera_map
-from mimicbench.sense.proprioception import body_state, s_current
+from mimicbench.sense.proprioception import body_state, root_turn, s_current
 from mimicbench.sense.targets import target_map
 from mimicbench.sim.backends import check_device, make_physics
 from mimicbench.sim.physics import LinkState, Physics
@@ -169,11 +169,12 @@ class Episodes:
     def observe(self) -> dict[str, np.ndarray]:
         """What all robots sense now, float32, one row a robot. See gym.TaskEnv."""
         state, senses = self.physics.state(), self.config.observe
+        turn = root_turn(state) if "proprio" in senses or "state" in senses else None
         seen: dict[str, np.ndarray] = {}
         if "proprio" in senses:
-            seen["proprio"] = body_state(state).cpu().numpy()
+            seen["proprio"] = body_state(state, turn).cpu().numpy()
         if "state" in senses:
-            seen["state"] = s_current(state, self._look(), torch.from_numpy(self._last_target).to(self.physics.device)).cpu().numpy()
+            seen["state"] = s_current(state, self._look(), torch.from_numpy(self._last_target).to(self.physics.device), turn).cpu().numpy()
         if "time" in senses:
             seen["time"] = (self.judge.steps[:, None] * CONTROL_DT).astype(np.float32)
         if "elevation" in senses:
