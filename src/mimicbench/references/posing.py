@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.motion import forward_kinematics
 from mimicbench.references.body import Body
 from mimicbench.references.limbs import about_y, two_link
 
@@ -79,11 +78,18 @@ def thigh_orientations(body: Body, trunk: Trunk, legs: Legs) -> np.ndarray:
 
 def shoulders(body: Body, trunk: Trunk) -> np.ndarray:
     """(T, 2, 3) world positions of both shoulders [m]."""
-    hanging = np.tile(rot.IDENTITY, (len(trunk.pelvis_pos_w), len(body.skeleton.joint_names), 1))
-    hanging[:, body.pelvis] = trunk.pelvis_quat_w
-    _share(hanging, body.spine, rot.multiply(rot.conjugate(trunk.pelvis_quat_w), trunk.chest_quat_w))
-    pos, _ = forward_kinematics(body.skeleton, trunk.pelvis_pos_w, hanging)
-    return pos[:, [arm.root for arm in body.arms]]
+    turn = rot.multiply(rot.conjugate(trunk.pelvis_quat_w), trunk.chest_quat_w)
+    each, skeleton, places = rot.from_rotvec(rot.to_rotvec(turn) / len(body.spine)), body.skeleton, []
+    for arm in body.arms:
+        chain = [arm.root]
+        while chain[0] != body.pelvis:
+            chain.insert(0, skeleton.parents[chain[0]])
+        pos, quat = trunk.pelvis_pos_w, trunk.pelvis_quat_w
+        for joint in chain[1:]:
+            pos = pos + rot.rotate(quat, skeleton.offsets[joint])
+            quat = rot.multiply(quat, each) if joint in body.spine else quat
+        places.append(pos)
+    return np.stack(places, 1)
 
 
 def reach(body: Body, trunk: Trunk, wrist_pos_w: np.ndarray, elbow_axis_w: np.ndarray) -> Arms:

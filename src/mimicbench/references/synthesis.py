@@ -5,10 +5,17 @@ from collections.abc import Callable
 from mimicbench.core.errors import UnknownName
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.shape import SceneObject
+from mimicbench.references.lift_box import synthesize_lift_box
 from mimicbench.references.sit_chair import synthesize_sit_chair
 from mimicbench.references.sit_sofa import synthesize_sit_sofa
+from mimicbench.references.touch_points import synthesize_touch_points
 
-TASKS: dict[str, Callable[[str, SceneObject, int], HumanMotion]] = {"sit-chair": synthesize_sit_chair, "sit-sofa": synthesize_sit_sofa}
+TASKS: dict[str, Callable[[str, SceneObject, int], HumanMotion]] = {
+    "sit-chair": synthesize_sit_chair,
+    "sit-sofa": synthesize_sit_sofa,
+    "lift-box": synthesize_lift_box,
+    "touch-points": synthesize_touch_points,
+}
 """(clip id, object, seed) -> clip."""
 
 

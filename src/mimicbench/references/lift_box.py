@@ -1,0 +1,119 @@
+"""`lift-box`: come a few steps up to a box, bend, clasp it by its left and right side, lift it, and hold it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mimicbench.core import rotations as rot
+from mimicbench.core.motion import HumanMotion
+from mimicbench.core.seeds import rng
+from mimicbench.objects.shape import SceneObject
+from mimicbench.references.body import core4d_body
+from mimicbench.references.gait import Gait
+from mimicbench.references.limbs import about_y, minimum_jerk
+from mimicbench.references.posing import blend, pose, reach
+from mimicbench.references.reaching import SIZES, Ground, draw_approach, elbow_axes, find_posture, reach_past, settle, steps_up_to
+from mimicbench.references.walking import FPS, follow
+
+STRIDES = Gait(speed=0.58, step_time=0.58, stand=0.5, clearance=0.055)
+"""Short steps."""
+HANDS_OFF = 0.024
+"""[m] between a side of the box and a wrist that clasps it: palms give by the rest."""
+HOLD = 0.35
+"""[s] for which the box is held in the end, at least."""
+WEIGHT = 60.0
+"""[kg] of a person of size 1, whose balance the box shifts."""
+
+
+@dataclass(frozen=True)
+class LiftStyle:
+    """What a clip chooses beyond its start and its box; stored with it."""
+
+    body_scale: float
+    """Size of the body; 1 is 1.80 m tall."""
+    walking: float
+    """The clip begins so long before the last foot lands [s]."""
+    overlap: float
+    """The hands leave so long before the last foot has landed [s]."""
+    reach_duration: float
+    """From there until both hands clasp the box [s]."""
+    lift_duration: float
+    """From the clasp until the box is up [s]."""
+    duration: float
+    """Of the whole clip [s]."""
+    clasp_height: float
+    """Where the hands clasp the box, as a share of its height."""
+    clasp_forward: float
+    """And how far in front of its middle [m]."""
+    lift: float
+    """How high the box is lifted [m]."""
+    pull: float
+    """How far it is drawn to the body meanwhile [m]."""
+    tilt: float
+    """How far its upper side leans towards the body in the end [rad]."""
+    arm_swing: float
+    """Swing of the arms, as a share of the usual."""
+
+
+def draw_style(random: np.random.Generator) -> LiftStyle:
+    """The few free choices of a clip. The walk is short enough for the box to be held for HOLD seconds."""
+    duration = 4.3 + float(np.clip(0.2 * random.standard_normal(), -0.4, 0.4))
+    reach_duration, lift_duration, overlap = random.uniform(1.0, 1.15), random.uniform(1.1, 1.3), random.uniform(0.15, 0.3)
+    walking = min(random.uniform(0.9, 1.4), duration - reach_duration - lift_duration - HOLD - 0.1 + overlap)
+    return LiftStyle(
+        random.uniform(*SIZES), walking, overlap, reach_duration, lift_duration, duration, clasp_height=random.uniform(0.8, 0.88),
+        clasp_forward=random.uniform(0.02, 0.08), lift=random.uniform(0.27, 0.38), pull=random.uniform(0.05, 0.08), tilt=random.uniform(0.0, 0.04),
+        arm_swing=random.uniform(0.5, 0.9),
+    )  # fmt: skip
+
+
+def synthesize_lift_box(clip_id: str, obj: SceneObject, seed: int) -> HumanMotion:
+    """One clip."""
+    random = rng(seed, clip_id, obj.id)
+    style = draw_style(random)
+    start_xy, start_yaw = draw_approach(random, np.array([stand_off(obj, style.body_scale), 0.0]), np.pi)
+    return make_lift_box(clip_id, obj, start_xy, start_yaw, style)
+
+
+def stand_off(obj: SceneObject, scale: float) -> float:
+    """Where along x the ankles are of somebody of that size who stands before the box [m]: close, with room for the toes."""
+    return float(obj.bounds()[1][0]) + core4d_body(scale).toe + 0.035
+
+
+def make_lift_box(clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: LiftStyle) -> HumanMotion:
+    """The clip that follows from a start, a box and a style, in closed form.
+
+    The point between the ankles comes from `start_xy` (2,) [m] with heading `start_yaw` [rad].
+    """
+    body = core4d_body(style.body_scale)
+    low, high = obj.bounds()
+    clasp = np.array([[style.clasp_forward, y, style.clasp_height * high[2]] for y in (low[1] - HANDS_OFF, high[1] + HANDS_OFF)])
+    ground = Ground.at(body, np.array([stand_off(obj, body.size), 0.0]), np.pi, STRIDES)
+    carried = np.array([style.pull, 0.0, style.lift])
+    grip, _ = find_posture(body, ground, clasp, obj, np.zeros(3))
+    stand, _ = find_posture(body, ground, clasp + carried, obj, carried, float(obj.mass or 0.0) / (WEIGHT * body.size**3))
+
+    steps = steps_up_to(start_xy, start_yaw, ground.middle, ground.yaw, STRIDES, body.size)
+    skipped = max(0, round((steps.end - style.walking) * FPS))
+    way = follow(body, steps, STRIDES, 0.5, skipped / FPS + style.duration)
+    progress = (way.time - way.end + style.overlap) / style.reach_duration
+    lifting = (way.time - way.end + style.overlap - style.reach_duration - 0.1) / style.lift_duration
+    up = minimum_jerk(lifting)
+    box_quat = about_y(style.tilt * up)
+    # it turns about the line between the hands
+    axis = clasp.mean(0)
+    box_pos = axis + up[:, None] * carried - rot.rotate(box_quat, axis)
+    trunk = settle(way, body.size, [(grip, minimum_jerk(progress / 0.92)), (stand, up)], np.mean(clasp, 0) + up[:, None] * carried)
+    reaching = reach_past(
+        body, obj, trunk, way.legs(), way.arms(body, style.arm_swing), clasp, np.array([[0, -1.0, 0], [0, 1.0, 0]]), float(grip.elbow), progress
+    )
+    hands = box_pos[:, None] + rot.rotate(box_quat[:, None], clasp)
+    holding = reach(body, trunk, hands, elbow_axes(trunk.chest_quat_w, grip.elbow + up * (stand.elbow - grip.elbow)))
+    arms = blend(reaching, holding, (progress >= 1.0).astype(float))
+    quat = pose(body, trunk, way.legs(), arms)
+    contacts = np.concatenate([way.feet.contact, np.repeat((progress >= 0.97)[:, None], 2, 1)], -1)
+    kept = slice(skipped, skipped + round(style.duration * FPS) + 1)
+    return HumanMotion(
+        clip_id, "lift-box", body.skeleton, FPS, trunk.pelvis_pos_w[kept], quat[kept], obj.id, ("left_foot", "right_foot", "left_hand", "right_hand"),
+        contacts[kept], {name: float(value) for name, value in vars(style).items()}, object_pos_w=box_pos[kept], object_quat_w=box_quat[kept],
+    )  # fmt: skip

@@ -1,0 +1,97 @@
+"""`touch-points`: come a few steps up to a household object, bend or squat, and hold both wrists at their places on it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mimicbench.core.motion import HumanMotion
+from mimicbench.core.seeds import rng
+from mimicbench.objects.shape import SceneObject
+from mimicbench.objects.touch import stance_before, touch_pair
+from mimicbench.references.body import Body, core4d_body
+from mimicbench.references.gait import Gait
+from mimicbench.references.limbs import minimum_jerk
+from mimicbench.references.posing import pose
+from mimicbench.references.reaching import SIZES, Ground, Posture, draw_approach, find_posture, reach_past, settle, steps_up_to
+from mimicbench.references.walking import FPS, follow
+
+STRIDES = Gait(speed=0.58, step_time=0.58, stand=0.5, clearance=0.055)
+"""Short steps."""
+HELD = 1.2
+"""[s] for which the hands stay, at least."""
+
+
+@dataclass(frozen=True)
+class TouchStyle:
+    """What a clip chooses beyond its start, its object and its targets; stored with it."""
+
+    body_scale: float
+    """Size of the body; 1 is 1.80 m tall."""
+    walking: float
+    """The clip begins so long before the last foot lands [s]."""
+    overlap: float
+    """The hands leave so long before the last foot has landed [s]."""
+    reach_duration: float
+    """From there until both hands have arrived [s]."""
+    duration: float
+    """Of the whole clip [s]."""
+    arm_swing: float
+    """Swing of the arms, as a share of the usual."""
+
+
+def draw_style(random: np.random.Generator) -> TouchStyle:
+    """The few free choices of a clip. The walk is short enough for the hands to be at rest for HELD seconds."""
+    duration, reach_duration = 3.3 + float(np.clip(0.2 * random.standard_normal(), -0.4, 0.4)), random.uniform(0.9, 1.05)
+    overlap = random.uniform(0.15, 0.3)
+    walking = min(random.uniform(0.8, 1.25), duration - reach_duration + overlap - HELD)
+    return TouchStyle(random.uniform(*SIZES), walking, overlap, reach_duration, duration, arm_swing=random.uniform(0.5, 0.9))
+
+
+def synthesize_touch_points(clip_id: str, obj: SceneObject, seed: int) -> HumanMotion:
+    """One clip. Raises BadObject if the object has no pair of touch points."""
+    random = rng(seed, clip_id, obj.id)
+    goal = np.stack(touch_pair(obj, random))
+    *place, yaw = stance_before(obj, goal[0], goal[1])
+    start_xy, start_yaw = draw_approach(random, np.array(place), float(yaw))
+    return make_touch_points(clip_id, obj, goal, start_xy, start_yaw, draw_style(random))
+
+
+def make_touch_points(clip_id: str, obj: SceneObject, goal: np.ndarray, start_xy: np.ndarray, start_yaw: float, style: TouchStyle) -> HumanMotion:
+    """The clip that follows from the wrists' places (2, 3) [m], a start and a style, in closed form.
+
+    The point between the ankles comes from `start_xy` (2,) [m] with heading `start_yaw` [rad]. Who is too small for the object grows.
+    """
+    body, ground, posture = _who_reaches(obj, goal, style.body_scale)
+    steps = steps_up_to(start_xy, start_yaw, ground.middle, ground.yaw, STRIDES, body.size)
+    skipped = max(0, round((steps.end - style.walking) * FPS))
+    way = follow(body, steps, STRIDES, 0.5, skipped / FPS + style.duration)
+    progress = (way.time - way.end + style.overlap) / style.reach_duration
+    share = minimum_jerk(progress / 0.92)
+    trunk = settle(way, body.size, [(posture, share)], np.broadcast_to(goal.mean(0), (len(share), 3)))
+    swinging = way.arms(body, style.arm_swing)
+    normals = obj.touch_normals[[int(np.argmin(((obj.touch_points - wrist) ** 2).sum(-1))) for wrist in goal]]
+    arms = reach_past(body, obj, trunk, way.legs(), swinging, goal, normals, float(posture.elbow), progress)
+    quat = pose(body, trunk, way.legs(), arms)
+    contacts = np.concatenate([way.feet.contact, np.repeat((progress >= 0.97)[:, None], 2, 1)], -1)
+    kept = slice(skipped, skipped + round(style.duration * FPS) + 1)
+    return HumanMotion(
+        clip_id, "touch-points", body.skeleton, FPS, trunk.pelvis_pos_w[kept], quat[kept], obj.id, ("left_foot", "right_foot", "left_hand", "right_hand"),
+        contacts[kept], {**{name: float(value) for name, value in vars(style).items()}, "body_scale": body.size}, wrist_goal_w=goal,
+    )  # fmt: skip
+
+
+def _who_reaches(obj: SceneObject, goal: np.ndarray, size: float) -> tuple[Body, Ground, Posture]:
+    """The body of that size, or of a larger one where it cannot reach, on its feet, and how it stands there to touch."""
+    best = None
+    for scale in (size, *(larger for larger in (0.95, SIZES[1]) if larger > size)):
+        body = core4d_body(scale)
+        for nearer in (0.0, 0.04):
+            x, y, yaw = stance_before(obj, goal[0], goal[1])
+            ground = Ground.at(body, np.array([x - nearer, y]), float(yaw), STRIDES)
+            posture, short = find_posture(body, ground, goal, obj, np.zeros(3))
+            if best is None or short < best[1] - 1e-9:
+                best = (body, ground, posture), short
+            if short < 1e-3:
+                return best[0]
+    assert best is not None
+    return best[0]
