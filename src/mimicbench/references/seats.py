@@ -14,6 +14,8 @@ ARM_ROOM = 0.28
 """From the end of a seat to the middle of who sits there [m]."""
 PLACE = 0.50
 """Between people who sit side by side [m]."""
+KNEE = 0.93
+"""Who sits farther back than this share of the thighs has the knees behind the seat's front edge."""
 SINK = 0.01
 """How deep a body sinks into what it sits on or leans against [m]."""
 WRIST = 0.045
@@ -69,15 +71,15 @@ def lean_against(obj: SceneObject, body: Body, place: Place, pitch: float, bend:
     The pelvis goes back until the trunk bears, but not so far that the knees would not clear the seat's front edge; None if nothing is reached.
     """
     front = float(obj.seat_polygon[:, 0].max())
-    farthest = min(0.0, front - 0.85 * body.length(body.legs[0])[0] - place.pelvis[0])
+    farthest = min(0.0, front - KNEE * body.length(body.legs[0])[0] - place.pelvis[0])
     back = np.arange(0.0, farthest - 1e-9, -0.01)
-    for angle in (pitch, pitch + 0.08, pitch - 0.08, pitch + 0.16, pitch - 0.16):
+    for angle in pitch + np.array([0.0, 0.07, -0.07, 0.14, 0.21]):
         points, radius = _trunk_points(body, -angle, bend)
         middles = place.pelvis + np.stack([back, np.zeros_like(back), np.zeros_like(back)], -1)[:, None] + points
         gap = (obj.distance(middles) - radius).min(-1)
         bears = np.flatnonzero(gap <= -SINK / 2)
         if len(bears) and gap[bears[0]] > -1.5 * SINK:
-            return Leaning(place.pelvis + [back[bears[0]], 0.0, 0.0], angle)
+            return Leaning(place.pelvis + [back[bears[0]], 0.0, 0.0], float(angle))
     return None
 
 
@@ -95,16 +97,16 @@ def _trunk_points(body: Body, pitch: float, bend: float) -> tuple[np.ndarray, np
 def armrest(obj: SceneObject, body: Body, pelvis: np.ndarray, shoulder: np.ndarray, side: int) -> np.ndarray | None:
     """Where the wrist (3,) [m] of the left (0) or right (1) hand rests on an arm beside who sits with the pelvis at (3,); None without one in reach.
 
-    Looks straight down on a grid beside the body for what is between 6 and 34 cm above the seat and has nothing above it. `shoulder` is (3,).
+    Looks straight down on a grid beside the body for what is between 6 and 28 cm above the seat and has nothing above it. `shoulder` is (3,).
     """
     height, sign = obj.require_seat(), 1.0 - 2.0 * side
     x = pelvis[0] + np.arange(0.04, 0.30, 0.04)
-    y = pelvis[1] + sign * np.arange(0.20, 0.56, 0.03)
-    z = height + np.arange(0.06, 0.60, 0.02)
+    y = pelvis[1] + sign * np.arange(0.20, 0.56, 0.02)
+    z = height + np.arange(0.06, 0.50, 0.02)
     points = np.stack(np.meshgrid(x, y, z, indexing="ij"), -1)
     solid = obj.distance(points) <= 0.0
     top = np.where(solid, z, -np.inf).max(-1)
-    good = solid.any(-1) & (top < height + 0.34)
+    good = solid.any(-1) & (top < height + 0.28)
     # a hand is wide: the arm goes on to one side at least
     level = good[:, 1:] & good[:, :-1] & (np.abs(np.diff(np.where(good, top, 0.0), axis=1)) < 0.03)
     wide = np.pad(level, ((0, 0), (0, 1))) | np.pad(level, ((0, 0), (1, 0)))
@@ -121,7 +123,8 @@ def armrest(obj: SceneObject, body: Body, pelvis: np.ndarray, shoulder: np.ndarr
 
 def beside_thigh(obj: SceneObject, body: Body, pelvis: np.ndarray, side: int) -> np.ndarray | None:
     """Where the wrist (3,) [m] of a hand rests on the seat beside the thighs; None if the seat ends there."""
-    wrist = pelvis + [0.03, (1.0 - 2.0 * side) * (body.hip_half_width + 0.135 * body.size), 0.0]
-    right, left = obj.seat_polygon[:, 1].min() + 0.05, obj.seat_polygon[:, 1].max() - 0.05
-    wrist[2] = obj.require_seat() + WRIST
-    return wrist if right <= wrist[1] <= left and obj.distance(wrist) > 0.03 else None
+    right, left = float(obj.seat_polygon[:, 1].min()), float(obj.seat_polygon[:, 1].max())
+    edge = left - pelvis[1] if side == 0 else pelvis[1] - right
+    beside = min(body.hip_half_width + 0.135 * body.size, edge - 0.01)  # or on the seat's edge
+    wrist = np.array([pelvis[0] + 0.03, pelvis[1] + (1.0 - 2.0 * side) * beside, obj.require_seat() + WRIST])
+    return wrist if beside > body.hip_half_width + 0.10 * body.size and obj.distance(wrist) > 0.03 else None

@@ -8,6 +8,7 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body import unihsi_body
+from mimicbench.references.gait import Gait
 from mimicbench.references.sitting import SitStyle, sit_down
 from mimicbench.references.walking import draw_start
 
@@ -15,8 +16,8 @@ VARIED = 0.4
 """Share of the clips that differ from the usual way to sit down by one thing."""
 
 
-def draw_style(random: np.random.Generator, seat_height: float) -> SitStyle:
-    """The few free choices of a clip. The shortest people stay away from the highest seats [m], where their feet would hang.
+def draw_styles(random: np.random.Generator, seat_height: float) -> list[SitStyle]:
+    """The few free choices of a clip, and more to fall back on. The shortest people stay away from the highest seats [m], where their feet would hang.
 
     Most sit down with free hands, which end on the thighs.
     """
@@ -27,12 +28,12 @@ def draw_style(random: np.random.Generator, seat_height: float) -> SitStyle:
         duration=14.8 + 0.5 * float(np.clip(random.standard_normal(), -2, 2)), look=random.uniform(-0.5, 0.5),
     )  # fmt: skip
     if random.uniform() >= VARIED:
-        return usual
+        return [usual]
     variants = (
         {"on_thighs": 1.0}, {"on_seat": 1.0}, {"on_arms": 1.0}, {"sit_duration": random.uniform(2.4, 3.0)}, {"drop": random.uniform(0.04, 0.06)},
         {"against": 1.0, "lean_back": random.uniform(0.2, 0.3)},
     )  # fmt: skip
-    return replace(usual, **variants[int(random.integers(len(variants)))])
+    return [replace(usual, **variants[i]) for i in random.permutation(len(variants))]
 
 
 def synthesize_sit_chair(clip_id: str, obj: SceneObject, seed: int) -> HumanMotion:
@@ -40,7 +41,12 @@ def synthesize_sit_chair(clip_id: str, obj: SceneObject, seed: int) -> HumanMoti
     seat_height = obj.require_seat()
     random = rng(seed, clip_id, obj.id)
     start_xy, start_yaw = draw_start(random, obj)
-    return make_sit_chair(clip_id, obj, start_xy, start_yaw, draw_style(random, seat_height))
+    # the first one that this chair allows: not every chair has arms and a back, but anybody can sit down slowly
+    for style in draw_styles(random, seat_height):
+        motion = make_sit_chair(clip_id, obj, start_xy, start_yaw, style)
+        if all(motion.style[name] == getattr(style, name) for name in ("on_seat", "on_arms", "against")):
+            break
+    return motion
 
 
 def make_sit_chair(clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: SitStyle) -> HumanMotion:
@@ -48,4 +54,4 @@ def make_sit_chair(clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_y
 
     The point between the ankles starts at `start_xy` (2,) [m] with heading `start_yaw` [rad].
     """
-    return sit_down(clip_id, "sit-chair", unihsi_body(style.body_scale), obj, start_xy, start_yaw, style)
+    return sit_down(clip_id, "sit-chair", unihsi_body(style.body_scale), obj, start_xy, start_yaw, style, Gait(speed=style.speed))

@@ -67,7 +67,9 @@ class SitStyle:
     """How far the head turns to look around at rest [rad], to the left."""
 
 
-def sit_down(clip_id: str, task: str, body: Body, obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: SitStyle) -> HumanMotion:
+def sit_down(
+    clip_id: str, task: str, body: Body, obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: SitStyle, gait: Gait
+) -> HumanMotion:  # fmt: skip
     """The clip that follows from a start, a seat and a style, in closed form. Raises BadObject if there is no seat.
 
     The point between the ankles starts at `start_xy` (2,) [m] with heading `start_yaw` [rad]. A support that is out of reach is not
@@ -77,7 +79,7 @@ def sit_down(clip_id: str, task: str, body: Body, obj: SceneObject, start_xy: np
     place = place_at(obj, body, middle + style.seat_y, style.seat_x)
     leaning = lean_against(obj, body, place, style.lean_back, 0.05 + SLUMP) if style.against > 0 else None
     after = PAUSE + style.sit_duration + (0.5 + LEAN_BACK if leaning else 1.5)
-    way = walk(body, route_to(obj, start_xy, place), start_yaw, place.ankles, 0.0, Gait(speed=style.speed), after, style.duration)
+    way = walk(body, route_to(obj, start_xy, place), start_yaw, place.ankles, 0.0, gait, after, style.duration)
     clock = way.time - way.end - PAUSE
 
     trunk, legs = _trunk(way, clock, place, leaning, style), way.legs()
@@ -147,25 +149,44 @@ def _supports(obj: SceneObject, body: Body, trunk: Trunk, style: SitStyle) -> tu
     return hands, style
 
 
-def _arms(
-    body: Body, way: Walk, trunk: Trunk, legs: Legs, clock: np.ndarray, hands: tuple[np.ndarray | None, ...], style: SitStyle
-) -> tuple[Arms, np.ndarray]:
+def _arms(body: Body, way: Walk, trunk: Trunk, legs: Legs, clock: np.ndarray, hands: tuple[np.ndarray | None, ...], style: SitStyle) -> tuple[Arms, np.ndarray]:
     """Arms that swing while walking, come forward on the way down, and end on thighs, seat or its arms; and how much (T, 2) they bear on the object."""
     progress = clock / style.sit_duration
     forward = minimum_jerk(progress / 0.65)
     swinging = way.arms(body, style.arm_swing)
     moving = Arms(rot.multiply(about_y(-1.15 * forward)[:, None], swinging.upper), rot.multiply(swinging.elbow, about_y(-0.25 * forward)[:, None]))
-    wrists = _on_thighs(body, trunk, legs)
+    free = _wrists(body, trunk, moving)
+    goals = _on_thighs(body, trunk, legs)
     outward = np.full(2, 0.30)
-    share = np.stack([minimum_jerk(progress / 0.45 if style.on_thighs > 0 else (progress - 0.70) / 0.85)] * 2, -1)
+    share = np.stack([minimum_jerk(progress / 0.55 if style.on_thighs > 0 else (progress - 0.70) / 0.85)] * 2, -1)
+    turned = share.copy()
     for side, hand in enumerate(hands):
-        if hand is not None:
-            wrists[:, side] = hand
-            share[:, side] = minimum_jerk((progress - 0.35) / (0.75 if style.on_arms > 0 else 0.95))
-            outward[side] = 0.9 if style.on_arms > 0 else 0.2
+        if hand is not None:  # through the air on an arc, whatever the shoulders do meanwhile
+            arrives = (progress - 0.30) / (0.70 if style.on_arms > 0 else 0.80)
+            share[:, side], turned[:, side] = minimum_jerk(arrives), minimum_jerk(arrives / 0.5)
+            goals[:, side] = free[:, side] + share[:, side, None] * (hand - free[:, side])
+            goals[:, side, 2] += 0.10 * minimum_jerk(2 * arrives) * minimum_jerk(2 * (1 - arrives))
+            outward[side] = 0.55 if style.on_arms > 0 else 0.2
     axis = np.stack([np.array([1.0, -1.0]) * outward, np.ones(2), np.zeros(2)], -1)
-    reached = reach(body, trunk, wrists, rot.rotate(trunk.chest_quat_w[:, None], axis))
-    return blend(moving, reached, share), share * [hand is not None for hand in hands]
+    reached = reach(body, trunk, _within_reach(body, trunk, goals), rot.rotate(trunk.chest_quat_w[:, None], axis))
+    return blend(moving, reached, turned), share * [hand is not None for hand in hands]
+
+
+def _wrists(body: Body, trunk: Trunk, arms: Arms) -> np.ndarray:
+    """(T, 2, 3) where the wrists of these arms are [m]."""
+    upper = rot.multiply(trunk.chest_quat_w[:, None], arms.upper)
+    lower = rot.multiply(upper, arms.elbow)
+    over, under = body.length(body.arms[0])
+    return shoulders(body, trunk) + rot.rotate(upper, np.array([0.0, 0.0, -over])) + rot.rotate(lower, np.array([0.0, 0.0, -under]))
+
+
+def _within_reach(body: Body, trunk: Trunk, wrists: np.ndarray) -> np.ndarray:
+    """Wrists (T, 2, 3) [m] drawn towards the shoulders where the arms would be nearly straight or longer, so gently that no elbow snaps straight."""
+    at, whole = shoulders(body, trunk), sum(body.length(body.arms[0]))
+    away = wrists - at
+    length = np.linalg.norm(away, axis=-1, keepdims=True) / whole
+    drawn = np.where(length > 0.88, 0.88 + 0.10 * np.tanh((length - 0.88) / 0.10), length)
+    return at + away * drawn / length
 
 
 def _on_thighs(body: Body, trunk: Trunk, legs: Legs) -> np.ndarray:
