@@ -17,11 +17,19 @@ SHORTEST = 0.1
 def detect_contacts(motion: HumanMotion, obj: SceneObject) -> np.ndarray:
     """(T, 3) which of CONTACT_NAMES bears on the floor or on the object, which is at the origin."""
     body = body_of(motion.skeleton)
+    sits = drop_short(_pelvis(motion, body, motion.root_pos_w, obj), _shortest(motion.fps))
+    return np.concatenate([detect_feet(motion), sits[:, None]], -1)
+
+
+def detect_feet(motion: HumanMotion) -> np.ndarray:
+    """(T, 2) whether the left and the right foot bear on the floor."""
+    body = body_of(motion.skeleton)
     pos, quat = motion.forward_kinematics()
-    labels = [_foot(motion, body, pos[:, leg.end], quat[:, leg.end]) for leg in body.legs]
-    labels.append(_pelvis(motion, body, pos[:, body.pelvis], obj))
-    shortest = max(1, round(SHORTEST * motion.fps))
-    return np.stack([drop_short(label, shortest) for label in labels], -1)
+    return np.stack([drop_short(_foot(motion, body, pos[:, leg.end], quat[:, leg.end]), _shortest(motion.fps)) for leg in body.legs], -1)
+
+
+def _shortest(fps: float) -> int:
+    return max(1, round(SHORTEST * fps))
 
 
 def sole_points(body: Body, pos: np.ndarray, quat: np.ndarray) -> np.ndarray:
