@@ -315,7 +315,7 @@ def test_frames_per_second_counts() -> None:
 
 @pytest.mark.skipif(not CLIPS.is_dir(), reason="the recorded UniHSI clips are not here")
 def test_real_people_become_robots() -> None:
-    from mimicbench.references.unihsi import import_sitting
+    from mimicbench.references.real_clips import import_sitting
 
     (motion, obj), *_ = import_sitting(CLIPS / "armchair.npy")
     result = optimize(Clip(motion, obj, H1))

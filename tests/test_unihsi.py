@@ -17,9 +17,10 @@ from mimicbench.core.pickles import load_restricted
 from mimicbench.references.body import unihsi_body
 from mimicbench.references.contacts import drop_short
 from mimicbench.references.fit_object import seated_frame
+from mimicbench.references.real_clips import FPS, import_sitting, smooth_jumps
 from mimicbench.references.segments import find_sittings
 from mimicbench.references.skeletons import UNIHSI
-from mimicbench.references.unihsi import FPS, import_sitting, import_skeleton_motion, smooth_jumps
+from mimicbench.references.unihsi import import_skeleton_motion
 
 DATA = Path(__file__).parents[1].parent / "shared" / "data"
 CLIPS = DATA / "unihsi" / "motion_clips"

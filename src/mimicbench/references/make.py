@@ -13,8 +13,8 @@ from mimicbench.core.parallel import map_items
 from mimicbench.core.stage import HEADER, Stage, open_stage
 from mimicbench.objects.shape import SceneObject, load_object, save_object, split_of
 from mimicbench.references.quality import Fulfils, gate
+from mimicbench.references.real_clips import import_sitting
 from mimicbench.references.synthesis import clip_id, synthesize
-from mimicbench.references.unihsi import import_sitting
 
 MOST_TRIES = 3
 """Times as many clips as wanted that are tried before the stage makes do with what it has."""
