@@ -17,7 +17,7 @@ from mimicbench.core.errors import MimicbenchError, UnknownName
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.episodes import EnvConfig, Episodes
 from mimicbench.tasks.registry import get_task
-from mimicbench.tasks.spaces import action_space, observation_space
+from mimicbench.tasks.spaces import action_space, batched, observation_space
 from mimicbench.tasks.view import View
 
 Observation = dict[str, Any]
@@ -169,7 +169,7 @@ class TaskVectorEnv(VectorEnv[Observation, np.ndarray, np.ndarray]):
         self.single_action_space = action_space(self.episodes.robot, config.control)
         self.single_observation_space = observation_space(self.episodes)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.observation_space = batched(self.single_observation_space, num_envs)
         self._randoms: list[np.random.Generator] = []
         self._ended = np.zeros(num_envs, bool)
         self._view: View | None = None

@@ -2,6 +2,7 @@
 
 import numpy as np
 from gymnasium import spaces
+from gymnasium.vector.utils import batch_space
 
 from mimicbench.core.errors import UnknownName
 from mimicbench.robot.description import Robot
@@ -32,3 +33,13 @@ def observation_space(episodes: Episodes) -> spaces.Dict:
     if episodes.task.wrist_goals:
         chosen |= {"targets", "target_elevation"} if "elevation" in chosen else {"targets"}
     return spaces.Dict({name: space for name, space in every.items() if name in chosen})
+
+
+def batched(single: spaces.Dict, num_envs: int) -> spaces.Dict:
+    """The same of `num_envs` robots. They share one robot's bounds, which for maps would take as much memory as all else together."""
+    joined = spaces.Dict({name: batch_space(space, num_envs) for name, space in single.items()})
+    for space in joined.values():
+        if isinstance(space, spaces.Box):
+            for bounds in ("low", "high", "bounded_below", "bounded_above"):
+                setattr(space, bounds, np.broadcast_to(getattr(space, bounds)[:1].copy(), space.shape))
+    return joined
