@@ -8,11 +8,11 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
-from mimicbench.references.body import core4d_body
+from mimicbench.references.body import Body, core4d_body
 from mimicbench.references.gait import Gait
 from mimicbench.references.limbs import about_y, minimum_jerk
 from mimicbench.references.posing import blend, pose, reach
-from mimicbench.references.reaching import SIZES, Ground, draw_approach, elbow_axes, find_posture, reach_past, settle, steps_up_to
+from mimicbench.references.reaching import SIZES, Ground, Posture, draw_approach, elbow_axes, find_posture, reach_past, settle, steps_up_to
 from mimicbench.references.walking import FPS, follow
 
 STRIDES = Gait(speed=0.58, step_time=0.58, stand=0.5, clearance=0.055)
@@ -85,14 +85,7 @@ def make_lift_box(clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_ya
 
     The point between the ankles comes from `start_xy` (2,) [m] with heading `start_yaw` [rad].
     """
-    body = core4d_body(style.body_scale)
-    low, high = obj.bounds()
-    clasp = np.array([[style.clasp_forward, y, style.clasp_height * high[2]] for y in (low[1] - HANDS_OFF, high[1] + HANDS_OFF)])
-    ground = Ground.at(body, np.array([stand_off(obj, body.size), 0.0]), np.pi, STRIDES)
-    carried = np.array([style.pull, 0.0, style.lift])
-    grip, _ = find_posture(body, ground, clasp, obj, np.zeros(3))
-    stand, _ = find_posture(body, ground, clasp + carried, obj, carried, float(obj.mass or 0.0) / (WEIGHT * body.size**3))
-
+    clasp, carried, body, ground, grip, stand = _who_lifts(obj, style)
     steps = steps_up_to(start_xy, start_yaw, ground.middle, ground.yaw, STRIDES, body.size)
     skipped = max(0, round((steps.end - style.walking) * FPS))
     way = follow(body, steps, STRIDES, 0.5, skipped / FPS + style.duration)
@@ -115,5 +108,29 @@ def make_lift_box(clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_ya
     kept = slice(skipped, skipped + round(style.duration * FPS) + 1)
     return HumanMotion(
         clip_id, "lift-box", body.skeleton, FPS, trunk.pelvis_pos_w[kept], quat[kept], obj.id, ("left_foot", "right_foot", "left_hand", "right_hand"),
-        contacts[kept], {name: float(value) for name, value in vars(style).items()}, object_pos_w=box_pos[kept], object_quat_w=box_quat[kept],
+        contacts[kept], {**{name: float(value) for name, value in vars(style).items()}, "body_scale": body.size, "clasp_forward": float(clasp[0, 0])},
+        object_pos_w=box_pos[kept], object_quat_w=box_quat[kept],
     )  # fmt: skip
+
+
+def _who_lifts(obj: SceneObject, style: LiftStyle) -> tuple[np.ndarray, np.ndarray, Body, Ground, Posture, Posture]:
+    """Where the wrists clasp the box (2, 3) [m], where it is carried to (3,) [m], and by whom, on which feet, in which two postures.
+
+    Who is too small for the box clasps it farther in front, or grows.
+    """
+    low, high = obj.bounds()
+    best, least = None, np.inf
+    for scale in (style.body_scale, *(larger for larger in (0.95, SIZES[1]) if larger > style.body_scale)):
+        body = core4d_body(scale)
+        ground = Ground.at(body, np.array([stand_off(obj, scale), 0.0]), np.pi, STRIDES)
+        for forward in (style.clasp_forward, style.clasp_forward + 0.06):
+            clasp = np.array([[forward, y, style.clasp_height * high[2]] for y in (low[1] - HANDS_OFF, high[1] + HANDS_OFF)])
+            carried = np.array([style.pull, 0.0, style.lift])
+            grip, short = find_posture(body, ground, clasp, obj, np.zeros(3))
+            stand, later = find_posture(body, ground, clasp + carried, obj, carried, float(obj.mass or 0.0) / (WEIGHT * body.size**3))
+            if best is None or max(short, later) < least - 1e-9:
+                best, least = (clasp, carried, body, ground, grip, stand), max(short, later)
+            if least < 1e-3:
+                return best
+    assert best is not None
+    return best

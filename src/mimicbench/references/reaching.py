@@ -25,13 +25,15 @@ SIZES = (0.86, 1.04)
 """Body sizes: statures of 1.55 to 1.88 m."""
 EYES = np.array([0.08, 0.0, 0.62])
 """Between the eyes, from the pelvis joint in the axes of the chest [m], at body size 1."""
+NOD = 0.35
+"""[rad] that the head bends down, at most: the eyes do the rest."""
 FORWARD = 0.05
 """The center of mass is so far in front of the ankles [m], at body size 1."""
 STRETCH = 0.94
 """Share of its full length to which an arm is stretched in a posture."""
 MOST_STRETCH = 0.985
 """On the way there, hands that are farther away than the arm is long stay behind smoothly, below this share of its length."""
-MOST_FLEXION = 2.15
+MOST_FLEXION = 2.25
 """[rad] that the hips may bend."""
 PITCHES = np.array([0.03, 0.15, 0.28, 0.42, 0.56, 0.70, 0.84, 0.98, 1.12])
 """[rad] leans of the pelvis to choose from."""
@@ -53,6 +55,7 @@ SEGMENTS = (
 """Segment, its share of the body's mass, and where along it from its upper end its center is (Winter 2009, table 4.1)."""
 
 
+BUT_HANDS = ("pelvis", "trunk", "head", "upper_arm", "lower_arm", "thigh", "shin", "foot")
 DETOURS = (
     (0.0, 0.0, 0.0), (0.12, 0.0, 0.0), (0.0, 0.0, 0.12), (0.0, 0.12, 0.0), (0.12, 0.0, 0.12), (0.12, 0.12, 0.0), (0.0, 0.0, 0.25),
     (0.2, 0.2, 0.0), (0.2, 0.0, 0.25),
@@ -104,20 +107,22 @@ class Posture:
     """(N,) how far the elbows swing out [rad]."""
     drop: np.ndarray
     """(N,) how far the hips sink below a stand with straight legs [m]."""
+    bend: np.ndarray
+    """(N,) how far the back is rounded beyond what goes with the lean [rad]."""
 
     def __getitem__(self, index: int | np.ndarray | np.integer) -> "Posture":
         return Posture(*(value[index] for value in vars(self).values()))
 
     def trunk(self, yaw: float) -> Trunk:
-        """The trunk over feet of that heading [rad]; the back stays flat, and the head goes along."""
+        """The trunk over feet of that heading [rad]; the head looks down at the hands."""
         pelvis = rot.multiply(rot.from_yaw(yaw + 0.3 * self.twist), about_y(self.pitch))
-        chest = rot.multiply(pelvis, chest_turn(self.pitch, self.twist))
-        return Trunk(self.pelvis_pos_w, pelvis, chest, chest)
+        chest = rot.multiply(pelvis, chest_turn(self.pitch, self.twist, self.bend))
+        return Trunk(self.pelvis_pos_w, pelvis, chest, rot.multiply(chest, about_y(np.full_like(self.pitch, NOD))))
 
 
-def chest_turn(pitch: np.ndarray, twist: np.ndarray) -> np.ndarray:
-    """(..., 4) the chest relative to a pelvis that leans by `pitch` (...) [rad]: a flat back, rounder the deeper, and most of the `twist` (...) [rad]."""
-    return rot.multiply(rot.from_yaw(0.7 * twist), about_y(0.02 + 0.12 * pitch + 0.25 * pitch**2))
+def chest_turn(pitch: np.ndarray, twist: np.ndarray, bend: np.ndarray) -> np.ndarray:
+    """(..., 4) the chest relative to a pelvis that leans by `pitch` (...) [rad]: a flat back, rounder the deeper, and most of the twist."""
+    return rot.multiply(rot.from_yaw(0.7 * twist), about_y(0.02 + 0.12 * pitch + 0.25 * pitch**2 + bend))
 
 
 def elbow_axes(chest_quat_w: np.ndarray, elbow: np.ndarray) -> np.ndarray:
@@ -153,17 +158,28 @@ def draw_approach(random: np.random.Generator, stop_xy: np.ndarray, stop_yaw: fl
     return stop_xy + random.uniform(0.3, 0.62) * np.array([np.cos(away), np.sin(away)]), stop_yaw + np.deg2rad(random.uniform(-22, 22))
 
 
-def find_posture(body: Body, ground: Ground, wrists: np.ndarray, obj: SceneObject, shift: np.ndarray, load: float = 0.0) -> tuple[Posture, float]:
+def find_posture(
+    body: Body, ground: Ground, wrists: np.ndarray, obj: SceneObject, shift: np.ndarray, load: float = 0.0, bend: float = 0.0
+) -> tuple[Posture, float]:
     """The easiest posture in which both wrists are at (2, 3) [m], and how far it falls short [m]: out of reach, or inside the object.
 
-    `shift` (3,) is where the object's origin is [m], `load` the object's mass as a share of the body's if it is carried.
+    Args:
+        body: Whose.
+        ground: What it stands on.
+        wrists: (2, 3) left, right [m]; that the hands themselves are clear of the object is up to whoever chose these places.
+        obj: What must not be in the way.
+        shift: (3,) where the object's origin is [m].
+        load: The object's mass as a share of the body's if it is carried.
+        bend: How far the back is rounded, beyond what goes with a lean [rad].
     """
     pitch, drop = (values.ravel() for values in np.meshgrid(PITCHES, DROPS * body.size, indexing="ij"))
     apart = wrists[0] - wrists[1]
     twist = np.full(len(pitch), np.clip(0.7 * rot.wrap_angle(np.arctan2(-apart[0], apart[1]) - ground.yaw), -0.5, 0.5))
     back = -0.2 * body.size * np.sin(pitch)[:, None] * np.array([np.cos(ground.yaw), np.sin(ground.yaw), 0.0])
     start = np.array([*ground.support(body), 0.0]) + back
-    every = _balanced(body, ground, Posture(start, pitch, twist, np.full(len(pitch), ELBOWS[0]), drop), wrists, _weight_of(obj, shift, load))
+    every = _balanced(
+        body, ground, Posture(start, pitch, twist, np.full_like(pitch, ELBOWS[0]), drop, np.full_like(pitch, bend)), wrists, _weight_of(obj, shift, load)
+    )
     trunk = every.trunk(ground.yaw)
     away = np.linalg.norm(wrists - shoulders(body, trunk), axis=-1)
     stretch = away.max(-1) / sum(body.length(body.arms[0]))
@@ -174,7 +190,7 @@ def find_posture(body: Body, ground: Ground, wrists: np.ndarray, obj: SceneObjec
     easiest = np.tile(np.argsort(effort + 100.0 * out, kind="stable")[:TRIED], len(ELBOWS))
     ranks = np.repeat(np.arange(len(ELBOWS)), TRIED)
     some = replace(every[easiest], elbow=np.array(ELBOWS)[ranks])
-    short = np.maximum(depth(body, *_placed(body, ground, some, wrists), obj, shift), 0.0) + out[easiest]
+    short = np.maximum(depth(body, *_placed(body, ground, some, wrists), obj, shift, BUT_HANDS), 0.0) + out[easiest]
     best = int(np.argmin(effort[easiest] + 0.15 * ranks + 100.0 * short))
     return some[best], float(short[best])
 
@@ -212,18 +228,19 @@ def settle(way: Walk, scale: float, postures: Sequence[tuple[Posture, np.ndarray
     `look_w` (T, 3) is what the person looks at [m] as far as the first posture's share says.
     """
     pos, breath = way.pelvis_pos_w, 0.008 * np.sin(2 * np.pi * way.time / 3.7)
-    pitch, twist = np.full(len(way.time), 0.03), np.zeros(len(way.time))
-    before = Posture(way.pelvis_pos_w[-1], *(np.array(value) for value in (0.03, 0.0, 0.0, 0.0)))
+    pitch, twist, bend = np.full(len(way.time), 0.03), np.zeros(len(way.time)), np.zeros(len(way.time))
+    before = Posture(way.pelvis_pos_w[-1], *(np.array(value) for value in (0.03, 0.0, 0.0, 0.0, 0.0)))
     for posture, share in postures:
         pos = pos + share[:, None] * (posture.pelvis_pos_w - before.pelvis_pos_w)
         pitch, twist = pitch + share * (posture.pitch - before.pitch), twist + share * (posture.twist - before.twist)
+        bend = bend + share * (posture.bend - before.bend)
         before = posture
     pelvis = rot.multiply(rot.from_yaw(0.3 * twist), way.pelvis_quat(pitch))
-    chest = rot.multiply(rot.multiply(pelvis, way.chest_turn(breath)), chest_turn(pitch, twist))
+    chest = rot.multiply(rot.multiply(pelvis, way.chest_turn(breath)), chest_turn(pitch, twist, bend))
     # the eyes do the rest of the way; a target right below does not turn the head round
     x, y, z = rot.rotate_inverse(chest, look_w - pos - rot.rotate(chest, EYES * scale)).T
     away = np.maximum(x, 0.25)
-    turn, nod = np.clip(0.8 * np.arctan2(y, away), -0.6, 0.6), np.clip(0.6 * np.arctan2(-z, away), -0.5, 0.35)
+    turn, nod = np.clip(0.8 * np.arctan2(y, away), -0.6, 0.6), np.clip(0.6 * np.arctan2(-z, away), -0.5, NOD)
     looking = rot.multiply(chest, rot.multiply(rot.from_yaw(turn), about_y(nod)))
     ahead = rot.multiply(chest, way.head_turn(np.full(len(pos), 0.1)))
     first = postures[0][1]

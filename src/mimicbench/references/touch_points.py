@@ -17,6 +17,8 @@ from mimicbench.references.walking import FPS, follow
 
 STRIDES = Gait(speed=0.58, step_time=0.58, stand=0.5, clearance=0.055)
 """Short steps."""
+CLOSER = ((0.0, 0.0), (0.05, 0.0), (0.05, 0.4), (0.14, 0.2), (0.0, 0.5))
+"""How much nearer to the object than usual to stand [m], and how far to round the back [rad]; the first with which the hands arrive is taken."""
 HELD = 1.2
 """[s] for which the hands stay, at least."""
 
@@ -82,13 +84,13 @@ def make_touch_points(clip_id: str, obj: SceneObject, goal: np.ndarray, start_xy
 
 def _who_reaches(obj: SceneObject, goal: np.ndarray, size: float) -> tuple[Body, Ground, Posture]:
     """The body of that size, or of a larger one where it cannot reach, on its feet, and how it stands there to touch."""
+    x, y, yaw = stance_before(obj, goal[0], goal[1])
     best = None
     for scale in (size, *(larger for larger in (0.95, SIZES[1]) if larger > size)):
         body = core4d_body(scale)
-        for nearer in (0.0, 0.04):
-            x, y, yaw = stance_before(obj, goal[0], goal[1])
+        for nearer, bend in CLOSER:
             ground = Ground.at(body, np.array([x - nearer, y]), float(yaw), STRIDES)
-            posture, short = find_posture(body, ground, goal, obj, np.zeros(3))
+            posture, short = find_posture(body, ground, goal, obj, np.zeros(3), bend=bend)
             if best is None or short < best[1] - 1e-9:
                 best = (body, ground, posture), short
             if short < 1e-3:
