@@ -1,18 +1,20 @@
 """How people walk and sit down, in the figures of gait laboratories, measured on any clip: synthetic and real ones by the same rule.
 
-Feet bear by `contacts.detect_feet`, from positions alone, so that labels cannot make a difference.
+Events of the gait come from positions alone, so that labels cannot make a difference: a heel strikes where it is farthest in front of the
+pelvis, and toes leave the floor where they are farthest behind it (Zeni, Richards and Higginson, Gait & Posture 27, 2008).
 """
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 
 import numpy as np
+from scipy.signal import find_peaks
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.motion import HumanMotion
+from mimicbench.core.motion import HumanMotion, forward_kinematics
 from mimicbench.references.angles import joint_angles
 from mimicbench.references.body import Body, body_of
-from mimicbench.references.contacts import detect_feet
+from mimicbench.references.contacts import sole_points
 from mimicbench.references.limbs import smooth
 
 
@@ -25,7 +27,7 @@ class GaitMeasures:
     cadence: float
     """[steps/min]"""
     step_length: float
-    """From one ankle to the other at touch-down, along the way [m]."""
+    """From where one ankle stands to where the other does, along the way [m]."""
     step_width: float
     """And across it [m]."""
     double_support: float
@@ -37,13 +39,13 @@ class GaitMeasures:
     pelvis_rise: float
     """The pelvis moves up and down by so much in a step [m]."""
     walking_lean: float
-    """Mean forward pitch of the chest while walking."""
+    """Mean forward pitch of the line from pelvis to shoulders while walking."""
     sit_time: float
     """From 5 to 95 % of the pelvis's way down to a seat [s]."""
     sit_speed: float
     """Fastest that it sinks [m/s]."""
     sit_lean: float
-    """Largest forward pitch of the chest on the way down."""
+    """Largest forward pitch of that line on the way down."""
     sit_hip: float
     """Largest flexion of the hips on the way down."""
     seated_knee: float
@@ -52,17 +54,19 @@ class GaitMeasures:
 
 STRAIGHT, FORWARD = 0.35, 0.15
 """A step is straight walking if the heading turns by less [rad], and the pelvis goes forward by more [m]."""
+STEADY = 0.75
+"""And steady walking if it is faster than this share of the clip's fastest step."""
 
 
-def measure_gait(motion: HumanMotion, heights: np.ndarray | None = None) -> GaitMeasures:
-    """All figures of one clip. A sit-down is looked for unless `heights` (T,) of the pelvis is all that may be read as one."""
+def measure_gait(motion: HumanMotion) -> GaitMeasures:
+    """All figures of one clip."""
     body = body_of(motion.skeleton)
     pos, quat = motion.forward_kinematics()
     angles = {name: np.degrees(values) for name, values in joint_angles(body, motion.local_quat).items()}
-    lean = np.degrees(np.arcsin(np.clip(_forward_lean(quat[:, body.chest], rot.yaw_of(quat[:, 0])), -1, 1)))
+    lean = np.degrees(_trunk_lean(body, pos, rot.yaw_of(quat[:, 0])))
     found = dict.fromkeys((field.name for field in fields(GaitMeasures)), float("nan"))
     found |= _walking(motion, body, pos, quat, angles, lean)
-    return GaitMeasures(**found | _sitting(motion.root_pos_w[:, 2] if heights is None else heights, motion.fps, body, angles, lean))
+    return GaitMeasures(**found | _sitting(motion.root_pos_w[:, 2], motion.fps, body, angles, lean))
 
 
 def summarize(measures: Iterable[GaitMeasures]) -> dict[str, tuple[float, float, int]]:
@@ -87,43 +91,82 @@ def walking_model(speed: float, leg: float) -> Mapping[str, float]:
     return {"cadence": 120.0 / cycle, "step_length": 0.5 * cycle_length * leg, "double_support": 2 * (0.252 * cycle - 0.143) / cycle}
 
 
-def _forward_lean(chest: np.ndarray, yaw: np.ndarray) -> np.ndarray:
-    """Sine of the chest's pitch (T,) towards where the pelvis faces."""
-    up = rot.rotate(chest, np.array([0.0, 0.0, 1.0]))
-    return up[..., 0] * np.cos(yaw) + up[..., 1] * np.sin(yaw)
+def _trunk_lean(body: Body, pos: np.ndarray, yaw: np.ndarray) -> np.ndarray:
+    """Pitch (T,) of the line from pelvis to the middle of the shoulders towards where the pelvis faces [rad]; 0 in the rest pose."""
+    shoulders = [arm.root for arm in body.arms]
+    rest, _ = forward_kinematics(body.skeleton, np.zeros((1, 3)), np.tile(rot.IDENTITY, (1, len(body.skeleton.joint_names), 1)))
+    upright = rest[0, shoulders].mean(0)
+    trunk = pos[:, shoulders].mean(1) - pos[:, body.pelvis]
+    forward = trunk[:, 0] * np.cos(yaw) + trunk[:, 1] * np.sin(yaw)
+    return np.arctan2(forward, trunk[:, 2]) - np.arctan2(upright[0], upright[2])
+
+
+@dataclass(frozen=True)
+class _Event:
+    frame: int
+    side: int
+
+
+def _events(motion: HumanMotion, body: Body, pos: np.ndarray, quat: np.ndarray) -> tuple[list[_Event], list[_Event]]:
+    """Heel strikes and toe-offs, in order."""
+    yaw = rot.yaw_of(quat[:, 0])
+    facing = np.stack([np.cos(yaw), np.sin(yaw)], -1)
+    apart = max(1, round(0.5 * motion.fps))
+    strikes, lifts = [], []
+    for side, leg in enumerate(body.legs):
+        away = sole_points(body, pos[:, leg.end], quat[:, leg.end]) - motion.root_pos_w[:, None]
+        heel, toe = smooth((away[..., :2] * facing[:, None]).sum(-1), max(1, round(0.05 * motion.fps))).T
+        strikes += [_Event(int(frame), side) for frame in find_peaks(heel, prominence=0.08, distance=apart)[0]]
+        lifts += [_Event(int(frame), side) for frame in find_peaks(-toe, prominence=0.08, distance=apart)[0]]
+    return sorted(strikes, key=lambda event: event.frame), sorted(lifts, key=lambda event: event.frame)
 
 
 def _walking(motion: HumanMotion, body: Body, pos: np.ndarray, quat: np.ndarray, angles: dict[str, np.ndarray], lean: np.ndarray) -> dict[str, float]:
-    bears, ankles, pelvis = detect_feet(motion), pos[:, [leg.end for leg in body.legs]], motion.root_pos_w
+    ankles, pelvis = pos[:, [leg.end for leg in body.legs]], motion.root_pos_w
     facing = rot.yaw_of(quat[:, 0])
-    strikes = sorted((int(frame) + 1, side) for side in (0, 1) for frame in np.flatnonzero(~bears[:-1, side] & bears[1:, side]))
+    strikes, lifts = _events(motion, body, pos, quat)
     steps: list[dict[str, float]] = []
-    walks = np.zeros(motion.frames, bool)
-    for (start, first), (end, second) in zip(strikes[:-1], strikes[1:], strict=True):
-        way = pelvis[end, :2] - pelvis[start, :2]
-        gone = float(np.linalg.norm(way))
+    spans: list[tuple[int, int]] = []
+    for first, second in zip(strikes[:-1], strikes[1:], strict=True):
+        start, end = first.frame, second.frame
+        # the way is that of a whole stride around the step, over which the sway from side to side cancels
+        before, after = max(0, start - (end - start) // 2), min(motion.frames - 1, end + (end - start) // 2)
+        way = (pelvis[after, :2] - pelvis[before, :2]) * (end - start) / (after - before)
+        gone, seconds = float(np.linalg.norm(way)), (end - start) / motion.fps
         straight = abs(rot.wrap_angle(facing[end] - facing[start])) < STRAIGHT
-        if first == second or gone < FORWARD or not straight or not 0.2 < (end - start) / motion.fps < 1.2:
+        # toes of the hind foot leave the floor after the fore foot's heel has struck
+        lifted = [event.frame for event in lifts if start <= event.frame < end and event.side == second.side]
+        if first.side == second.side or gone < FORWARD or not straight or not 0.2 < seconds < 1.2 or not lifted:
             continue
         along = way / gone
         if along @ np.array([np.cos(facing[start]), np.sin(facing[start])]) < 0.7:  # sideways, or backward
             continue
-        between = ankles[end, second, :2] - ankles[end, first, :2]
-        seconds = (end - start) / motion.fps
+        between = _place(ankles, second, motion.fps) - _place(ankles, first, motion.fps)
         height = pelvis[start : end + 1, 2]
         steps.append({
             "speed": gone / seconds, "cadence": 60 / seconds, "step_length": float(between @ along),
-            "step_width": float(abs(between @ np.array([-along[1], along[0]]))), "double_support": float(bears[start:end].all(-1).mean()),
+            "step_width": float(abs(between @ np.array([-along[1], along[0]]))), "double_support": (lifted[0] - start) / (end - start),
             "pelvis_rise": float(np.ptp(height - np.linspace(height[0], height[-1], len(height)))),
         })  # fmt: skip
-        walks[start : end + 1] = True
-    if len(steps) < 2:
+        spans.append((start, end))
+    # starting and stopping are not walking
+    steady = [i for i, step in enumerate(steps) if step["speed"] > STEADY * max(other["speed"] for other in steps)]
+    if len(steady) < 2:
         return {}
-    found = {name: float(np.mean([step[name] for step in steps])) for name in steps[0]}
-    # a mean over unequal steps is one of rates, not of times
-    found["cadence"] = 60 / float(np.mean([60 / step["cadence"] for step in steps]))
+    found = {name: float(np.mean([steps[i][name] for i in steady])) for name in steps[0]}
+    # a mean over unequal steps is one of times, not of rates
+    found["cadence"] = 60 / float(np.mean([60 / steps[i]["cadence"] for i in steady]))
+    walks = np.zeros(motion.frames, bool)
+    for i in steady:
+        walks[spans[i][0] : spans[i][1] + 1] = True
     ranges = {name: float(np.ptp(angles[joint][walks], axis=0).mean()) for name, joint in _JOINTS.items()}
     return found | ranges | {"walking_lean": float(lean[walks].mean())}
+
+
+def _place(ankles: np.ndarray, strike: _Event, fps: float) -> np.ndarray:
+    """(2,) where a foot stands after it has struck and come to rest [m], from both ankles (T, 2, 3)."""
+    rests = slice(strike.frame + round(0.12 * fps), strike.frame + round(0.28 * fps) + 1)
+    return np.median(ankles[rests, strike.side, :2] if rests.start < len(ankles) else ankles[-1:, strike.side, :2], axis=0)
 
 
 _JOINTS = {"hip_range": "hip_flexion", "knee_range": "knee_flexion", "ankle_range": "ankle_plantarflexion"}
