@@ -58,10 +58,10 @@ def anchors_of(clip: Clip, mapping: Mapping, bound: Bound, pos_w: np.ndarray, qu
         on_floor.append(floor)
     hands = [_hand(clip, mapping, bound, side, pos_w, quat_w) for side in range(len(bound.wrists))]
     feet = np.stack(foot_pos, 1)
-    return Anchors(
-        feet, np.stack(foot_quat, 1), np.stack(standing, 1), np.stack(on_floor, 1), *(np.stack(values, 1) for values in zip(*hands, strict=True)),
-        _lowering(clip, bound, followed, quat_w, feet, np.stack(on_floor, 1)),
-    )  # fmt: skip
+    hand_pos, holding, nearness = (np.stack(values, 1) for values in zip(*hands, strict=True))
+    floor = np.stack(on_floor, 1)
+    lowering = _lowering(clip, bound, followed, quat_w, feet, floor)
+    return Anchors(feet, np.stack(foot_quat, 1), np.stack(standing, 1), floor, hand_pos, holding, nearness, lowering)
 
 
 def _label(motion: HumanMotion, name: str) -> np.ndarray:

@@ -277,7 +277,7 @@ def _balance(
     soon = round(config.before_sitting * fps)
     for when, _ in bearing:
         for shift in range(soon + 1):
-            alone = alone & ~np.concatenate([when[shift:], np.repeat(when[-1:], shift)])
+            alone = alone & ~np.concatenate([when[shift:], np.repeat(when[-1:], min(shift, len(when)))])
     heading = rot.rotate(anchors.foot_quat_w, np.array([1.0, 0.0, 0.0])).mean(1) * [1.0, 1.0, 0.0]
     heading /= np.maximum(np.linalg.norm(heading, axis=-1, keepdims=True), 1e-6)
     return alone, heading, anchors.foot_pos_w.mean(1)

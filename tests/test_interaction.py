@@ -1,0 +1,131 @@
+"""Retargeting that keeps the interaction: its gradient, what it promises, and what it does at the edges."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mimicbench.core import rotations as rot
+from mimicbench.core.motion import HumanMotion
+from mimicbench.objects.chairs import make_chair
+from mimicbench.objects.shape import SceneObject
+from mimicbench.references.synthesis import synthesize
+from mimicbench.retarget.clip import Clip
+from mimicbench.retarget.interaction import InteractionConfig, interact, make_problem
+from mimicbench.retarget.kinematics import Pose, tree_of
+from mimicbench.retarget.samples import Masses, Scene, balls_of, point_rows
+from mimicbench.retarget.solver import move
+from mimicbench.robot.description import load_robot
+
+H1 = load_robot("h1")
+TREE = tree_of(H1)
+WIDE = np.tile([-9.0, 9.0], (19, 1))
+
+
+def part(motion: HumanMotion, frames: slice) -> HumanMotion:
+    return replace(motion, root_pos_w=motion.root_pos_w[frames], local_quat=motion.local_quat[frames], contacts=motion.contacts[frames])
+
+
+def sitting_down(index: int = 0) -> Clip:
+    """Two seconds about the moment in which the pelvis meets the seat."""
+    chair = make_chair(index, 0)
+    motion = synthesize("sit-chair", index, chair, 0)
+    seated = int(np.argmax(motion.contacts[:, motion.contact_names.index("pelvis")]))
+    return Clip(part(motion, slice(seated - 50, seated + 10)), chair, H1)
+
+
+def test_gradient_is_that_of_the_loss() -> None:
+    clip = sitting_down()
+    problem, pose = make_problem(Clip(part(clip.motion, slice(48, 56)), clip.obj, H1), InteractionConfig())
+    random = np.random.default_rng(0)
+    # near the seat, so that clearance, contact and balance have something to say, but no two surfaces are equally near
+    pose = move(pose, random.normal(size=(8, 25)) * 0.02, WIDE)
+    model = problem.model(pose, TREE.place(pose))
+    assert len(problem._touching(TREE.place(pose))[0][0]) > 5
+    found, expected = [], []
+    for _ in range(8):
+        direction = random.normal(size=(8, 25))
+        direction[:, 3:6] = 0  # turns of the root meet the logarithm's Jacobian, which is taken for the identity
+        values = [problem.loss(at, TREE.place(at)) for h in (1e-6, -1e-6) if (at := move(pose, h * direction, WIDE))]
+        found.append((values[0] - values[1]) / 2e-6)
+        expected.append((model.gradient * direction).sum())
+    assert found == pytest.approx(expected, rel=0.05)
+
+
+def test_rows_match_finite_differences() -> None:
+    random = np.random.default_rng(1)
+    pose = Pose(random.normal(size=(3, 3)), rot.normalize(random.normal(size=(3, 4))), random.uniform(-0.4, 0.4, (3, 19)))
+    balls, masses, links = balls_of(H1), Masses.of(H1), TREE.place(pose)
+    frame, ball = np.array([0, 1, 2, 2]), np.array([0, 40, 60, len(balls.link) - 1])
+    direction = random.normal(size=(4, 3))
+    rows = point_rows(TREE, links, frame, balls.link[ball], balls.place(links)[frame, ball], direction)
+    weight = random.normal(size=(3, 3))
+    heavy = masses.rows(TREE, links, weight)
+    for v in range(25):
+        step = np.zeros((3, 25))
+        step[:, v] = 1e-6
+        moved = TREE.place(move(pose, step, WIDE))
+        change = (balls.place(moved) - balls.place(links))[frame, ball] / 1e-6
+        assert (change * direction).sum(-1) == pytest.approx(rows[:, v], abs=1e-4)
+        assert ((masses.center(moved) - masses.center(links)) / 1e-6 * weight).sum(-1) == pytest.approx(heavy[:, v], abs=1e-4)
+
+
+def test_balls_by_hand() -> None:
+    balls = balls_of(H1)
+    torso = H1.link_names.index("torso_link")
+    corners = balls.center[(balls.link == torso) & (balls.radius == 0)]
+    assert len(corners) == 26 and corners.max(0) == pytest.approx([0.075, 0.12, 0.47])
+    links = TREE.place(Pose(np.array([[0.0, 0, 1.0442]]), rot.IDENTITY[None], np.zeros((1, 19))))
+    box = SceneObject("far", "box", "box", np.array([[5.0, 0, 0.5]]), rot.IDENTITY[None], np.full((1, 3), 0.5), np.ones((1, 3)))
+    distance, normal = Scene(box, np.zeros((0, 3)), np.zeros((0, 4))).clearance(balls, balls.place(links))
+    assert distance.min() == pytest.approx(0.0, abs=1e-9)  # the soles, and nothing else, touch the floor
+    assert (normal == [0, 0, 1]).all()
+
+
+@pytest.mark.parametrize("index", range(3))
+def test_keeps_the_interaction(index: int) -> None:
+    clip = sitting_down(index)
+    measures = interact(clip).measures
+    assert measures["penetration"] <= 0.02 and measures["depth"] < 0.02
+    assert measures["contact_kept"] >= 0.95
+    assert measures["step_skate"] < 0.01
+    assert measures["limit_violation"] == 0.0 and measures["velocity_ratio"] <= 1.0
+
+
+def test_better_than_nothing_about_the_scene() -> None:
+    from mimicbench.retarget.optimization import optimize
+
+    clip = sitting_down(1)
+    ours, plain = interact(clip).measures, optimize(clip).measures
+    assert ours["depth"] < plain["depth"]
+
+
+def test_limits_hold_and_it_is_deterministic() -> None:
+    clip = sitting_down(2)
+    wild = rot.from_rotvec(np.random.default_rng(0).normal(size=(60, 15, 3)))
+    hard = Clip(replace(clip.motion, local_quat=rot.multiply(clip.motion.local_quat, wild)), clip.obj, H1)
+    config = InteractionConfig(iterations=4)
+    first, again = interact(hard, config), interact(hard, config)
+    low, high = H1.joint_range.T
+    stored = first.joint_pos.astype(np.float32).astype(float)
+    assert (stored >= low).all() and (stored <= high).all()
+    assert (first.joint_pos == again.joint_pos).all() and (first.root_pos_w == again.root_pos_w).all()
+
+
+@settings(max_examples=5, deadline=None)
+@given(st.floats(-0.3, 0.3), st.floats(-np.pi, np.pi))
+def test_standing_feet_stay_where_they_are(x: float, yaw: float) -> None:
+    """A person who stands still far from everything: still feet, flat, on the floor, wherever and however turned."""
+    clip = sitting_down()
+    quat = np.tile(rot.IDENTITY, (12, 15, 1))
+    quat[:, 0] = rot.from_yaw(np.full(12, yaw))
+    root = np.tile([3.0 + x, 0.0, 0.8814], (12, 1))
+    motion = replace(clip.motion, root_pos_w=root, local_quat=quat, contact_names=("left_foot", "right_foot"), contacts=np.ones((12, 2), bool))
+    result = interact(Clip(motion, clip.obj, H1))
+    pos, quat_w = H1.forward_kinematics(result.root_pos_w, result.root_quat_w, result.joint_pos)
+    for side in ("left", "right"):
+        sole = H1.keypoint_pos(f"{side}_sole", pos, quat_w)
+        assert np.ptp(sole, axis=0).max() < 1e-3 and np.abs(sole[:, 2]).max() < 4e-3
+    assert result.measures["balance"] == 0.0
