@@ -8,14 +8,14 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.motion import forward_kinematics
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body import Body
-from mimicbench.references.limbs import about_y
+from mimicbench.references.limbs import about_y, two_link
 
 ARM_ROOM = 0.28
 """From the end of a seat to the middle of who sits there [m]."""
 PLACE = 0.50
 """Between people who sit side by side [m]."""
-KNEE = 0.93
-"""Who sits farther back than this share of the thighs has the knees behind the seat's front edge."""
+THIGH = 0.037
+"""Least height of a thigh's axis over the seat's front edge [m], of body size 1."""
 SINK = 0.01
 """How deep a body sinks into what it sits on or leans against [m]."""
 WRIST = 0.045
@@ -68,19 +68,29 @@ def place_at(obj: SceneObject, body: Body, y: float, forward: float = 0.0) -> Pl
 def lean_against(obj: SceneObject, body: Body, place: Place, pitch: float, bend: float) -> Leaning | None:
     """The way to lean at about `pitch` [rad] against what is behind a place, with the chest bent forward by `bend` [rad] over the pelvis.
 
-    The pelvis goes back until the trunk bears, but not so far that the knees would not clear the seat's front edge; None if nothing is reached.
+    The pelvis goes back until the trunk bears, but not so far that the knees do not clear the seat's front edge; None if nothing is reached.
     """
-    front = float(obj.seat_polygon[:, 0].max())
-    farthest = min(0.0, front - KNEE * body.length(body.legs[0])[0] - place.pelvis[0])
-    back = np.arange(0.0, farthest - 1e-9, -0.01)
+    back = np.arange(0.0, 0.5 * body.length(body.legs[0])[0], 0.01)[:, None] * [-1.0, 0.0, 0.0]
+    back = back[: _knees_clear(obj, body, place, back)]
     for angle in pitch + np.array([0.0, 0.07, -0.07, 0.14, 0.21]):
         points, radius = _trunk_points(body, -angle, bend)
-        middles = place.pelvis + np.stack([back, np.zeros_like(back), np.zeros_like(back)], -1)[:, None] + points
-        gap = (obj.distance(middles) - radius).min(-1)
+        gap = (obj.distance(place.pelvis + back[:, None] + points) - radius).min(-1)
         bears = np.flatnonzero(gap <= -SINK / 2)
         if len(bears) and gap[bears[0]] > -1.5 * SINK:
-            return Leaning(place.pelvis + [back[bears[0]], 0.0, 0.0], float(angle))
+            return Leaning(place.pelvis + back[bears[0]], float(angle))
     return None
+
+
+def _knees_clear(obj: SceneObject, body: Body, place: Place, back: np.ndarray) -> int:
+    """How many of these shifts (N, 3) [m] of the pelvis, ever farther back, leave the knees in front of the seat and the thighs above it."""
+    hips = place.pelvis + back + [0.0, 0.0, -body.hip_drop]
+    ankles = np.broadcast_to([*place.ankles, body.sole], hips.shape)
+    upper, lower = body.length(body.legs[0])
+    thigh, _, _ = two_link(hips, ankles, np.array([[0.0, 1.0, 0.0]]), upper, lower, True)
+    knees = hips + rot.rotate(thigh, np.array([0.0, 0.0, -upper]))
+    edge = (obj.seat_polygon[:, 0].max() - hips[:, 0]) / (knees[:, 0] - hips[:, 0])
+    clear = (edge < 0.98) & (hips[:, 2] + edge * (knees[:, 2] - hips[:, 2]) > obj.require_seat() + THIGH * body.size)
+    return len(clear) if clear.all() else int(np.argmin(clear))
 
 
 def _trunk_points(body: Body, pitch: float, bend: float) -> tuple[np.ndarray, np.ndarray]:
@@ -113,7 +123,9 @@ def armrest(obj: SceneObject, body: Body, pelvis: np.ndarray, shoulder: np.ndarr
     wrists = np.stack([*np.meshgrid(x, y, indexing="ij"), top + WRIST + 0.01], -1)
     away = np.linalg.norm(wrists - shoulder, axis=-1)
     reach = sum(body.length(body.arms[side]))
-    fits = wide & (away < 0.96 * reach) & (away > 0.55 * reach)
+    fits = wide & (away < 0.94 * reach) & (away > 0.55 * reach)
+    fits[fits] = obj.distance(wrists[fits]) > 0.04
+    fits[fits] = obj.distance(wrists[fits] + 0.3 * (shoulder - wrists[fits])) > 0.05
     if not fits.any():
         return None
     # the most comfortable: the arm nearly straight, a little in front of the hips

@@ -41,12 +41,19 @@ def synthesize_sit_chair(clip_id: str, obj: SceneObject, seed: int) -> HumanMoti
     seat_height = obj.require_seat()
     random = rng(seed, clip_id, obj.id)
     start_xy, start_yaw = draw_start(random, obj)
-    # the first one that this chair allows: not every chair has arms and a back, but anybody can sit down slowly
-    for style in draw_styles(random, seat_height):
-        motion = make_sit_chair(clip_id, obj, start_xy, start_yaw, style)
-        if all(motion.style[name] == getattr(style, name) for name in ("on_seat", "on_arms", "against")):
+    first, *others = draw_styles(random, seat_height)
+    motion = make_sit_chair(clip_id, obj, start_xy, start_yaw, first)
+    for style in others:
+        # not every chair has arms, or a back in reach, but on any people may sit down slowly
+        if _is_done(first, motion):
             break
+        first, motion = style, make_sit_chair(clip_id, obj, start_xy, start_yaw, style)
     return motion
+
+
+def _is_done(style: SitStyle, motion: HumanMotion) -> bool:
+    """Whether a clip found the supports that its style asks for."""
+    return all(motion.style[name] == getattr(style, name) for name in ("on_seat", "on_arms", "against"))
 
 
 def make_sit_chair(clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: SitStyle) -> HumanMotion:

@@ -1,5 +1,7 @@
 """`sit-sofa`: walk to the nearest place on a sofa, turn the back to it, sit down, perhaps lean back, rest."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from mimicbench.core.errors import BadMotion
@@ -9,7 +11,7 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body import roam_body
 from mimicbench.references.gait import Gait, plan_footsteps
 from mimicbench.references.seats import place_at, places
-from mimicbench.references.sitting import LEAN_BACK, PAUSE, SitStyle, route_to, sit_down
+from mimicbench.references.sitting import LEAN_BACK, PAUSE, UPRIGHT, SitStyle, route_to, sit_down
 from mimicbench.references.walking import draw_start
 
 REST = 0.6
@@ -26,16 +28,19 @@ def draw_style(random: np.random.Generator, obj: SceneObject, start_xy: np.ndarr
     shortest = max(0.97, min(1.10, 2.2 * obj.require_seat()))
     every = places(obj)
     place = every[np.argmin(np.abs(every - start_xy[1]))] - (obj.seat_polygon[:, 1].min() + obj.seat_polygon[:, 1].max()) / 2
-    hands = random.choice(["free", "on_thighs", "on_seat", "on_arms"], p=[0.4, 0.15, 0.2, 0.25])
+    hands = str(random.choice(["free", "on_thighs", "on_seat", "on_arms"], p=[0.4, 0.15, 0.2, 0.25]))
     slow, drops, leans = random.uniform(size=3) < (0.15, 0.15, 0.7)
-    return SitStyle(
-        body_scale=random.uniform(shortest, 1.15), speed=random.uniform(0.62, 0.70), sit_duration=random.uniform(2.4, 3.0) if slow else random.uniform(1.6, 2.0),
+    style = SitStyle(
+        body_scale=random.uniform(shortest, 1.15), speed=random.uniform(0.62, 0.70), sit_duration=random.uniform(1.6, 2.0),
         lean=random.uniform(0.54, 0.64), recline=random.uniform(0.0, 0.12), seat_x=random.uniform(-0.02, 0.02), seat_y=place + random.uniform(-0.03, 0.03),
-        arm_swing=random.uniform(0.7, 1.2), duration=12.1 + 0.05 * float(np.clip(random.standard_normal(), -2, 2)), on_thighs=1.0 if hands == "on_thighs" else -1.0,
-        on_seat=1.0 if hands == "on_seat" else -1.0, on_arms=1.0 if hands == "on_arms" else -1.0,
-        drop=random.uniform(0.04, 0.06) if drops and not slow else 0.0, against=1.0 if leans else -1.0,
+        arm_swing=random.uniform(0.7, 1.2), duration=12.1 + 0.05 * float(np.clip(random.standard_normal(), -2, 2)), against=1.0 if leans else -1.0,
         lean_back=random.uniform(0.25, 0.40), look=random.uniform(-0.5, 0.5),
     )  # fmt: skip
+    if slow:
+        style = replace(style, sit_duration=random.uniform(2.4, 3.0))
+    elif drops:
+        style = replace(style, drop=random.uniform(0.04, 0.06))
+    return style if hands == "free" else replace(style, **{hands: 1.0})
 
 
 def synthesize_sit_sofa(clip_id: str, obj: SceneObject, seed: int) -> HumanMotion:
@@ -47,7 +52,7 @@ def synthesize_sit_sofa(clip_id: str, obj: SceneObject, seed: int) -> HumanMotio
         style = draw_style(random, obj, start_xy)
         if arrival(obj, start_xy, start_yaw, style) + time_to_settle(style) <= style.duration:
             return make_sit_sofa(clip_id, obj, start_xy, start_yaw, style)
-    raise BadMotion(f"clip {clip_id}: sofa {obj.id} is too large to walk to and sit down on within {style.duration:.1f} s; use a smaller one")
+    raise BadMotion(f"clip {clip_id}: sofa {obj.id} is too large to walk to and sit down on in time; use a smaller one")
 
 
 def make_sit_sofa(clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: SitStyle) -> HumanMotion:
@@ -72,4 +77,4 @@ def arrival(obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: Sit
 
 def time_to_settle(style: SitStyle) -> float:
     """From the arrival until the person is at rest, and for REST seconds more [s]."""
-    return PAUSE + max(1.61 * style.sit_duration, style.sit_duration + 0.3 + LEAN_BACK if style.against > 0 else 0.0) + REST
+    return PAUSE + max(UPRIGHT * style.sit_duration, style.sit_duration + 0.3 + LEAN_BACK if style.against > 0 else 0.0) + REST

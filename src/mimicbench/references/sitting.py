@@ -21,6 +21,8 @@ from mimicbench.references.walking import FPS, Walk, walk
 CONTACTS = ("left_foot", "right_foot", "pelvis", "back", "left_hand", "right_hand")
 PAUSE = 0.35
 """From the last touch-down to the first bend [s]."""
+UPRIGHT = 1.61
+"""When the trunk is upright again, in durations of the way to the seat."""
 FALL = 0.34
 """Time in which who drops falls the last centimeters [s]."""
 SLIDE, LEAN_BACK = 1.1, 1.7
@@ -116,7 +118,7 @@ def _trunk(way: Walk, clock: np.ndarray, place: Place, leaning: Leaning | None, 
     lean, upright = minimum_jerk(progress / 0.7), minimum_jerk((progress - 0.86) / 0.75)
     pitch = 0.03 + (style.lean - 0.03) * lean - (style.lean + style.recline) * upright
     spine, nod = 0.02 + 0.10 * lean - 0.07 * upright, 0.12 - 0.30 * lean + 0.22 * upright
-    at_rest = 1.61 * style.sit_duration
+    at_rest = UPRIGHT * style.sit_duration
     if leaning is not None:
         share = (clock - style.sit_duration - 0.2) / SLIDE
         # the weight is taken off the seat a little while sliding
@@ -168,6 +170,9 @@ def _arms(body: Body, way: Walk, trunk: Trunk, legs: Legs, clock: np.ndarray, ha
             goals[:, side, 2] += 0.10 * minimum_jerk(2 * arrives) * minimum_jerk(2 * (1 - arrives))
             outward[side] = 0.55 if style.on_arms > 0 else 0.2
     axis = np.stack([np.array([1.0, -1.0]) * outward, np.ones(2), np.zeros(2)], -1)
+    if style.on_thighs < 0 and all(hand is None for hand in hands):  # free hands come to where the thighs will be
+        frames = np.maximum(np.arange(len(clock)), np.argmax(clock >= UPRIGHT * style.sit_duration))
+        trunk, goals = Trunk(*(values[frames] for values in vars(trunk).values())), goals[frames]
     reached = reach(body, trunk, _within_reach(body, trunk, goals), rot.rotate(trunk.chest_quat_w[:, None], axis))
     return blend(moving, reached, turned), share * [hand is not None for hand in hands]
 
@@ -185,7 +190,7 @@ def _within_reach(body: Body, trunk: Trunk, wrists: np.ndarray) -> np.ndarray:
     at, whole = shoulders(body, trunk), sum(body.length(body.arms[0]))
     away = wrists - at
     length = np.linalg.norm(away, axis=-1, keepdims=True) / whole
-    drawn = np.where(length > 0.88, 0.88 + 0.10 * np.tanh((length - 0.88) / 0.10), length)
+    drawn = np.where(length > 0.92, 0.92 + 0.07 * np.tanh((length - 0.92) / 0.07), length)
     return at + away * drawn / length
 
 
@@ -193,13 +198,14 @@ def _on_thighs(body: Body, trunk: Trunk, legs: Legs) -> np.ndarray:
     """(T, 2, 3) wrists of hands that lie on the thighs [m], as far towards the knees as the arms reach in the end."""
     thigh = thigh_orientations(body, trunk, legs)
     hips = trunk.pelvis_pos_w[:, None] + rot.rotate(trunk.pelvis_quat_w[:, None], body.skeleton.offsets[[leg.root for leg in body.legs]])
-    at, length = shoulders(body, _last(trunk))[0], body.length(body.legs[0])[0]
-    for share in np.arange(0.69, 0.1, -0.04):
-        on_thigh = np.array([[0.09 * body.size, 0.03 * body.size, -share * length], [0.09 * body.size, -0.03 * body.size, -share * length]])
-        wrists = hips + rot.rotate(thigh, on_thigh)
-        if np.linalg.norm(wrists[-1] - at, axis=-1).max() < 0.96 * sum(body.length(body.arms[0])):
-            break
-    return wrists
+    above = np.array([[0.09, 0.03, 0.0], [0.09, -0.03, 0.0]]) * body.size
+    along = np.array([0.0, 0.0, -body.length(body.legs[0])[0]])
+    last = shoulders(body, _last(trunk))[0]
+    shares = np.arange(0.69, 0.2, -0.04)
+    places = hips[-1] + rot.rotate(thigh[-1], above + shares[:, None, None] * along)  # (S, 2, 3)
+    near = (np.linalg.norm(places - last, axis=-1) < 0.98 * sum(body.length(body.arms[0]))).all(-1)
+    share = shares[np.argmax(near)] if near.any() else shares[-1]
+    return hips + rot.rotate(thigh, above + share * along)
 
 
 def _lay_hands(body: Body, quat: np.ndarray, trunk: Trunk, arms: Arms, hands: tuple[np.ndarray | None, ...], bears: np.ndarray) -> None:
