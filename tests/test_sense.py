@@ -179,6 +179,12 @@ def test_maps_of_touch_points_are_finer():
     assert (abs(seen[expected] - (1.2 - height)) < 1e-3).mean() > 0.95 and (seen[~expected] < -height + 1e-3).mean() > 0.99
 
 
+def test_fine_maps_are_made_from_the_papers_pictures():
+    physics, _ = scene(block(), [(-0.5, 0.0, 0.0)])
+    assert torch.equal(camera_map(physics, rig=HEAD_RIG, cell=0.01), camera_map(physics, None, 360, 480, HEAD_RIG, 0.01))
+    assert torch.equal(camera_map(physics), camera_map(physics, None, 90, 120))
+
+
 def test_a_moved_box_is_where_it_is():
     box = block(movable=True, mass=2.0)
     physics, height = scene(box, [(-1.2, 0.0, 0.0), (-1.2, 0.0, 0.0)])

@@ -9,7 +9,9 @@ from hypothesis import strategies as st
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadObject, UnknownName
 from mimicbench.core.motion import RobotMotion
+from mimicbench.core.seeds import rng
 from mimicbench.objects.chairs import make_chair
+from mimicbench.objects.household import make_household
 from mimicbench.objects.shape import SceneObject
 from mimicbench.sim.native import NativePhysics
 from mimicbench.sim.scene import CONTROL_DT
@@ -19,6 +21,7 @@ from mimicbench.tasks.lie_sofa import LIE_SOFA
 from mimicbench.tasks.lift_box import LIFT_BOX
 from mimicbench.tasks.registry import TASKS, get_task
 from mimicbench.tasks.sit_chair import SIT_CHAIR
+from mimicbench.tasks.start import Stance, draw_start
 from mimicbench.tasks.task import REST, BodyPoints, ObjectFacts, first_run, longest_run
 from mimicbench.tasks.touch_points import TOUCH_POINTS
 from stool import H1, block, place, seated, standing
@@ -315,3 +318,11 @@ def test_k_of_a_motion_that_moves_its_object():
 
     assert LIFT_BOX.fulfilled(lifted(np.linspace(0, 0.25, frames)), box, H1)
     assert not LIFT_BOX.fulfilled(lifted(np.linspace(0.25, 0, frames)), box, H1), "put down again"
+
+
+def test_starts_of_touch_points_show_both_targets_on_the_map():
+    stance = Stance.of(H1)
+    for index in range(60):
+        start = draw_start(TOUCH_POINTS, make_household(index), stance, rng(index, "start"))
+        ahead = rot.rotate_inverse(start.root_quat_w, start.wrist_goal_w - start.root_pos_w)
+        assert (abs(ahead[:, :2]) < 0.64).all() and (ahead[:, 0] > 0).all()

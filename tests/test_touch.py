@@ -106,3 +106,15 @@ def test_what_a_pair_promises(index):
     np.testing.assert_array_equal([left, right], again)
     assert np.abs(wrists - np.stack([left, right])).max((1, 2)).min() == 0
     np.testing.assert_allclose(stance_before(obj, left, right), [obj.bounds()[1][0] + STAND_OFF, (left[1] + right[1]) / 2, np.pi], atol=0.07)
+
+
+def test_pairs_are_those_of_the_shape_whatever_its_name():
+    # pairs are searched once for each shape: one of the same name and another size has its own
+    small, large = with_touch_points(CUBE), with_touch_points(blocks(((0, 0, 0.4), (0.25, 0.25, 0.4))))
+    assert small.id == large.id
+    for obj in (small, large, small):
+        left, right = touch_pair(obj, np.random.default_rng(0))
+        assert 0 < distance(obj, np.stack([left, right])).max() <= WRIST_OFF + 1e-9
+    draws = {tuple(touch_pair(small, np.random.default_rng(seed))[0]) for seed in range(50)}
+    wrists = small.touch_points + WRIST_OFF * small.touch_normals
+    assert draws <= {tuple(wrists[left]) for left, _ in find_pairs(small).points} and len(draws) > 1
