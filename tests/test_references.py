@@ -11,8 +11,10 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.chairs import make_chair
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references import skeletons as human
+from mimicbench.references.balance import balance, support_point
 from mimicbench.references.body import unihsi_body
-from mimicbench.references.gait import Gait, around_box, balance, plan_footsteps, support_point, swing_feet
+from mimicbench.references.feet import swing_feet
+from mimicbench.references.gait import Gait, around_box, plan_footsteps
 from mimicbench.references.limbs import minimum_jerk, smooth_below, two_link
 from mimicbench.references.quality import Limits, check_clip, faults, is_good
 from mimicbench.references.synthesis import synthesize
@@ -111,7 +113,7 @@ def test_pendulum_is_balanced_over_the_feet():
     acceleration = np.diff(center, 2, axis=0) * 60**2
     assert center[1:-1] - 0.9 / 9.81 * acceleration == pytest.approx(support[1:-1], abs=1e-9)
     body = unihsi_body()
-    feet = swing_feet(steps, time, gait, 1.0, body.sole, body.toe, body.heel)
+    feet = swing_feet(steps, time, gait, body)
     for side in (0, 1):  # while one foot swings, the support is by the other
         swings = ~feet.contact[:, side]
         away = np.linalg.norm(support[swings] - feet.pos_w[swings, 1 - side, :2], axis=-1)

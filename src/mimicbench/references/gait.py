@@ -1,19 +1,10 @@
-"""Walking and turning in closed form: a route, footsteps on it, feet that never skate, and a pelvis that balances over them.
-
-The route is the shortest way around the object; the footsteps follow it with a bounded step and a bounded turn. The feet stand
-exactly still between swings. The pelvis moves as a linear inverted pendulum whose support point goes from foot to foot, so the
-walk is balanced, and starts and stops smoothly, by construction.
-"""
+"""Where a walk leads and where its feet stand: a route around the object, and footsteps on it with a bounded step and turn."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_banded
 
 from mimicbench.core import rotations as rot
-from mimicbench.references.limbs import minimum_jerk, smooth
-
-GRAVITY = 9.81
 
 
 @dataclass(frozen=True)
@@ -23,7 +14,7 @@ class Gait:
     speed: float = 0.6
     """Forward speed on a straight way [m/s], not scaled."""
     step_time: float = 0.64
-    """From one touch-down to the next [s]."""
+    """From one touch-down to the next while walking slowly [s]; see `period`."""
     double_support: float = 0.26
     """Share of the step time with both feet on the floor."""
     width: float = 0.235
@@ -39,6 +30,30 @@ class Gait:
     a body with wide hips needs."""
     stand: float = 0.8
     """Time before the first swing, in which the weight shifts [s]."""
+    heel_strike: float = 0.30
+    """Pitch of the foot as its heel lands after a long stride [rad]. Without heel_strike and heel_off the feet stay flat in stance."""
+    heel_off: float = 0.75
+    """Pitch of the foot as its toes leave the floor before a long stride [rad]."""
+    sway: float = 1.0
+    """Share of the usual lean and list of the trunk while walking, beyond what balance asks for, and of the head's steadiness."""
+
+    @property
+    def period(self) -> float:
+        """From one touch-down to the next [s]: at higher speeds cadence and step length both grow with the root of the speed.
+
+        That is 0.54 s at 1.3 m/s (Boulic et al. 1990 with a leg of 0.87 m: 0.54 s; Perry & Burnfield 2010: 0.53 s).
+        """
+        return min(self.step_time, 0.54 * (1.3 / max(self.speed, 1e-3)) ** 0.5)
+
+    @property
+    def swing_time(self) -> float:
+        """From lift-off to touch-down of a foot [s]."""
+        return self.period * (1.0 - self.double_support)
+
+    @property
+    def rolls(self) -> bool:
+        """Whether the feet roll from heel to toes in stance."""
+        return self.heel_strike > 0 or self.heel_off > 0
 
 
 @dataclass(frozen=True)
@@ -62,6 +77,12 @@ class Route:
         share = np.clip((distance - starts[i]) / max(lengths[i], 1e-12), 0.0, 1.0)
         return self.points[i] + share * pieces[i], float(np.arctan2(pieces[i, 1], pieces[i, 0]))
 
+    def after(self, distance: float) -> np.ndarray:
+        """(N, 2) the points that are left after some distance along it, the one at that distance first [m]."""
+        starts = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.points, axis=0), axis=-1))])
+        left = self.points[starts > distance + 1e-6]
+        return np.concatenate([self.at(distance)[0][None], left if len(left) else self.points[-1:]])
+
 
 @dataclass(frozen=True)
 class Footsteps:
@@ -81,6 +102,13 @@ class Footsteps:
     """(N,) [s]"""
     touch_down: np.ndarray
     """(N,) [s]"""
+    first_feet_yaw: np.ndarray | None = None
+    """(2,) headings of left and right foot at the start [rad], where they are not `first_yaw`."""
+
+    @property
+    def first_foot_yaw(self) -> np.ndarray:
+        """(2,) headings of left and right foot at the start [rad]."""
+        return np.full(2, self.first_yaw) if self.first_feet_yaw is None else self.first_feet_yaw
 
     @property
     def end(self) -> float:
@@ -88,25 +116,24 @@ class Footsteps:
         return float(self.touch_down[-1]) if len(self.side) else 0.0
 
 
-@dataclass(frozen=True)
-class Feet:
-    """Both ankles over time; axis 1 is left, right."""
-
-    pos_w: np.ndarray
-    """(T, 2, 3) ankles [m]."""
-    yaw: np.ndarray
-    """(T, 2) [rad]"""
-    pitch: np.ndarray
-    """(T, 2) toe down positive [rad]."""
-    contact: np.ndarray
-    """(T, 2) bool, flat on the floor and still."""
-
-
-def around_box(start: np.ndarray, goal: np.ndarray, low: np.ndarray, high: np.ndarray, margin: float) -> Route:
+def around_box(
+    start: np.ndarray, goal: np.ndarray, low: np.ndarray, high: np.ndarray, margin: float, start_yaw: float | None = None, goal_yaw: float | None = None
+) -> Route:
     """The shortest way (2,) to (2,) that stays `margin` [m] away from the rectangle low..high, past one of its front (+x) corners.
 
-    Both ends must be outside of the rounded rectangle, and the goal in front of it.
+    Both ends must be outside of the rounded rectangle, and the goal in front of it. With `start_yaw` or `goal_yaw` [rad] the way
+    leaves or arrives on a curve that is tangent to that heading, as far as the rectangle allows it.
     """
+    points = _shortest(start, goal, low, high, margin)
+    if start_yaw is not None:
+        points = _bent(points, start_yaw, low, high, margin)
+    if goal_yaw is not None:
+        points = _bent(points[::-1], goal_yaw + np.pi, low, high, margin)[::-1]
+    return Route(points)
+
+
+def _shortest(start: np.ndarray, goal: np.ndarray, low: np.ndarray, high: np.ndarray, margin: float) -> np.ndarray:
+    """Straight to a circle around the corner, along it, and straight to the goal: (N, 2) [m]."""
     side = 1.0 if start[1] >= 0 else -1.0
     corner = np.array([high[0], high[1] if side > 0 else low[1]])
     to_start, to_goal = start - corner, goal - corner
@@ -115,15 +142,38 @@ def around_box(start: np.ndarray, goal: np.ndarray, low: np.ndarray, high: np.nd
     closest = start + straight * np.clip(-(to_start @ straight) / max(straight @ straight, 1e-12), 0, 1)
     outside = (closest - corner) @ np.array([1.0, side]) >= 0 and np.linalg.norm(closest - corner) >= margin
     if outside or start[0] >= high[0] + margin - 1e-9:
-        return Route(np.stack([start, goal]))
+        return np.stack([start, goal])
     # angles seen from the corner, measured from its sideways direction towards the front
     first = np.arctan2(to_start[0], side * to_start[1]) + np.arccos(min(1.0, margin / near))
     last = np.arctan2(to_goal[0], side * to_goal[1]) - np.arccos(min(1.0, margin / far))
     if last <= first:
-        return Route(np.stack([start, goal]))
+        return np.stack([start, goal])
     angle = np.linspace(first, last, 2 + int((last - first) / 0.15))
     arc = corner + margin * np.stack([np.sin(angle), side * np.cos(angle)], -1)
-    return Route(np.concatenate([start[None], arc, goal[None]]))
+    return np.concatenate([start[None], arc, goal[None]])
+
+
+def _bent(points: np.ndarray, yaw: float, low: np.ndarray, high: np.ndarray, margin: float) -> np.ndarray:
+    """The same way, its beginning replaced by a cubic that leaves in direction `yaw` [rad], if one stays clear of the rectangle.
+
+    Who would have to leave at more than 1.9 rad from the way turns on the spot instead.
+    """
+    route = Route(points)
+    heading = route.at(0.0)[1]
+    error = rot.wrap_angle(yaw - heading)
+    if abs(error) > 1.9 or abs(error) < 0.05 or route.length < 0.3:
+        return points
+    joins = min(1.2, 0.5 * route.length)
+    join, onward = route.at(joins)
+    leave = heading + np.clip(error, -1.2, 1.2)
+    u = np.linspace(0.0, 1.0, 13)[:, None]
+    for handle in (0.45 * joins, 0.25 * joins):
+        knots = points[0], points[0] + handle * _ahead(leave), join - handle * _ahead(onward), join
+        curve = (1 - u) ** 3 * knots[0] + 3 * u * (1 - u) ** 2 * knots[1] + 3 * u**2 * (1 - u) * knots[2] + u**3 * knots[3]
+        gap = np.linalg.norm(np.maximum(np.maximum(low - curve, curve - high), 0), axis=-1)
+        if gap.min() >= min(margin, float(gap[0]), float(gap[-1])) - 1e-9:
+            return np.concatenate([curve, route.after(joins)[1:]])
+    return points
 
 
 def plan_footsteps(start_yaw: float, route: Route, goal_xy: np.ndarray, goal_yaw: float, gait: Gait, scale: float) -> Footsteps:
@@ -137,27 +187,50 @@ def plan_footsteps(start_yaw: float, route: Route, goal_xy: np.ndarray, goal_yaw
         gait: How to walk.
         scale: Body size.
     """
-    centers, yaws = _body_places(start_yaw, route, goal_xy, goal_yaw, gait)
-    turn = next((d for d in np.diff([start_yaw, *yaws]) if abs(d) > 0.05), 1.0)
+    centers, yaws = body_places(start_yaw, route, goal_xy, goal_yaw, gait)
     half = 0.5 * gait.width * scale
-    foot_xy = np.stack([_beside(route.points[0], start_yaw, half), _beside(route.points[0], start_yaw, -half)])
-    foot_yaw = [start_yaw, start_yaw]
-    first_xy, side, landed_xy = foot_xy.copy(), 0 if turn > 0 else 1, []
-    sides = []
-    for center, yaw in zip([*centers, goal_xy], [*yaws, yaws[-1] if yaws else start_yaw], strict=True):
+    first_xy = np.stack([_beside(route.points[0], start_yaw, half), _beside(route.points[0], start_yaw, -half)])
+    centers, yaws = [*centers, goal_xy], [*yaws, yaws[-1]]
+    side, xy = place_feet(first_xy, [start_yaw, start_yaw], centers, yaws, first_side(start_yaw, yaws), gait, scale)
+    touch_down = gait.stand + gait.period * (np.arange(len(side)) + 1.0 - gait.double_support)
+    return Footsteps(first_xy, start_yaw, side, xy, np.array(yaws), touch_down - gait.swing_time, touch_down)
+
+
+def first_side(start_yaw: float, yaws: list[float]) -> int:
+    """Which foot a person who stands steps with first: the one on the side of the first turn."""
+    turn = next((d for d in np.diff([start_yaw, *yaws]) if abs(d) > 0.05), 1.0)
+    return 0 if turn > 0 else 1
+
+
+def place_feet(
+    foot_xy: np.ndarray, foot_yaw: list[float], centers: list[np.ndarray], yaws: list[float], side: int, gait: Gait, scale: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Sides (N,) and ankles (N, 2) [m] of the steps that carry the body from place to place, the first with foot `side`.
+
+    Args:
+        foot_xy: (2, 2) where both ankles are before [m].
+        foot_yaw: Their headings [rad].
+        centers: N places (2,) of the body at the touch-downs [m].
+        yaws: N headings of the body then [rad].
+        side: The foot that steps first.
+        gait: How to walk.
+        scale: Body size.
+    """
+    half, apart = 0.5 * gait.width * scale, min(0.185, 0.8 * gait.width) * scale
+    foot_xy, foot_yaw = foot_xy.copy(), list(foot_yaw)
+    sides, landed = [], []
+    for center, yaw in zip(centers, yaws, strict=True):
         sign = 1.0 - 2.0 * side
         stance_xy, stance_yaw = foot_xy[1 - side], foot_yaw[1 - side]
         place = _beside(center, yaw, sign * half)
         # a turn towards the stance foot must not cross the legs: keep to one's own side of it
-        sideways = sign * ((place - stance_xy) @ _left(stance_yaw))
-        place = place + sign * max(0.0, 0.185 * scale - sideways) * _left(stance_yaw)
+        sideways = sign * ((place - stance_xy) @ left_of(stance_yaw))
+        place = place + sign * max(0.0, apart - sideways) * left_of(stance_yaw)
         foot_xy[side], foot_yaw[side] = place, yaw
-        landed_xy.append(place)
+        landed.append(place)
         sides.append(side)
         side = 1 - side
-    touch_down = gait.stand + gait.step_time * (np.arange(len(sides)) + 1.0 - gait.double_support)
-    lift_off = touch_down - gait.step_time * (1.0 - gait.double_support)
-    return Footsteps(first_xy, start_yaw, np.array(sides), np.array(landed_xy), np.array([*yaws, yaws[-1] if yaws else start_yaw]), lift_off, touch_down)
+    return np.array(sides, int), np.array(landed).reshape(-1, 2)
 
 
 def last_turn(steps: Footsteps) -> float:
@@ -167,93 +240,12 @@ def last_turn(steps: Footsteps) -> float:
     return 1.0 if not len(turns) or turns[-1] > 0 else -1.0
 
 
-def swing_feet(steps: Footsteps, time: np.ndarray, gait: Gait, scale: float, sole: float, toe: float, heel: float) -> Feet:
-    """Both feet at times (T,): exactly still in stance; in swing minimum jerk over the floor, on an arc, heel off first and down first.
-
-    `sole`, `toe` and `heel` are the ankle's height and the sole's ends in front of and behind it [m], already of this body's size.
-    """
-    pos = np.empty((len(time), 2, 3))
-    pos[..., :2], pos[..., 2] = steps.first_xy, sole
-    yaw = np.full((len(time), 2), steps.first_yaw)
-    pitch = np.zeros((len(time), 2))
-    contact = np.ones((len(time), 2), bool)
-    foot_xy, foot_yaw = steps.first_xy.copy(), [steps.first_yaw, steps.first_yaw]
-    for side, xy, heading, start, end in zip(steps.side, steps.xy, steps.yaw, steps.lift_off, steps.touch_down, strict=True):
-        u = (time - start) / (end - start)
-        swinging, after = (u > 0) & (u < 1), u >= 1
-        share = minimum_jerk(u[swinging])
-        sign = 1.0 - 2.0 * side
-        sideways = _left(foot_yaw[1 - side])
-        path = foot_xy[side] + share[:, None] * (xy - foot_xy[side])
-        # swing around the stance foot, not through it
-        middle = sign * (0.5 * (foot_xy[side] + xy) - foot_xy[1 - side]) @ sideways
-        path = path + sign * max(0.0, 0.20 * scale - middle) * _bump(u[swinging])[:, None] * sideways
-        stride = min(1.0, float(np.linalg.norm(xy - foot_xy[side])) / (0.6 * scale))
-        tilt = stride * (0.20 * _bump(u[swinging] / 0.6) - 0.13 * _bump((u[swinging] - 0.5) / 0.5))
-        pos[swinging, side, :2], pos[after, side, :2] = path, xy
-        # the tilted foot's lowest end keeps the clearance
-        lift = np.where(tilt > 0, toe, -heel) * np.abs(np.sin(tilt))
-        pos[swinging, side, 2] = sole + gait.clearance * scale * _bump(u[swinging]) + lift
-        yaw[swinging, side] = foot_yaw[side] + share * (heading - foot_yaw[side])
-        yaw[after, side] = heading
-        pitch[swinging, side] = tilt
-        contact[swinging, side] = False
-        foot_xy[side], foot_yaw[side] = xy, heading
-    return Feet(pos, yaw, pitch, contact)
-
-
-def balance(steps: Footsteps, time: np.ndarray, gait: Gait, scale: float, height: float) -> np.ndarray:
-    """Floor position (T, 2) [m] of a pendulum of some height [m] that is in balance over the feet.
-
-    Solves c - (height / g) c'' = support(t), at rest over both feet at either end (Kajita et al. 2001; the two-point form, so
-    nothing can run away). The support point is the stance foot during a swing and moves over during double support.
-    """
-    support = support_point(steps, time, gait, scale)
-    rate = height / GRAVITY / float(time[1] - time[0]) ** 2
-    bands = np.array([[-rate], [1 + 2 * rate], [-rate]]) * np.ones(len(time))
-    bands[1, [0, -1]] = 1.0  # the ends are given, not solved for
-    bands[0, 1] = bands[2, -2] = 0.0
-    return solve_banded((1, 1), bands, support)
-
-
-def support_point(steps: Footsteps, time: np.ndarray, gait: Gait, scale: float) -> np.ndarray:
-    """Center of pressure (T, 2) [m] that the plan intends."""
-
-    def under(xy: np.ndarray, yaw: float, side: int) -> np.ndarray:
-        return xy + scale * (gait.forefoot * np.array([np.cos(yaw), np.sin(yaw)]) + (1 - 2 * side) * gait.outward * _left(yaw))
-
-    feet = [under(xy, steps.first_yaw, side) for side, xy in enumerate(steps.first_xy)]
-    support = np.broadcast_to(0.5 * (feet[0] + feet[1]), (len(time), 2)).copy()
-    shift = gait.double_support * gait.step_time
-    begin = steps.lift_off - shift
-    for i, (side, xy, yaw) in enumerate(zip(steps.side, steps.xy, steps.yaw, strict=True)):
-        share = minimum_jerk((time - begin[i]) / shift)[:, None]
-        support = support + share * (feet[1 - side] - support)
-        feet[side] = under(xy, yaw, side)
-    if len(steps.side):
-        share = minimum_jerk((time - steps.end) / (2 * shift))[:, None]
-        support = support + share * (0.5 * (feet[0] + feet[1]) - support)
-    return support
-
-
-def body_yaw(feet: Feet, fps: float) -> np.ndarray:
-    """Heading of the pelvis (T,) [rad]: between the feet, without their haste."""
-    return smooth(feet.yaw.mean(-1), round(0.2 * fps))
-
-
-def stride_difference(feet: Feet, yaw: np.ndarray, fps: float) -> np.ndarray:
-    """How far the left foot is in front of the right one (T,) [m], along the heading, smoothed."""
-    between = feet.pos_w[:, 0, :2] - feet.pos_w[:, 1, :2]
-    return smooth(between[:, 0] * np.cos(yaw) + between[:, 1] * np.sin(yaw), round(0.13 * fps))
-
-
-def _body_places(start_yaw: float, route: Route, goal_xy: np.ndarray, goal_yaw: float, gait: Gait) -> tuple[list[np.ndarray], list[float]]:
-    """Place and heading of the body at every touch-down."""
+def body_places(start_yaw: float, route: Route, goal_xy: np.ndarray, goal_yaw: float, gait: Gait, pace: float = 0.6) -> tuple[list[np.ndarray], list[float]]:
+    """Place and heading of the body at every touch-down, at first with steps `pace` times as long as later."""
     centers: list[np.ndarray] = []
     yaws: list[float] = []
     yaw, gone, total = start_yaw, 0.0, route.length
-    longest = gait.speed * gait.step_time
-    pace = 0.6
+    longest = gait.speed * gait.period
     while total - gone > 0.05 and len(yaws) < 200:
         error = rot.wrap_angle(route.at(min(gone + 0.15, total))[1] - yaw)
         turn = float(np.clip(error, -gait.max_turn, gait.max_turn))
@@ -276,15 +268,14 @@ def _body_places(start_yaw: float, route: Route, goal_xy: np.ndarray, goal_yaw: 
     return centers, yaws
 
 
-def _left(yaw: float) -> np.ndarray:
+def left_of(yaw: float) -> np.ndarray:
+    """(2,) what is to the left of heading `yaw` [rad]."""
     return np.array([-np.sin(yaw), np.cos(yaw)])
 
 
+def _ahead(yaw: float) -> np.ndarray:
+    return np.array([np.cos(yaw), np.sin(yaw)])
+
+
 def _beside(center: np.ndarray, yaw: float, sideways: float) -> np.ndarray:
-    return center + sideways * _left(yaw)
-
-
-def _bump(u: np.ndarray) -> np.ndarray:
-    """From 0 to 1 at u = 0.5 and back, at rest and without a kink at both ends."""
-    u = np.clip(u, 0.0, 1.0)
-    return (4 * u * (1 - u)) ** 3
+    return center + sideways * left_of(yaw)

@@ -67,3 +67,16 @@ def smooth_below(limit: np.ndarray, half_width: int) -> np.ndarray:
     padded = np.pad(limit, half_width, mode="edge")
     lowest = np.lib.stride_tricks.sliding_window_view(padded, 2 * half_width + 1).min(-1)
     return smooth(lowest, half_width)
+
+
+def ease(values: np.ndarray, first: np.ndarray | float, rate: np.ndarray | float, fps: float, lasts: float, forward: bool = False) -> np.ndarray:
+    """(T, ...) values that begin at `first` and change by `rate` per second there, and join the given ones after `lasts` seconds.
+
+    What is between them fades with a quintic that ends without speed and acceleration. `forward` says that `rate` is the difference
+    to the next frame; otherwise it is the derivative at the first one.
+    """
+    if len(values) < 3:
+        return values
+    u = np.clip(np.arange(len(values)) / (fps * lasts), 0.0, 1.0).reshape(-1, *[1] * (values.ndim - 1))
+    own = values[1] - values[0] if forward else 2 * values[1] - 1.5 * values[0] - 0.5 * values[2]
+    return values + (1 - u) ** 3 * ((1 + 3 * u + 6 * u**2) * (first - values[0]) + u * (1 + 3 * u) * lasts * (rate - own * fps))

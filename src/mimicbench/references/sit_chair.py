@@ -61,4 +61,6 @@ def make_sit_chair(clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_y
 
     The point between the ankles starts at `start_xy` (2,) [m] with heading `start_yaw` [rad].
     """
-    return sit_down(clip_id, "sit-chair", unihsi_body(style.body_scale), obj, start_xy, start_yaw, style, Gait(speed=style.speed))
+    # with flat feet, as a robot of flat feet learns it soonest
+    gait = Gait(speed=style.speed, heel_strike=0.0, heel_off=0.0, sway=0.0)
+    return sit_down(clip_id, "sit-chair", unihsi_body(style.body_scale), obj, start_xy, start_yaw, style, gait)
