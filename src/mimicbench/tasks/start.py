@@ -127,19 +127,25 @@ def draw_start(task: Task, obj: SceneObject, stance: Stance, random: np.random.G
     clips of sit-chair start. The others: in front of the object, facing it, up to 0.3 m (touch-points: 0.1 m) behind where it could begin,
     0.1 m to the side and turned by 0.2 rad. Targets and places are drawn again until both targets are on the robot's map, which is to tell it of them.
     """
+    goal, root, quat = _stand(task, obj, stance, random)
     for _ in range(_TRIES):
-        goal = np.stack(touch_pair(obj, random)) if task.wrist_goals else np.zeros((0, 3))
-        if task.max_start_distance is not None:
-            xy, yaw = _around(obj, task.max_start_distance, random)
-        else:
-            before = goal if len(goal) else np.zeros((2, 3))  # two hands at the object's middle, where there are no targets
-            *xy, yaw = stance_before(obj, *before) + random.uniform([0.0, -SIDE, -TURN], [BACK_TO_TOUCH if len(goal) else BACK_TO_LIFT, SIDE, TURN])
-        quat = rot.from_yaw(np.array(yaw))
-        root = np.array([*(xy - rot.rotate(quat, stance.ankles_r)[:2]), stance.height])
         if (np.abs(rot.rotate_inverse(quat, goal - root)[:, :2]) < CELLS / 2 * task.map_cell).all():
             break
+        goal, root, quat = _stand(task, obj, stance, random)
     still = np.zeros(3)
     return Start(obj, root, quat, stance.joint_pos, still, still, np.zeros(len(stance.joint_pos)), goal)
+
+
+def _stand(task: Task, obj: SceneObject, stance: Stance, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Targets (2, 3) or none, and position (3,) [m] and orientation (4,) of the root."""
+    goal = np.stack(touch_pair(obj, random)) if task.wrist_goals else np.zeros((0, 3))
+    if task.max_start_distance is not None:
+        xy, yaw = _around(obj, task.max_start_distance, random)
+    else:
+        before = goal if len(goal) else np.zeros((2, 3))  # two hands at the object's middle, where there are no targets
+        *xy, yaw = stance_before(obj, *before) + random.uniform([0.0, -SIDE, -TURN], [BACK_TO_TOUCH if len(goal) else BACK_TO_LIFT, SIDE, TURN])
+    quat = rot.from_yaw(np.array(yaw))
+    return goal, np.array([*(xy - rot.rotate(quat, stance.ankles_r)[:2]), stance.height]), quat
 
 
 def _around(obj: SceneObject, limit: float, random: np.random.Generator) -> tuple[np.ndarray, float]:
