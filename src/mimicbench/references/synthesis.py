@@ -5,6 +5,8 @@ from collections.abc import Callable
 from mimicbench.core.errors import UnknownName
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.shape import SceneObject
+from mimicbench.references.lie_bed import synthesize_lie_bed
+from mimicbench.references.lie_sofa import synthesize_lie_sofa
 from mimicbench.references.lift_box import synthesize_lift_box
 from mimicbench.references.sit_chair import synthesize_sit_chair
 from mimicbench.references.sit_sofa import synthesize_sit_sofa
@@ -13,6 +15,8 @@ from mimicbench.references.touch_points import synthesize_touch_points
 TASKS: dict[str, Callable[[str, SceneObject, int], HumanMotion]] = {
     "sit-chair": synthesize_sit_chair,
     "sit-sofa": synthesize_sit_sofa,
+    "lie-bed": synthesize_lie_bed,
+    "lie-sofa": synthesize_lie_sofa,
     "lift-box": synthesize_lift_box,
     "touch-points": synthesize_touch_points,
 }

@@ -1,0 +1,120 @@
+"""Lying down on beds and sofas: clips that are good, that a stiff trunk can copy, and that follow from start, object and style."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mimicbench.core import rotations as rot
+from mimicbench.core.motion import HumanMotion
+from mimicbench.objects.beds import make_bed
+from mimicbench.objects.shape import SceneObject
+from mimicbench.objects.sofas import make_couch
+from mimicbench.references.angles import joint_angles
+from mimicbench.references.body import body_of, roam_body, unihsi_body
+from mimicbench.references.lie_bed import find_berth as find_bed_berth
+from mimicbench.references.lie_bed import make_lie_bed
+from mimicbench.references.lie_sofa import find_berth as find_sofa_berth
+from mimicbench.references.lie_sofa import make_lie_sofa
+from mimicbench.references.lying import LieStyle, perch
+from mimicbench.references.quality import gate
+from mimicbench.references.synthesis import synthesize
+from mimicbench.tasks.registry import get_task
+
+STYLE = LieStyle(1.06, 0.6, 1.7, 1.0, 0.57, 0.12, 0.95, 0.0, 1.0, 20.0)
+CLIPS = 10
+Pair = tuple[HumanMotion, SceneObject]
+
+
+@pytest.fixture(scope="module")
+def bed_clips() -> list[Pair]:
+    beds = [make_bed(index) for index in range(CLIPS)]
+    return [(synthesize("lie-bed", index, bed, 0), bed) for index, bed in enumerate(beds)]
+
+
+@pytest.fixture(scope="module")
+def sofa_clips() -> list[Pair]:
+    couches = [make_couch(index) for index in range(CLIPS)]
+    return [(synthesize("lie-sofa", index, couch, 0), couch) for index, couch in enumerate(couches)]
+
+
+def test_clips_pass_the_gate_and_fulfil_the_task(bed_clips: list[Pair], sofa_clips: list[Pair]) -> None:
+    wrong = [gate(motion, obj, get_task(motion.task).fulfilled_by_human) for motion, obj in (*bed_clips, *sofa_clips)]
+    assert sum(map(bool, wrong)) <= 1, wrong
+
+
+def test_durations_are_those_of_the_paper(bed_clips: list[Pair], sofa_clips: list[Pair]) -> None:
+    assert np.mean([motion.duration for motion, _ in bed_clips]) == pytest.approx(24.8, abs=0.7)
+    assert np.median([motion.duration for motion, _ in sofa_clips]) == pytest.approx(12.1, abs=0.06)
+
+
+def test_a_stiff_trunk_with_narrow_hips_can_copy_it(bed_clips: list[Pair], sofa_clips: list[Pair]) -> None:
+    for motion, _ in (*bed_clips, *sofa_clips):
+        body = body_of(motion.skeleton)
+        angles = joint_angles(body, motion.local_quat)
+        assert np.abs(angles["spine_rotation"]).max() < np.deg2rad(20)
+        assert np.abs(angles["spine_flexion"]).max() < np.deg2rad(15)
+        assert np.abs(angles["hip_abduction"]).max() < np.deg2rad(25)
+        assert np.abs(angles["hip_rotation"]).max() < np.deg2rad(25)
+
+
+def test_who_lies_is_level_and_has_the_head_on_the_pillow(bed_clips: list[Pair]) -> None:
+    for motion, bed in bed_clips:
+        body = body_of(motion.skeleton)
+        pos, quat = motion.forward_kinematics()
+        up = rot.rotate(quat[-1, body.chest], np.array([0.0, 0.0, 1.0]))
+        face = rot.rotate(quat[-1, body.pelvis], np.array([1.0, 0.0, 0.0]))
+        assert up[0] < -0.98 and face[2] > 0.98
+        skull = pos[-1, body.head] + rot.rotate(quat[-1, body.head], np.array([0.0, 0.0, 0.175 * body.size]))
+        assert abs(skull[0] - bed.head_xy[0]) < 0.2
+        low, high = bed.seat_polygon.min(0), bed.seat_polygon.max(0)
+        assert (skull[:2] > low).all() and (skull[:2] < high).all()
+        # on the mattress, or on a pillow of up to 5 cm
+        assert 0.05 < skull[2] - bed.require_seat() < 0.18
+
+
+def test_feet_that_come_to_rest_lie_still_on_the_object(bed_clips: list[Pair], sofa_clips: list[Pair]) -> None:
+    for motion, obj in (*bed_clips, *sofa_clips):
+        body = body_of(motion.skeleton)
+        pos, _ = motion.forward_kinematics()
+        for side, foot in enumerate(("left_foot", "right_foot")):
+            bears = motion.contacts[:, motion.contact_names.index(foot)]
+            ankle = pos[:, body.legs[side].end]
+            lifted = bears & (ankle[:, 2] > obj.require_seat())
+            moved = np.linalg.norm(np.diff(ankle, axis=0), axis=-1)
+            assert bears[0] and bears[-1] and lifted[-1] and not bears.all()
+            assert moved[lifted[1:] & lifted[:-1]].max() < 1e-6
+
+
+def test_a_clip_follows_from_start_object_and_style() -> None:
+    bed, couch = make_bed(3), make_couch(3)
+    for make, obj in ((make_lie_bed, bed), (make_lie_sofa, couch)):
+        first, again = (make("clip", obj, np.array([2.2, 0.4]), 2.0, STYLE) for _ in range(2))
+        assert np.array_equal(first.local_quat, again.local_quat) and np.array_equal(first.root_pos_w, again.root_pos_w)
+        other = make("clip", obj, np.array([2.2, 0.4]), 2.0, replace(STYLE, stretch=0.7))
+        assert not np.array_equal(first.local_quat[-1], other.local_quat[-1])
+
+
+def test_one_lies_on_the_side_of_the_bed_from_which_one_comes() -> None:
+    bed, body = make_bed(0), unihsi_body()
+    left, right = (find_bed_berth(bed, body, np.array([1.0, y])) for y in (1.8, -1.8))
+    assert left.pelvis_xy[1] > 0 > right.pelvis_xy[1]
+    assert left.turn == pytest.approx(-np.pi / 2) and right.turn == pytest.approx(np.pi / 2)
+
+
+def test_a_sofa_is_lain_on_with_the_head_at_its_pillow() -> None:
+    for index in range(20):
+        couch = make_couch(index)
+        berth = find_sofa_berth(couch, roam_body())
+        toward = np.append(berth.head, 0.0)[:2] @ (couch.head_xy - berth.pelvis_xy)
+        assert 0.5 < toward < 0.8
+        low, high = couch.seat_polygon.min(0), couch.seat_polygon.max(0)
+        assert (berth.pelvis_xy > low).all() and (berth.pelvis_xy < high).all()
+
+
+def test_high_seats_are_sat_on_at_the_edge() -> None:
+    body = unihsi_body()
+    low_depth, low_ahead = perch(body, 0.42, 0.06)
+    high_depth, high_ahead = perch(body, 0.62, 0.06)
+    assert low_depth == pytest.approx(0.17) and low_ahead == pytest.approx(0.06)
+    assert high_depth < low_depth and high_ahead >= low_ahead
