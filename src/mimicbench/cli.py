@@ -112,6 +112,30 @@ def remake_(
         print(f"{path}: {motion.duration:.1f} s on {motion.object_id}, {'rejected for ' + ', '.join(wrong) if wrong else 'passes the gate'}")
 
 
+@_references_app.command(name="stats")
+def references_stats(
+    task: Tasks = "all",
+    picture: Annotated[Path | None, tyro.conf.arg(help="PNG with the plots; by default <workdir>/references.png")] = None,
+    styles: Annotated[bool, tyro.conf.arg(help="print every choice that clips make, too")] = False,
+    workdir: Workdir = WORK,
+    as_json: Json = False,
+) -> None:
+    """Print the paper's table of statistics for the clips of a workdir beside the paper's figures, and how the clips vary."""
+    from mimicbench import workspace
+    from mimicbench.report import dataset
+    from mimicbench.report.tables import to_terminal
+
+    sets = workspace.reference_statistics(workdir, _slugs(task))
+    path = picture or workdir / "references.png"
+    dataset.dataset_picture(sets, path)
+    if as_json:
+        print(json.dumps({found.task: found.to_dict() for found in sets}))
+        return
+    for table in (dataset.statistics_table(sets), dataset.variety_table(sets), *([dataset.style_table(sets)] if styles else [])):
+        print(to_terminal(table))
+    print(f"plots: {path}")
+
+
 app.command(_references_app, name="references", help="Make human clips on the objects, and what can be done with them.")
 
 

@@ -30,6 +30,7 @@ if TYPE_CHECKING:  # these bring torch, which the earlier stages do without
     from mimicbench.evaluate.rows import EpisodeRow
     from mimicbench.imitate.demos import DemosConfig
     from mimicbench.imitate.make import ImitateConfig
+    from mimicbench.references.stats import SetStatistics
     from mimicbench.track.train import TrackConfig
 
 Say = Callable[[str], None]
@@ -101,6 +102,15 @@ def references_stage(ws: Workspace, config: ReferencesConfig) -> Stage:
 def remake_clip(ws: Workspace, name: str) -> tuple[HumanMotion, list[str]]:
     """One human clip of the workdir made again from its id, and what the gate says about it."""
     return remake(ws.finished("references"), ws.folder("objects"), name, ws.task.fulfilled_by_human)
+
+
+def reference_statistics(workdir: Path, tasks: Sequence[str]) -> list[SetStatistics]:
+    """Statistics of the human clips of those tasks that have any. Raises BadFile if none has."""
+    from mimicbench.references.stats import set_statistics
+
+    spaces = [Workspace(workdir, task) for task in tasks]
+    there = [ws for ws in spaces if any(ws.folder("references").glob("*.npz"))] or spaces[:1]
+    return [set_statistics(ws.task.slug, ws.folder("objects"), ws.folder("references")) for ws in there]
 
 
 def import_stage(ws: Workspace, files: Sequence[Path], say: Say) -> Stage:

@@ -8,7 +8,7 @@ import json
 import os
 import zipfile
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import IO, Any
 
@@ -71,8 +71,8 @@ def write_npz(path: Path, header: Mapping[str, Any], arrays: Mapping[str, np.nda
     write_atomic(path, write)
 
 
-def read_npz(path: Path, kind: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Read what `write_npz` wrote: its header, whose `type` must be `kind`, and its arrays. Raises BadFile."""
+def read_npz(path: Path, kind: str, only: Collection[str] | None = None) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Read what `write_npz` wrote: its header, whose `type` must be `kind`, and its arrays, or those in `only`. Raises BadFile."""
     if not path.is_file():
         raise BadFile(f"{path} does not exist")
     try:
@@ -84,7 +84,7 @@ def read_npz(path: Path, kind: str) -> tuple[dict[str, Any], dict[str, np.ndarra
             if "header" not in archive.files:
                 raise BadFile(f"{path} has no header; it was not written by mimicbench")
             header = json.loads(str(archive["header"]))
-            arrays = {name: archive[name] for name in archive.files if name != "header"}
+            arrays = {name: archive[name] for name in archive.files if name != "header" and (only is None or name in only)}
     except BadFile:
         raise
     except (OSError, ValueError, EOFError, zipfile.BadZipFile, KeyError, SyntaxError, MemoryError, NotImplementedError, RuntimeError, zlib.error) as error:

@@ -129,6 +129,8 @@ def _walking(motion: HumanMotion, body: Body, pos: np.ndarray, quat: np.ndarray,
     spans: list[tuple[int, int]] = []
     for first, second in zip(strikes[:-1], strikes[1:], strict=True):
         start, end = first.frame, second.frame
+        if end == start:
+            continue
         # the way is that of a whole stride around the step, over which the sway from side to side cancels
         before, after = max(0, start - (end - start) // 2), min(motion.frames - 1, end + (end - start) // 2)
         way = (pelvis[after, :2] - pelvis[before, :2]) * (end - start) / (after - before)

@@ -3,6 +3,7 @@
 import io
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,6 +29,11 @@ _STYLE: Any = {
     "ytick.color": MUTED, "xtick.major.size": 0, "ytick.major.size": 0, "legend.frameon": False, "lines.linewidth": 1.8, "figure.facecolor": "none",
     "axes.facecolor": "none", "savefig.facecolor": "none",
 }  # fmt: skip
+
+
+def styled() -> AbstractContextManager[None]:
+    """While it is open, figures are made in the style of this project."""
+    return mpl.rc_context(_STYLE)
 
 
 @dataclass(frozen=True)
