@@ -1,6 +1,8 @@
 """What an interaction clip must keep: where feet stand, what hands hold, and how high a body with shorter or longer legs can be."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -9,13 +11,15 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.grounding import FEET, runs
 from mimicbench.retarget.mapping import Bound, Mapping, followed_points
-from mimicbench.retarget.samples import Scene
+from mimicbench.retarget.samples import Scene, balls_of
 
 HANDS = ("left_hand", "right_hand")
 STRETCH = 0.98
 """Share of its length that a standing leg may have from hip to ankle: 0.4 rad of bend in the knee."""
 REACHING = 0.8
 """[s] Before and after a hand's contact, over which its path is bent towards the place of contact."""
+FOOT_CLEAR = 0.004
+"""[m] Between a standing foot and the object."""
 PRESS = 0.003
 """[m] How deep a hand's ball is in what it touches."""
 
@@ -51,7 +55,8 @@ def anchors_of(clip: Clip, mapping: Mapping, bound: Bound, pos_w: np.ndarray, qu
         pair = bound.links.tolist().index(link)
         bears = _label(motion, label)
         human = rot.multiply(quat_w[:, joint], bound.turn_offsets[bound.turn_links.tolist().index(link)])
-        place, turn, floor = _foot(motion.fps, bears, followed[:, pair], human, -float(bound.sole[:, 2].min()), pos_w[:, joint, 2], mapping)
+        clear = partial(_clear_of_object, Scene.of(motion, clip.obj), _shapes_of(clip, link))
+        place, turn, floor = _foot(motion.fps, bears, followed[:, pair], human, -float(bound.sole[:, 2].min()), pos_w[:, joint, 2], mapping, clear)
         foot_pos.append(place)
         foot_quat.append(turn)
         standing.append(bears)
@@ -77,7 +82,14 @@ def _ease(u: np.ndarray) -> np.ndarray:
 
 
 def _foot(
-    fps: float, bears: np.ndarray, followed: np.ndarray, human: np.ndarray, sole: float, ankle_height: np.ndarray, mapping: Mapping
+    fps: float,
+    bears: np.ndarray,
+    followed: np.ndarray,
+    human: np.ndarray,
+    sole: float,
+    ankle_height: np.ndarray,
+    mapping: Mapping,
+    clear: Callable[[int, np.ndarray, np.ndarray], np.ndarray],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Positions (T, 3) and orientations (T, 4) of a foot that is still while it bears, and (T,) whether that is on the floor.
 
@@ -96,6 +108,7 @@ def _foot(
             at[2] = sole
             heading = level[flattest]
             turn[start:end] = rot.normalize((heading * np.sign((heading * heading[:1]).sum(-1, keepdims=True))).mean(0))
+            at = clear(start, at, turn[start])
         place[start:end] = at
     moved = place - followed
     edges = [0, *[edge for run in standing for edge in run], frames]
@@ -110,6 +123,27 @@ def _foot(
         free = np.minimum(1.0, np.minimum(u, 1 - u) * (end - start + 1.0) / fps / 0.12)
         turn[start:end] = rot.slerp(level[start:end], human[start:end], free)
     return place, turn, floor
+
+
+def _shapes_of(clip: Clip, link: int) -> tuple[np.ndarray, np.ndarray]:
+    """Centers (S, 3) and radii (S,) of the balls of one link [m]."""
+    balls = balls_of(clip.robot)
+    return balls.center[balls.link == link], balls.radius[balls.link == link]
+
+
+def _clear_of_object(scene: Scene, shapes: tuple[np.ndarray, np.ndarray], frame: int, place: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """A foot's place (3,) moved sideways until it is out of the object: a robot's foot is longer than a person's."""
+    centers, radii = shapes
+    for _ in range(12):
+        points = place + rot.rotate(turn, centers)
+        distance, normal = scene.object_distance(np.full(len(points), frame), points)
+        distance = distance - radii - FOOT_CLEAR
+        worst = int(distance.argmin())
+        way = normal[worst] * [1.0, 1.0, 0.0]
+        if distance[worst] >= 0 or np.linalg.norm(way) < 0.5:
+            break
+        place = place - way / np.linalg.norm(way) * (distance[worst] - 1e-4)
+    return place
 
 
 def _hand(clip: Clip, mapping: Mapping, bound: Bound, side: int, pos_w: np.ndarray, quat_w: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -96,7 +96,8 @@ def _to_h1(names: Names, shoulder: str) -> Mapping:
         sole=((-0.10, 0.0, -0.07), (0.20, 0.0, -0.07)),
         bearers={
             # on seats higher than its knees the H1's thighs meet the front edge before its buttocks meet the seat
-            "pelvis": ("pelvis", "left_hip_pitch_link", "right_hip_pitch_link"), "back": ("torso_link",), "left_hand": ("left_elbow_link",), "right_hand": ("right_elbow_link",),
+            "pelvis": ("pelvis", "left_hip_pitch_link", "right_hip_pitch_link"), "back": ("torso_link",),
+            "left_hand": ("left_elbow_link",), "right_hand": ("right_elbow_link",),
             "left_foot": ("left_ankle_link",), "right_foot": ("right_ankle_link",),
         },
         forearms=tuple((names.elbow.format(side), names.wrist.format(side)) for side in names.sides),

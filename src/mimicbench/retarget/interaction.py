@@ -66,6 +66,11 @@ class InteractionConfig:
     """Share of a joint's velocity limit that it may use."""
     velocity: float = 0.2
     """Beyond that share [rad/s]."""
+    slides: tuple[float, ...] = (0.05, 0.1, 0.15)
+    """How far forward a body that does not rest on its seat is put, one after the other until it does [m]: on a seat higher than its knees a robot with
+    long thighs would lie on the front edge with them and hover with its buttocks."""
+    hover: float = 0.012
+    """[m] of buttocks above the seat that is still rest."""
     iterations: int = 25
     """Gauss-Newton steps at most."""
     tolerance: float = 1e-3
@@ -75,9 +80,17 @@ class InteractionConfig:
 def interact(clip: Clip, config: InteractionConfig | None = None) -> RobotMotion:
     """The robot motion that does with the object what the human does. Raises UnknownName or BadMotion."""
     config = config or InteractionConfig()
-    problem, start = make_problem(clip, config)
-    pose, losses = solve(problem, start, config.iterations, config.tolerance)
+    problem, pose, losses = _solved(clip, config, 0.0)
+    for slide in config.slides:
+        if problem.hovering(problem.tree.place(pose)) < config.hover:
+            break
+        problem, pose, losses = _solved(clip, config, slide)
     return clip.finished(problem.tree, pose, clip.bind("improved"), {"loss": losses[-1], "iterations": float(len(losses) - 1)})
+
+
+def _solved(clip: Clip, config: InteractionConfig, slide: float) -> "tuple[Problem, Pose, list[float]]":
+    problem, start = make_problem(clip, config, slide)
+    return problem, *solve(problem, start, config.iterations, config.tolerance)
 
 
 @dataclass(frozen=True)
@@ -168,6 +181,15 @@ class Problem:
             model.add_differences(np.arange(6, variables), np.array([-1.0, 1.0]) * self.fps, excess, (excess != 0) / self.config.velocity**2)
         return model
 
+    def hovering(self, links: Links) -> float:
+        """How high the root link is above what it should bear on, in the median of the frames in which it should [m]; 0 without such."""
+        distance, _ = self.scene.clearance(self.balls, self.balls.place(links))
+        for when, which in self.bearing:
+            root = which & (self.balls.link == 0)
+            if when.any() and root.any():
+                return float(np.median(distance[when][:, root].min(-1)))
+        return 0.0
+
     def _following(self, links: Links) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Errors (T, P, 3) [m], rotation vectors (T, Q, 3) from target to link [rad], and the points (T, P, 3)."""
         points = links.pos[:, self.point_links] + rot.rotate(links.quat[:, self.point_links], self.point_offsets)
@@ -220,8 +242,8 @@ class Problem:
         return rows
 
 
-def make_problem(clip: Clip, config: InteractionConfig) -> tuple[Problem, Pose]:
-    """Targets and tolerances of a clip, and a pose to start from."""
+def make_problem(clip: Clip, config: InteractionConfig, slide: float = 0.0) -> tuple[Problem, Pose]:
+    """Targets and tolerances of a clip, and a pose to start from; on its seat the body is to be `slide` [m] farther forward."""
     motion, robot = clip.motion, clip.robot
     mapping = find_mapping(motion.skeleton.name, robot.name)
     bound = clip.bind("improved")
@@ -259,14 +281,28 @@ def make_problem(clip: Clip, config: InteractionConfig) -> tuple[Problem, Pose]:
         margins[np.ix_(when, which)] = 0.0
         if not set(links) & {*feet, *wrist_links}:  # feet and hands have their anchors
             bearing.append((when, which))
+    balanced, heading, ankles = _balance(motion.fps, anchors, bearing, config)
+    forward = slide * _seated(motion.fps, bearing, frames)[:, None] * heading
+    targets[:, ~is_foot] += forward[:, None]
     start = copy_rotations(bound, tree, limits, pos_w, quat_w)
-    start = start._replace(root_pos=start.root_pos - anchors.lowering[:, None] * np.array([0.0, 0.0, 1.0]))
+    start = start._replace(root_pos=start.root_pos + forward - anchors.lowering[:, None] * np.array([0.0, 0.0, 1.0]))
     return Problem(
         tree, limits, config, motion.fps, np.concatenate([bound.links, wrist_links]), np.concatenate([np.zeros((len(bound.links), 3)), wrist_points]),
         np.concatenate([targets, anchors.hand_pos_w], 1), np.concatenate([tolerance, hand], 1) ** -2, turns[:, 1], turn_targets, turn_tolerance**-2,
-        balls, margins, tuple(bearing), Scene.of(motion, clip.obj), Masses.of(robot), *_balance(motion.fps, anchors, bearing, config),
+        balls, margins, tuple(bearing), Scene.of(motion, clip.obj), Masses.of(robot), balanced, heading, ankles,
         config.velocity_share * robot.velocity_limit,
     ), start  # fmt: skip
+
+
+def _seated(fps: float, bearing: list[tuple[np.ndarray, np.ndarray]], frames: int) -> np.ndarray:
+    """(T,) from 0 to 1 in the second before the body bears on something, and back after it."""
+    bears = np.zeros(frames)
+    for when, _ in bearing:
+        bears = np.maximum(bears, when)
+    half = max(1, round(0.5 * fps))
+    most = np.lib.stride_tricks.sliding_window_view(np.pad(bears, 2 * half, mode="edge"), 2 * half + 1).max(-1)
+    kernel = np.hanning(2 * half + 3)[1:-1]
+    return np.lib.stride_tricks.sliding_window_view(most, 2 * half + 1) @ (kernel / kernel.sum())
 
 
 def _balance(
