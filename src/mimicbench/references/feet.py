@@ -82,7 +82,8 @@ def swing_feet(steps: Footsteps, time: np.ndarray, gait: Gait, body: Body, start
         if gait.rolls:
             forward = float((xy - foot_xy[side]) @ np.array([np.cos(heading), np.sin(heading)]))
             amount = float(np.clip(forward / (LONG * scale), 0.0, 1.0))
-            pitch[:, side] += amount * _roll(time, lift, land, gait)
+            if amount > 0:
+                pitch[:, side] += amount * _roll(time, lift, land, gait)
             # feet that roll are already moving when they leave the floor
             early = 2.5 * amount * u[swinging] ** 2 * (1 - u[swinging]) ** 3
             base[swinging, side, :2] += early[:, None] * (xy - foot_xy[side])

@@ -168,7 +168,7 @@ def _bent(points: np.ndarray, yaw: float, low: np.ndarray, high: np.ndarray, mar
     leave = heading + np.clip(error, -1.2, 1.2)
     u = np.linspace(0.0, 1.0, 13)[:, None]
     for handle in (0.45 * joins, 0.25 * joins):
-        knots = points[0], points[0] + handle * _ahead(leave), join - handle * _ahead(onward), join
+        knots = points[0], points[0] + handle * ahead_of(leave), join - handle * ahead_of(onward), join
         curve = (1 - u) ** 3 * knots[0] + 3 * u * (1 - u) ** 2 * knots[1] + 3 * u**2 * (1 - u) * knots[2] + u**3 * knots[3]
         gap = np.linalg.norm(np.maximum(np.maximum(low - curve, curve - high), 0), axis=-1)
         if gap.min() >= min(margin, float(gap[0]), float(gap[-1])) - 1e-9:
@@ -273,7 +273,8 @@ def left_of(yaw: float) -> np.ndarray:
     return np.array([-np.sin(yaw), np.cos(yaw)])
 
 
-def _ahead(yaw: float) -> np.ndarray:
+def ahead_of(yaw: float) -> np.ndarray:
+    """(2,) what is ahead with heading `yaw` [rad]."""
     return np.array([np.cos(yaw), np.sin(yaw)])
 
 
