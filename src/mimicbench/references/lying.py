@@ -159,7 +159,7 @@ def _trunk(body: Body, berth: Berth, way: Walk, sitting: np.ndarray, clock: np.n
     pelvis_pos = way.pelvis_pos_w + np.stack([back, back, down], -1) * (seat - way.pelvis_pos_w[-1]) + _scoot(clock)[:, None] * (lying - seat)
 
     lean, upright = minimum_jerk(sitting / 0.7), minimum_jerk((sitting - 0.80) / 0.6)
-    balance = (0.48 + 1.75 * (0.66 - _aloft(body, berth))) * (_ease(clock, 0.0, 1.3) - _ease(clock, 1.7, 3.0))
+    balance = (0.48 + 1.75 * (0.66 - _aloft(body, berth))) * (_ease(clock, 0.0, 1.3) - _ease(clock, 2.0, 4.0))
     tilt = 0.42 * _ease(clock, 0.3, 2.3) + (RECLINED - 0.42) * _ease(clock, 1.9, 4.4)
     sideways = np.array([-berth.head[1], berth.head[0], 0.0])
     turn = rot.multiply(rot.from_rotvec(tilt[:, None] * sideways), rot.from_yaw(berth.turn * _ease(clock, 0.45, 2.3)))

@@ -10,6 +10,7 @@ from mimicbench.retarget.mapping import Bound
 FEET = ("left_foot", "right_foot")
 """What contact labels call the feet, in the order of every mapping."""
 _NEAR = 0.12  # [m] soles higher than this all the time do not stand on the floor, whatever the clip shows
+_FURNITURE = 0.28  # [m] feet that bear higher than this do so on a bed or a sofa, not on the floor
 
 
 def sole_heights(links: Links, bound: Bound) -> np.ndarray:
@@ -32,6 +33,7 @@ def stance(motion: HumanMotion, bound: Bound, ankle_pos_w: np.ndarray) -> np.nda
 def ground(links: Links, bound: Bound, standing: np.ndarray) -> float:
     """The change of height [m] that puts the median stance sole on the floor; without a stance, the lowest twentieth, if it is near the floor."""
     heights = sole_heights(links, bound)
+    standing = standing & (heights < _FURNITURE)
     if standing.any():
         return -float(np.median(heights[standing]))
     lowest = float(np.percentile(heights.min(-1), 5))
