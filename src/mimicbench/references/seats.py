@@ -129,7 +129,7 @@ def armrest(obj: SceneObject, body: Body, pelvis: np.ndarray, shoulder: np.ndarr
     if not fits.any():
         return None
     # the most comfortable: the arm nearly straight, a little in front of the hips
-    cost = np.where(fits, np.abs(away / reach - 0.88) + np.abs(wrists[..., 0] - pelvis[0] - 0.14) + 0.5 * np.abs(wrists[..., 1] - shoulder[1]), np.inf)
+    cost = np.where(fits, np.abs(away / reach - 0.88) + np.abs(wrists[..., 0] - pelvis[0] - 0.20) + 0.5 * np.abs(wrists[..., 1] - shoulder[1]), np.inf)
     return wrists[np.unravel_index(int(np.argmin(cost)), cost.shape)]
 
 

@@ -25,6 +25,8 @@ UPRIGHT = 1.61
 """When the trunk is upright again, in durations of the way to the seat."""
 FALL = 0.34
 """Time in which who drops falls the last centimeters [s]."""
+NEAR = 0.012
+"""A hand bears when its wrist is so near to where it goes [m]."""
 SLIDE, LEAN_BACK = 1.1, 1.7
 """Time to slide back on the seat, and to lean against its back [s]."""
 SLUMP = 0.10
@@ -91,7 +93,9 @@ def sit_down(
     _lay_hands(body, quat, trunk, arms, hands, bears)
     seated = clock >= 0.9 * style.sit_duration
     rests = clock >= style.sit_duration + 0.3 + 0.85 * LEAN_BACK
-    contacts = np.stack([*way.feet.contact.T, seated, rests & (leaning is not None), *(bears > 0.99).T], -1)
+    at = _wrists(body, trunk, arms)
+    touching = [np.zeros_like(seated) if hand is None else np.linalg.norm(at[:, side] - hand, axis=-1) < NEAR for side, hand in enumerate(hands)]
+    contacts = np.stack([*way.feet.contact.T, seated, rests & (leaning is not None), *touching], -1)
     return HumanMotion(
         clip_id, task, body.skeleton, FPS, trunk.pelvis_pos_w, quat, obj.id, CONTACTS, contacts,
         {**{name: float(value) for name, value in vars(style).items()}, "turn": last_turn(way.steps)},
@@ -159,7 +163,7 @@ def _arms(body: Body, way: Walk, trunk: Trunk, legs: Legs, clock: np.ndarray, ha
     moving = Arms(rot.multiply(about_y(-1.15 * forward)[:, None], swinging.upper), rot.multiply(swinging.elbow, about_y(-0.25 * forward)[:, None]))
     free = _wrists(body, trunk, moving)
     goals = _on_thighs(body, trunk, legs)
-    outward = np.full(2, 0.30)
+    side_w = rot.rotate(trunk.chest_quat_w[:, None], np.array([[0.30, 1.0, 0.0], [-0.30, 1.0, 0.0]]))
     share = np.stack([minimum_jerk(progress / 0.55 if style.on_thighs > 0 else (progress - 0.70) / 0.85)] * 2, -1)
     turned = share.copy()
     for side, hand in enumerate(hands):
@@ -168,12 +172,12 @@ def _arms(body: Body, way: Walk, trunk: Trunk, legs: Legs, clock: np.ndarray, ha
             share[:, side], turned[:, side] = minimum_jerk(arrives), minimum_jerk(arrives / 0.5)
             goals[:, side] = free[:, side] + share[:, side, None] * (hand - free[:, side])
             goals[:, side, 2] += 0.10 * minimum_jerk(2 * arrives) * minimum_jerk(2 * (1 - arrives))
-            outward[side] = 0.55 if style.on_arms > 0 else 0.2
-    axis = np.stack([np.array([1.0, -1.0]) * outward, np.ones(2), np.zeros(2)], -1)
+            # elbows stay behind and beside the hands, also while the chest is over them
+            side_w[:, side] = rot.rotate(rot.from_yaw(way.yaw), np.array([(1 - 2 * side) * (0.5 if style.on_arms > 0 else 0.2), 1.0, 0.0]))
     if style.on_thighs < 0 and all(hand is None for hand in hands):  # free hands come to where the thighs will be
         frames = np.maximum(np.arange(len(clock)), np.argmax(clock >= UPRIGHT * style.sit_duration))
         trunk, goals = Trunk(*(values[frames] for values in vars(trunk).values())), goals[frames]
-    reached = reach(body, trunk, _within_reach(body, trunk, goals), rot.rotate(trunk.chest_quat_w[:, None], axis))
+    reached = reach(body, trunk, _within_reach(body, trunk, goals), side_w)
     return blend(moving, reached, turned), share * [hand is not None for hand in hands]
 
 
