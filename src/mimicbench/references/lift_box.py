@@ -12,13 +12,17 @@ from mimicbench.references.body import Body, core4d_body
 from mimicbench.references.gait import Gait
 from mimicbench.references.limbs import about_y, minimum_jerk
 from mimicbench.references.posing import blend, pose, reach
-from mimicbench.references.reaching import SIZES, Ground, Posture, draw_approach, elbow_axes, find_posture, reach_past, settle, steps_up_to
+from mimicbench.references.reaching import SIZES, Ground, Posture, draw_approach, elbow_axes, find_posture, lay_hands, reach_past, settle, steps_up_to
 from mimicbench.references.walking import FPS, follow
 
 STRIDES = Gait(speed=0.58, step_time=0.58, stand=0.5, clearance=0.055)
 """Short steps."""
+SIDES = np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
+"""(2, 3) out of the box, where the left and the right hand clasp it."""
 HANDS_OFF = 0.024
 """[m] between a side of the box and a wrist that clasps it: palms give by the rest."""
+FARTHEST_FORWARD = 0.13
+"""[m] in front of the middle; a box that is held farther from its middle would swing."""
 HOLD = 0.35
 """[s] for which the box is held in the end, at least."""
 WEIGHT = 60.0
@@ -97,13 +101,11 @@ def make_lift_box(clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_ya
     axis = clasp.mean(0)
     box_pos = axis + up[:, None] * carried - rot.rotate(box_quat, axis)
     trunk = settle(way, body.size, [(grip, minimum_jerk(progress / 0.92)), (stand, up)], np.mean(clasp, 0) + up[:, None] * carried)
-    reaching = reach_past(
-        body, obj, trunk, way.legs(), way.arms(body, style.arm_swing), clasp, np.array([[0, -1.0, 0], [0, 1.0, 0]]), float(grip.elbow), progress
-    )
+    reaching = reach_past(body, obj, trunk, way.legs(), way.arms(body, style.arm_swing), clasp, SIDES, float(grip.elbow), progress)
     hands = box_pos[:, None] + rot.rotate(box_quat[:, None], clasp)
     holding = reach(body, trunk, hands, elbow_axes(trunk.chest_quat_w, grip.elbow + up * (stand.elbow - grip.elbow)))
     arms = blend(reaching, holding, (progress >= 1.0).astype(float))
-    quat = pose(body, trunk, way.legs(), arms)
+    quat = lay_hands(body, pose(body, trunk, way.legs(), arms), trunk, SIDES, minimum_jerk(progress / 0.95))
     contacts = np.concatenate([way.feet.contact, np.repeat((progress >= 0.97)[:, None], 2, 1)], -1)
     kept = slice(skipped, skipped + round(style.duration * FPS) + 1)
     return HumanMotion(
@@ -123,10 +125,12 @@ def _who_lifts(obj: SceneObject, style: LiftStyle) -> tuple[np.ndarray, np.ndarr
     for scale in (style.body_scale, *(larger for larger in (0.95, SIZES[1]) if larger > style.body_scale)):
         body = core4d_body(scale)
         ground = Ground.at(body, np.array([stand_off(obj, scale), 0.0]), np.pi, STRIDES)
-        for forward in (style.clasp_forward, style.clasp_forward + 0.06):
+        for forward in (style.clasp_forward, FARTHEST_FORWARD):
             clasp = np.array([[forward, y, style.clasp_height * high[2]] for y in (low[1] - HANDS_OFF, high[1] + HANDS_OFF)])
             carried = np.array([style.pull, 0.0, style.lift])
             grip, short = find_posture(body, ground, clasp, obj, np.zeros(3))
+            if short > least:
+                continue
             stand, later = find_posture(body, ground, clasp + carried, obj, carried, float(obj.mass or 0.0) / (WEIGHT * body.size**3))
             if best is None or max(short, later) < least - 1e-9:
                 best, least = (clasp, carried, body, ground, grip, stand), max(short, later)

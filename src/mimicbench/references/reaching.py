@@ -23,6 +23,8 @@ from mimicbench.references.walking import REACH, Walk
 Some = TypeVar("Some", Trunk, Legs, Arms)
 SIZES = (0.86, 1.04)
 """Body sizes: statures of 1.55 to 1.88 m."""
+WRIST = 1.2
+"""[rad] that a wrist bends, at most."""
 EYES = np.array([0.08, 0.0, 0.62])
 """Between the eyes, from the pelvis joint in the axes of the chest [m], at body size 1."""
 NOD = 0.35
@@ -185,7 +187,7 @@ def find_posture(
     stretch = away.max(-1) / sum(body.length(body.arms[0]))
     flexion = rot.angle_between(trunk.pelvis_quat_w[:, None], thigh_orientations(body, trunk, ground.legs(len(pitch)))).max(-1)
     # a lean goes with some bend of the knees
-    effort = pitch + 3.0 * np.abs(drop - 0.12 * pitch * body.size) + 4.0 * np.maximum(stretch - 0.9, 0.0) + 2.0 * np.maximum(flexion - 1.7, 0.0)
+    effort = pitch + 3.0 * np.abs(drop - 0.16 * pitch * body.size) + 4.0 * np.maximum(stretch - 0.9, 0.0) + 2.0 * np.maximum(flexion - 1.7, 0.0)
     out = np.maximum(stretch - STRETCH, 0.0) * sum(body.length(body.arms[0])) + 0.2 * np.maximum(flexion - MOST_FLEXION, 0.0)
     easiest = np.tile(np.argsort(effort + 100.0 * out, kind="stable")[:TRIED], len(ELBOWS))
     ranks = np.repeat(np.arange(len(ELBOWS)), TRIED)
@@ -285,6 +287,18 @@ def reach_past(
     deep = depth(body, pos, quat, obj, np.zeros(3), ("hand", "lower_arm", "upper_arm")).reshape(len(detours), -1).max(-1)
     chosen = int(np.argmax(deep < 0.0)) if (deep < 0.0).any() else int(np.argmin(deep + 0.003 * np.arange(len(deep))))
     return follow(detours[chosen], slice(None))[1]
+
+
+def lay_hands(body: Body, quat: np.ndarray, trunk: Trunk, normals: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Local rotations (T, J, 4) with wrists that bend with share (T,) until in the end the hands lie on surfaces with normals (2, 3)."""
+    quat = quat.copy()
+    for side, arm in enumerate(body.arms):
+        forearm = rot.multiply(rot.multiply(trunk.chest_quat_w[-1], quat[-1, arm.root]), quat[-1, arm.middle])
+        x, y, z = rot.rotate_inverse(forearm, normals[side])
+        # fingers hang along -z: turn them out of the surface, about what is perpendicular to both
+        into = np.clip(np.arcsin(np.clip(z, -1.0, 1.0)), 0.0, WRIST)
+        quat[:, arm.end] = rot.from_rotvec(share[:, None] * into * np.array([y, -x, 0.0]) / max(np.hypot(x, y), 1e-6))
+    return quat
 
 
 def within_reach(body: Body, trunk: Trunk, wrists_w: np.ndarray) -> np.ndarray:

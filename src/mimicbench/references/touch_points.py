@@ -12,7 +12,7 @@ from mimicbench.references.body import Body, core4d_body
 from mimicbench.references.gait import Gait
 from mimicbench.references.limbs import minimum_jerk
 from mimicbench.references.posing import pose
-from mimicbench.references.reaching import SIZES, Ground, Posture, draw_approach, find_posture, reach_past, settle, steps_up_to
+from mimicbench.references.reaching import SIZES, Ground, Posture, draw_approach, find_posture, lay_hands, reach_past, settle, steps_up_to
 from mimicbench.references.walking import FPS, follow
 
 STRIDES = Gait(speed=0.58, step_time=0.58, stand=0.5, clearance=0.055)
@@ -73,7 +73,7 @@ def make_touch_points(clip_id: str, obj: SceneObject, goal: np.ndarray, start_xy
     swinging = way.arms(body, style.arm_swing)
     normals = obj.touch_normals[[int(np.argmin(((obj.touch_points - wrist) ** 2).sum(-1))) for wrist in goal]]
     arms = reach_past(body, obj, trunk, way.legs(), swinging, goal, normals, float(posture.elbow), progress)
-    quat = pose(body, trunk, way.legs(), arms)
+    quat = lay_hands(body, pose(body, trunk, way.legs(), arms), trunk, normals, minimum_jerk(progress / 0.95))
     contacts = np.concatenate([way.feet.contact, np.repeat((progress >= 0.97)[:, None], 2, 1)], -1)
     kept = slice(skipped, skipped + round(style.duration * FPS) + 1)
     return HumanMotion(

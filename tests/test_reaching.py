@@ -1,0 +1,152 @@
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from mimicbench.core import rotations as rot
+from mimicbench.core.motion import HumanMotion, forward_kinematics
+from mimicbench.objects.boxes import make_box
+from mimicbench.objects.household import make_household
+from mimicbench.objects.shape import SceneObject
+from mimicbench.references import lift_box, reaching, touch_points
+from mimicbench.references.body import body_of, core4d_body
+from mimicbench.references.gait import Gait
+from mimicbench.references.posing import Arms, Legs, Trunk, shoulders
+from mimicbench.references.quality import check_clip, faults
+from mimicbench.references.synthesis import synthesize
+from mimicbench.references.touch_points import synthesize_touch_points
+
+CLIPS = 24
+Clips = list[tuple[HumanMotion, SceneObject]]
+
+
+def _clips(task: str, make: Callable[[int], SceneObject]) -> Clips:
+    objects = [make(i) for i in range(CLIPS)]
+    return [(synthesize(task, i, obj, 0), obj) for i, obj in enumerate(objects)]
+
+
+@pytest.fixture(scope="module")
+def touches() -> Clips:
+    return _clips("touch-points", make_household)
+
+
+@pytest.fixture(scope="module")
+def lifts() -> Clips:
+    return _clips("lift-box", make_box)
+
+
+def _wrists(motion: HumanMotion) -> np.ndarray:
+    pos, _ = motion.forward_kinematics()
+    return pos[:, [arm.end for arm in body_of(motion.skeleton).arms]]
+
+
+def test_nearly_all_clips_pass_the_gate(touches: Clips, lifts: Clips):
+    assert sum(not faults(check_clip(*clip)) for clip in touches) >= CLIPS - 1
+    assert sum(not faults(check_clip(*clip)) for clip in lifts) >= CLIPS - 1
+
+
+def test_wrists_stay_at_their_targets_for_more_than_a_second(touches: Clips):
+    for motion, _ in touches:
+        away = np.linalg.norm(_wrists(motion) - motion.wrist_goal_w, axis=-1).max(-1)
+        assert (away[-33:] < 0.03).all()
+        hands = [motion.contact_names.index(name) for name in ("left_hand", "right_hand")]
+        assert motion.contacts[-33:, hands].all() and not motion.contacts[0, hands].any()
+
+
+def test_boxes_are_lifted_between_the_hands_and_never_touch_the_floor_again(lifts: Clips):
+    for motion, obj in lifts:
+        wrists, touched = _wrists(motion), motion.contacts[:, motion.contact_names.index("left_hand")]
+        local = rot.rotate_inverse(motion.object_quat_w[:, None], wrists - motion.object_pos_w[:, None])
+        assert motion.object_pos_w[-1, 2] >= 0.25 and obj.distance(local[-1]).max() <= 0.03
+        held = local[touched]
+        assert np.abs(held - held[-1]).max() < 0.012  # as rigid as a clasp is
+        lifted = motion.object_pos_w[:, 2] > 1e-3
+        assert not lifted[~touched].any()
+        corners = motion.object_pos_w[:, None] + rot.rotate(motion.object_quat_w[:, None], obj.corners().reshape(1, -1, 3))
+        assert corners[..., 2].min() > -2e-3
+
+
+def test_durations_are_the_papers(touches: Clips, lifts: Clips):
+    for clips, mean in ((touches, 3.3), (lifts, 4.3)):
+        durations = [motion.duration for motion, _ in clips]
+        assert np.mean(durations) == pytest.approx(mean, abs=0.12) and 0.1 < np.std(durations) < 0.3
+
+
+def test_clips_begin_in_motion_a_few_steps_away(touches: Clips, lifts: Clips):
+    for motion, _ in touches + lifts:
+        ankles = motion.forward_kinematics()[0][:, [leg.end for leg in body_of(motion.skeleton).legs], :2]
+        assert 0.05 < np.linalg.norm(ankles[0].mean(0) - ankles[-1].mean(0)) < 0.8
+        lifted_off = np.diff(motion.contacts[:, :2].astype(int), axis=0) == -1
+        assert 1 <= lifted_off.sum() + (~motion.contacts[0, :2]).sum() <= 3
+    speeds = [np.linalg.norm(motion.root_pos_w[1] - motion.root_pos_w[0]) * motion.fps for motion, _ in touches + lifts]
+    assert np.median(speeds) > 0.1
+
+
+def test_start_object_and_style_determine_the_clip():
+    obj = make_household(3)
+    once, again = (synthesize_touch_points("touch-points-0-00003", obj, 0) for _ in range(2))
+    assert np.array_equal(once.local_quat, again.local_quat) and once.style == again.style
+    assert not np.array_equal(once.local_quat[0], synthesize_touch_points("touch-points-1-00003", obj, 1).local_quat[0])
+
+
+def test_center_of_mass_by_hand():
+    body = core4d_body()
+    pos = np.zeros((1, len(body.skeleton.joint_names), 3))
+    assert reaching.center_of_mass(body, pos) == pytest.approx(np.zeros((1, 3)))
+    # shares of the segments add up to one body, so moving all of it by 1 m moves the center by 1 m
+    assert reaching.center_of_mass(body, pos + [1.0, 0.0, 0.0])[0] == pytest.approx([1.0, 0.0, 0.0])
+    # one forearm with hand is 2.2 % of the mass, its center 68.2 % along it
+    pos[0, body.arms[0].end, 2] = -1.0
+    assert reaching.center_of_mass(body, pos)[0, 2] == pytest.approx(-0.022 * 0.682, rel=2e-3)
+
+
+def test_postures_are_balanced_and_reach():
+    body, yaw = core4d_body(0.95), np.pi
+    ground = reaching.Ground.at(body, np.array([0.6, 0.1]), yaw, Gait())
+    assert ground.ankle_pos_w[0, 1] < 0.1 < ground.ankle_pos_w[1, 1]  # who faces -x has the left foot at the smaller y
+    obj = make_box(0)
+    for height in (0.5, 0.8, 1.1):
+        wrists = np.array([[0.42, -0.1, height], [0.42, 0.3, height]])
+        posture, short = reaching.find_posture(body, ground, wrists, obj, np.array([-5.0, 0, 0]))
+        assert short == 0.0
+        trunk = reaching.Posture(*(np.asarray(value)[None] for value in vars(posture).values())).trunk(yaw)
+        arms = reaching.reach(body, trunk, wrists[None], reaching.elbow_axes(trunk.chest_quat_w, np.array([posture.elbow])))
+        pos, _ = forward_kinematics(body.skeleton, trunk.pelvis_pos_w, reaching.pose(body, trunk, ground.legs(1), arms))
+        assert pos[0, [arm.end for arm in body.arms]] == pytest.approx(wrists, abs=1e-6)
+        assert pos[0, [leg.end for leg in body.legs]] == pytest.approx(ground.ankle_pos_w, abs=1e-6)
+        assert reaching.center_of_mass(body, pos)[0, :2] == pytest.approx(ground.support(body), abs=0.015)
+        if height == 0.5:  # the hips are behind the feet, the trunk leans
+            assert posture.pelvis_pos_w[0] > 0.65 and posture.pitch > 0.4
+
+
+def test_hands_arrive_along_the_normals_from_outside():
+    progress, goal = np.linspace(0, 1, 31), np.array([[0.0, -0.3, 0.8], [0.0, 0.3, 0.8]])
+    swinging = np.tile([[0.6, -0.25, 0.9], [0.6, 0.25, 0.9]], (31, 1, 1))
+    path = reaching.hands_from_outside(swinging, goal, lift_box.SIDES, progress, np.zeros((2, 3)))
+    assert path[0] == pytest.approx(swinging[0]) and path[-1] == pytest.approx(goal)
+    late = path[27:30] - goal
+    assert (late[:, 0, 1] < 0).all() and (np.abs(late[..., [0, 2]]) < 0.2 * np.abs(late[..., 1:2])).all()
+
+
+def test_hands_out_of_reach_stay_behind_without_a_snap():
+    body = core4d_body()
+    trunk = Trunk(np.tile([0.0, 0.0, 1.0], (50, 1)), *(np.tile(rot.IDENTITY, (50, 1)) for _ in range(3)))
+    root, length = shoulders(body, trunk), sum(body.length(body.arms[0]))
+    away = np.linspace(0.5, 2.0, 50)[:, None, None] * length * np.array([1.0, 0.0, 0.0])
+    kept = np.linalg.norm(reaching.within_reach(body, trunk, root + away) - root, axis=-1) / length
+    assert kept[0] == pytest.approx(0.5) and kept.max() < reaching.MOST_STRETCH and (np.diff(kept, axis=0) > -1e-12).all()
+
+
+def test_steps_arrive_beside_each_other_without_crossing():
+    stop = np.array([0.7, 0.2])
+    for side in (-0.2, 0.2):
+        steps = reaching.steps_up_to(stop + [0.6, side], np.pi + 0.3, stop, np.pi, touch_points.STRIDES, 1.0)
+        left, right = (steps.xy[steps.side == foot][-1] for foot in (0, 1))
+        assert 0.5 * (left + right) == pytest.approx(stop) and right[1] - left[1] == pytest.approx(touch_points.STRIDES.width)
+        assert (np.diff(steps.side) != 0).all() and steps.yaw[-1] == pytest.approx(np.pi)
+
+
+def test_frames_keeps_what_is_not_there():
+    legs = Legs(np.zeros((5, 2, 3)), np.zeros((5, 2, 4)), np.zeros((5, 2, 3)))
+    assert reaching.frames(legs, np.array([1, 3])).toe_bend is None
+    assert len(reaching.frames(Arms(np.zeros((5, 2, 4)), np.zeros((5, 2, 4))), slice(0, 2)).upper) == 2
