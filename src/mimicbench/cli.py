@@ -112,6 +112,28 @@ def remake_(
         print(f"{path}: {motion.duration:.1f} s on {motion.object_id}, {'rejected for ' + ', '.join(wrong) if wrong else 'passes the gate'}")
 
 
+@_references_app.command(name="augment")
+def augment(
+    to: Annotated[Path, tyro.conf.arg(help="a workdir of its own for the clips and their variants; the other commands go on from there")],
+    task: Tasks = "sit-chair",
+    kinds: Annotated[
+        tuple[Literal["mirror", "speed", "start", "size"], ...],
+        tyro.conf.arg(help="left and right exchanged; faster or slower; the way begins elsewhere; a larger or smaller object"),
+    ] = ("mirror", "speed", "start", "size"),
+    workdir: Workdir = WORK,
+    seed: Seed = 0,
+    workers: Workers = 0,
+    as_json: Json = False,
+) -> None:
+    """Add variants of a workdir's human clips: mirrored, at other speeds, from other starts, on objects of other sizes."""
+    from mimicbench import workspace
+    from mimicbench.references.augment import AugmentConfig
+
+    for slug in _slugs(task):
+        ws = workspace.Workspace(workdir, slug, seed, workers, as_json)
+        _done(workspace.augment_stage(ws, to, AugmentConfig(kinds)).header, as_json)
+
+
 @_references_app.command(name="stats")
 def references_stats(
     task: Tasks = "all",

@@ -12,7 +12,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mimicbench.core.errors import UnknownName
+from mimicbench.core.errors import MimicbenchError, UnknownName
 from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.core.stage import Stage, open_stage, read_stage
 from mimicbench.objects.make import ObjectsConfig, make_objects, read_objects
@@ -30,6 +30,7 @@ if TYPE_CHECKING:  # these bring torch, which the earlier stages do without
     from mimicbench.evaluate.rows import EpisodeRow
     from mimicbench.imitate.demos import DemosConfig
     from mimicbench.imitate.make import ImitateConfig
+    from mimicbench.references.augment import AugmentConfig
     from mimicbench.references.stats import SetStatistics
     from mimicbench.track.train import TrackConfig
 
@@ -102,6 +103,19 @@ def references_stage(ws: Workspace, config: ReferencesConfig) -> Stage:
 def remake_clip(ws: Workspace, name: str) -> tuple[HumanMotion, list[str]]:
     """One human clip of the workdir made again from its id, and what the gate says about it."""
     return remake(ws.finished("references"), ws.folder("objects"), name, ws.task.fulfilled_by_human)
+
+
+def augment_stage(ws: Workspace, to: Path, config: AugmentConfig) -> Stage:
+    """All clips of the workdir and variants of them in another workdir. Raises MimicbenchError if that is the same."""
+    from mimicbench.references.augment import make_augmented
+
+    other = Workspace(to, ws.slug, ws.seed, ws.workers, ws.quiet)
+    if to.resolve() == ws.workdir.resolve():
+        raise MimicbenchError(f"{to} holds the clips themselves; give --to another folder for the variants")
+    return make_augmented(
+        other.folder("objects"), other.folder("references"), ws.finished("objects"), ws.finished("references"), ws.slug, ws.task.fulfilled_by_human,
+        config, ws.seed, ws.workers, ws.quiet,
+    )  # fmt: skip
 
 
 def reference_statistics(workdir: Path, tasks: Sequence[str]) -> list[SetStatistics]:

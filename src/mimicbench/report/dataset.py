@@ -39,12 +39,13 @@ def variety_table(sets: Sequence[SetStatistics]) -> Table:
             f"{v.path_spread:.2f}", _spread(v.walking_speed, 2), _spread(v.stature, 2), f"{100 * v.middle_pose:.1f}", f"{100 * v.final_pose:.1f}", len(v.style),
         ))  # fmt: skip
     columns = (
-        "Task", "Start distance [m]", "Bearing ± [deg]", "Headings", "Path [m]", "Paths apart [m]", "Walks at [m/s]", "Stature [m]",
+        "Task", "Start distance [m]", "Bearing ± [deg]", "Headings", "Path [m]", "Paths apart [m]", "Speed [m/s]", "Stature [m]",
         "Middle poses apart [cm]", "Final poses apart [cm]", "Choices",
     )  # fmt: skip
     note = (
-        "Headings: 0 if all people start with the same, 1 if they face anywhere. Apart: mean distance between two clips, of the pelvis at the same "
-        "share of the clip, and of a joint seen from the pelvis at one body size. Choices: numbers that a clip draws beyond its start and object."
+        "Headings: 0 if all start with the same, 1 if they face anywhere. Speed: median while the pelvis moves. Apart: mean distance between two clips, "
+        "of the pelvis at the same share of the clip, and of a joint seen from the pelvis at one body size. Choices: numbers that a clip draws beyond its "
+        "start and object."
     )
     return Table("variety", "How the clips differ", columns, tuple(rows), note)
 
@@ -66,15 +67,15 @@ def dataset_picture(sets: Sequence[SetStatistics], path: Path) -> None:
             row[0].set_ylabel(found.task, color=INK)
             row[1].plot(data.start_xy[:, 0], data.start_xy[:, 1], ".", markersize=1.5, color=SERIES[0], alpha=0.6)
             row[1].plot(0, 0, "s", color=SERIES[1], markersize=5)
-            row[1].set_aspect("equal")
-            row[1].set_title("Starts, object at the square [m]")
-            _histogram(row[2], data.walking_speed, "Walking speed [m/s]", None)
+            row[1].set(xlim=(-2.8, 2.8), ylim=(-2.4, 2.4), aspect="equal")
+            row[1].set_title("Starts [m]; square: object")
+            _histogram(row[2], data.walking_speed, "Median speed on the way [m/s]", None)
             for axis, (name, color) in enumerate(zip(("length", "width", "height"), SERIES, strict=False)):
                 row[3].hist(data.size[:, axis], 24, histtype="step", color=color, label=name)
                 if paper:
                     row[3].axvline((paper.length, paper.width, paper.height)[axis][0], color=color, linestyle=":", linewidth=1)
-            row[3].set_title("Objects [cm]; dotted: paper's means")
-            row[3].legend(fontsize=7)
+            row[3].set_title("Objects [cm]")
+            row[3].legend(fontsize=7, loc="upper right")
         figure.tight_layout()
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, dpi=110, metadata={"Software": None})
@@ -86,7 +87,7 @@ def _histogram(axis: Axes, values: np.ndarray, title: str, paper: float | None) 
         axis.hist(values, 24, color=SERIES[0], alpha=0.8)
     if paper is not None:
         axis.axvline(paper, color=MUTED, linestyle=":", linewidth=1.4)
-    axis.set_title(title + ("; dotted: paper's mean" if paper is not None else ""))
+    axis.set_title(title + ("; dotted: paper" if paper is not None else ""))
 
 
 def _name(task: str) -> str:

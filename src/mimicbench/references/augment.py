@@ -1,0 +1,193 @@
+"""More clips from a clip: mirrored, at another speed, from another start, on an object of another size. Contacts stay what they were.
+
+Each function gives the clip, and the object that it is on, under ids that end in `~` and what was done to them.
+"""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from mimicbench.core import rotations as rot
+from mimicbench.core.errors import BadMotion
+from mimicbench.core.motion import HumanMotion, Skeleton
+from mimicbench.core.parallel import map_items
+from mimicbench.core.seeds import rng
+from mimicbench.core.stage import Stage, open_stage
+from mimicbench.objects.make import read_objects
+from mimicbench.objects.shape import SceneObject, load_object, save_object
+from mimicbench.references.quality import Fulfils, gate
+from mimicbench.references.warp import approach_end, rescaled, turned_approach
+
+Kind = Literal["mirror", "speed", "start", "size"]
+LATERAL = ("turn", "seat_y", "look")
+"""Choices of a clip's style that change their sign in a mirror."""
+_SPECULAR = np.array([1.0, -1.0, 1.0])
+_SPECULAR_QUAT = np.array([1.0, -1.0, 1.0, -1.0])
+
+
+@dataclass(frozen=True)
+class AugmentConfig:
+    """What is made of every clip, one variant of each kind."""
+
+    kinds: tuple[Kind, ...] = ("mirror", "speed", "start", "size")
+    speed: tuple[float, float] = (0.85, 1.15)
+    """Times as fast."""
+    turn: float = 0.3
+    """The way to the object comes from so much farther around it, to either side [rad]."""
+    shift: float = 0.12
+    """And from so much farther to any side [m]."""
+    size: tuple[float, float] = (0.94, 1.06)
+    """Times as large is the object."""
+
+
+def mirrored_joints(skeleton: Skeleton) -> list[int]:
+    """For each joint the one on the other side. Raises BadMotion if the skeleton is not symmetric."""
+    names = list(skeleton.joint_names)
+    found = []
+    for name in names:
+        other = name
+        for left, right in (("left", "right"), ("Left", "Right")):
+            if left in name:
+                other = name.replace(left, right)
+            elif right in name:
+                other = name.replace(right, left)
+        found.append(names.index(other) if other in names else -1)
+    if -1 in found or np.abs(skeleton.offsets[found] - skeleton.offsets * _SPECULAR).max() > 1e-6:
+        raise BadMotion(f"skeleton {skeleton.name} is not the same on both sides; it cannot be mirrored")
+    return found
+
+
+def mirror(motion: HumanMotion, obj: SceneObject) -> tuple[HumanMotion, SceneObject]:
+    """Left and right exchanged, of the person, the object and the goals. Twice gives the same clip again."""
+    names = [name.replace("left", "\0").replace("right", "left").replace("\0", "right") for name in motion.contact_names]
+    columns = [motion.contact_names.index(name) for name in names]
+    quat = motion.local_quat[:, mirrored_joints(motion.skeleton)] * _SPECULAR_QUAT
+    other = mirrored_object(obj)
+    return replace(
+        motion, id=_toggled(motion.id), object_id=other.id, root_pos_w=motion.root_pos_w * _SPECULAR, local_quat=quat,
+        contacts=motion.contacts[:, columns] if columns else motion.contacts,
+        style={name: -value if name in LATERAL else value for name, value in motion.style.items()},
+        object_pos_w=motion.object_pos_w * _SPECULAR, object_quat_w=motion.object_quat_w * _SPECULAR_QUAT,
+        wrist_goal_w=motion.wrist_goal_w[::-1] * _SPECULAR,
+    ), other  # fmt: skip
+
+
+def mirrored_object(obj: SceneObject) -> SceneObject:
+    """The object with its left on its right. Twice gives the same object again."""
+    return replace(
+        obj, id=_toggled(obj.id), box_pos=obj.box_pos * _SPECULAR, box_quat=obj.box_quat * _SPECULAR_QUAT,
+        seat_polygon=obj.seat_polygon[::-1] * _SPECULAR[:2], head_xy=obj.head_xy * _SPECULAR[: len(obj.head_xy)],
+        touch_points=obj.touch_points * _SPECULAR, touch_normals=obj.touch_normals * _SPECULAR, hulls=tuple(hull * _SPECULAR for hull in obj.hulls),
+    )  # fmt: skip
+
+
+def retime(motion: HumanMotion, factor: float) -> HumanMotion:
+    """The same motion, so many times as fast, at the same frame rate. First and last frame stay what they are."""
+    frames = round((motion.frames - 1) / factor) + 1
+    if frames < 2:
+        raise BadMotion(f"clip {motion.id} is too short to be {factor:.2g} times as fast")
+    times = np.linspace(0, motion.frames - 1, frames)
+    nearest = np.round(times).astype(int)
+
+    def smoothly(values: np.ndarray) -> np.ndarray:
+        return CubicSpline(np.arange(len(values)), values, axis=0)(times) if len(values) else values
+
+    return replace(
+        motion, id=f"{motion.id}~speed", root_pos_w=smoothly(motion.root_pos_w), local_quat=_smooth_quat(motion.local_quat, smoothly),
+        contacts=motion.contacts[nearest] if motion.contact_names else motion.contacts, style={**motion.style, "retimed": factor},
+        object_pos_w=smoothly(motion.object_pos_w), object_quat_w=_smooth_quat(motion.object_quat_w, smoothly),
+    )  # fmt: skip
+
+
+def restart(motion: HumanMotion, turn: float, shift: np.ndarray) -> HumanMotion:
+    """The same action after a way that begins elsewhere: turned about where it ends by `turn` [rad], and shifted by (2,) [m].
+
+    Feet stand as still as before, and legs reach them as far as they are long. Raises BadMotion if nobody walks up to the object.
+    """
+    return replace(turned_approach(motion, approach_end(motion), turn, shift), id=f"{motion.id}~start")
+
+
+def resize(motion: HumanMotion, obj: SceneObject, factor: float) -> tuple[HumanMotion, SceneObject]:
+    """The object so many times as large; what touched it touches the same place of it, and the way there is moved along."""
+    other = resized_object(obj, factor)
+    return replace(rescaled(motion, obj, factor), id=f"{motion.id}~size", object_id=other.id), other
+
+
+def resized_object(obj: SceneObject, factor: float) -> SceneObject:
+    """The object so many times as large, and as heavy as it was."""
+    return replace(
+        obj, id=f"{obj.id}~x{factor:.4f}", box_pos=obj.box_pos * factor, box_half=obj.box_half * factor, seat_polygon=obj.seat_polygon * factor,
+        seat_height=None if obj.seat_height is None else obj.seat_height * factor, head_xy=obj.head_xy * factor,
+        touch_points=obj.touch_points * factor, hulls=tuple(hull * factor for hull in obj.hulls),
+    )  # fmt: skip
+
+
+def variant(motion: HumanMotion, obj: SceneObject, kind: Kind, config: AugmentConfig, seed: int) -> tuple[HumanMotion, SceneObject]:
+    """One variant of a clip; depends on the clip's id, the kind and the seed alone. Raises BadMotion if there is none."""
+    random = rng(seed, motion.id, kind)
+    if kind == "mirror":
+        return mirror(motion, obj)
+    if kind == "speed":
+        return retime(motion, random.uniform(*config.speed)), obj
+    if kind == "start":
+        away = config.shift * np.sqrt(random.uniform())
+        angle = random.uniform(-np.pi, np.pi)
+        return restart(motion, random.uniform(-config.turn, config.turn), away * np.array([np.cos(angle), np.sin(angle)])), obj
+    return resize(motion, obj, random.uniform(*config.size))
+
+
+def make_augmented(
+    objects_to: Path, references_to: Path, objects: Stage, references: Stage, task: str, fulfils: Fulfils, config: AugmentConfig, seed: int,
+    workers: int, quiet: bool = False,
+) -> Stage:  # fmt: skip
+    """All clips of a stage and the variants of them that pass the gate, with their objects: stages `objects` and `references` of another workdir."""
+    made_from = {"objects": objects.fingerprint, "references": references.fingerprint}
+    there = open_stage(objects_to, "objects", task, seed, asdict(config), made_from)
+    stage = open_stage(references_to, "references", task, seed, asdict(config), {"objects": there.fingerprint, "references": references.fingerprint})
+    if stage.complete:
+        return stage
+    for obj in read_objects(objects.folder).values():
+        save_object(objects_to, obj)
+    paths = sorted(references.folder.glob("*.npz"))
+    work = partial(_augment_one, objects_to, references_to, objects.folder, fulfils, config, seed)
+    kept = map_items(work, paths, workers, "variants of clips", quiet)
+    there.finish(count=len(read_objects(objects_to)))
+    added = {kind: sum(names.count(kind) for names in kept) for kind in config.kinds}
+    return stage.finish(clips=len(paths) + sum(added.values()), originals=len(paths), **added)
+
+
+def _augment_one(objects_to: Path, references_to: Path, objects: Path, fulfils: Fulfils, config: AugmentConfig, seed: int, path: Path) -> list[str]:
+    """Save a clip and its good variants; which kinds were good."""
+    motion = HumanMotion.load(path)
+    obj = load_object(objects, motion.object_id)
+    good = []
+    for kind in config.kinds:
+        try:
+            other, other_obj = variant(motion, obj, kind, config, seed)
+        except BadMotion:
+            continue
+        if not gate(other, other_obj, fulfils):
+            save_object(objects_to, other_obj)
+            other.save(references_to / f"{other.id}.npz")
+            good.append(kind)
+    motion.save(references_to / path.name)
+    return good
+
+
+def _toggled(name: str) -> str:
+    """With `~mirror` at its end, or without it."""
+    return name.removesuffix("~mirror") if name.endswith("~mirror") else f"{name}~mirror"
+
+
+def _smooth_quat(quat: np.ndarray, smoothly: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """Quaternions (T, ..., 4) between frames: a curve through each component, kept on one side and of unit length."""
+    if len(quat) < 2:
+        return quat
+    same = (quat[1:] * quat[:-1]).sum(-1, keepdims=True) >= 0
+    signs = np.cumprod(np.concatenate([np.ones_like(same[:1], float), np.where(same, 1.0, -1.0)]), axis=0)
+    return rot.normalize(smoothly(quat * signs))
