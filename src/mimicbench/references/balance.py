@@ -34,6 +34,7 @@ def support_point(steps: Footsteps, time: np.ndarray, gait: Gait, scale: float) 
 
     feet = [under(xy, yaw, side) for side, (xy, yaw) in enumerate(zip(steps.first_xy, steps.first_foot_yaw, strict=True))]
     support = np.broadcast_to(0.5 * (feet[0] + feet[1]), (len(time), 2)).copy()
+    # not quicker at higher speeds, for smoothness: it begins while the foot that is about to land is still in the air
     shift = gait.double_support * gait.period
     begin = steps.lift_off - shift
     for i, (side, xy, yaw) in enumerate(zip(steps.side, steps.xy, steps.yaw, strict=True)):

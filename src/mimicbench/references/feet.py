@@ -9,7 +9,7 @@ from mimicbench.references.gait import Footsteps, Gait, left_of
 from mimicbench.references.limbs import ease, minimum_jerk, smooth
 
 LONG = 1.1
-"""A stride from which on the feet roll by the whole of `Gait.heel_strike` and `Gait.heel_off` [m at size 1]."""
+"""A stride for which the feet roll by `Gait.heel_strike` and `Gait.heel_off` [m at size 1]; in proportion for others, up to 1.3 times."""
 LOADING = 0.12
 """The foot is flat after this share of the gait cycle (loading response, Perry & Burnfield 2010)."""
 RISING = 0.05
@@ -81,11 +81,12 @@ def swing_feet(steps: Footsteps, time: np.ndarray, gait: Gait, body: Body, start
         yaw[after, side] = heading
         if gait.rolls:
             forward = float((xy - foot_xy[side]) @ np.array([np.cos(heading), np.sin(heading)]))
-            amount = float(np.clip(forward / (LONG * scale), 0.0, 1.0))
+            amount = float(np.clip(forward / (LONG * scale), 0.0, 1.3))
             if amount > 0:
                 pitch[:, side] += amount * _roll(time, lift, land, gait)
-            # feet that roll are already moving when they leave the floor
-            early = 2.5 * amount * u[swinging] ** 2 * (1 - u[swinging]) ** 3
+            # feet that roll gather speed as soon as they leave the floor and lose the last of it as they land: no faster than they must be
+            v = u[swinging]
+            early = min(amount, 1.0) * v**2 * (1 - v) ** 2 * (4.0 * (1 - v) - 1.5 * v)
             base[swinging, side, :2] += early[:, None] * (xy - foot_xy[side])
             pivot[swinging, side], pivot[after, side] = minimum_jerk((u[swinging] - 0.25) / 0.55), 1.0
             loose[swinging, side] = minimum_jerk((u[swinging] - 0.10) / 0.45)
@@ -134,8 +135,8 @@ def _roll(time: np.ndarray, lift: float, land: float, gait: Gait) -> np.ndarray:
     """Pitch (T,) [rad] of a foot around one of its swings: the heel rises before, lands first, and the sole lies down after it."""
     swing, cycle = land - lift, 2.0 * gait.period
     peak = lift + 0.12 * swing
-    rises = lift - gait.double_support * gait.period - RISING * cycle
-    off = minimum_jerk((time - rises) / (peak - rises)) * (1.0 - minimum_jerk((time - peak) / (0.52 * swing)))
+    rises = lift - gait.overlap * gait.period - RISING * cycle
+    off = minimum_jerk((time - rises) / (peak - rises)) * (1.0 - minimum_jerk((time - peak) / (0.64 * swing)))
     turns = land - 0.05 * swing
     strike = minimum_jerk((time - turns) / (0.50 * swing) + 1.0) * (1.0 - minimum_jerk((time - turns) / (land + LOADING * cycle - turns)))
     return gait.heel_off * off - gait.heel_strike * strike

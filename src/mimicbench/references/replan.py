@@ -170,7 +170,7 @@ def continue_footsteps(body: Body, state: BodyState, route: Route, stop_xy: np.n
 
 def _next_swing(state: BodyState, gait: Gait, speed: float) -> tuple[bool, int, float]:
     """Whether the body is walking, which foot swings or will next, and when it lifts off [s], negative if it has."""
-    bears, shift = state.feet.bears, gait.double_support * gait.period
+    bears, shift = state.feet.bears, gait.overlap * gait.period
     if not bears.all():
         side = int(np.argmin(bears)) if bears.any() else int(np.argmax(state.feet.pos_w[:, 2]))
         left = max(gait.swing_time - float(state.since[side]), 4 / FPS)
