@@ -172,13 +172,26 @@ def _slugs(task: str) -> list[str]:
 def import_(
     files: tyro.conf.Positional[tuple[Path, ...]],
     task: Task = "sit-chair",
+    form: Annotated[
+        Literal["auto", "unihsi", "unihsi-states", "roam", "core4d", "amass", "bvh", "intermimic"],
+        tyro.conf.arg(name="format", help="the files' format; by default found out"),
+    ] = "auto",
+    fps: Annotated[float | None, tyro.conf.arg(help="the files' frames per second; by default as they say, or as is usual in the format")] = None,
+    up: Annotated[Axis | None, tyro.conf.arg(help="the files' axis that points up; by default as is usual in the format, or guessed")] = None,
+    unit: Annotated[
+        Literal["m", "cm", "mm", "in", "cmu"] | None, tyro.conf.arg(help="the files' unit of length (bvh, roam); by default guessed by the legs' length")
+    ] = None,
+    floor: Annotated[float | None, tyro.conf.arg(help="height of the files' floor [m]; by default where the soles usually are")] = None,
+    object_mesh: Annotated[Path | None, tyro.conf.arg(help="mesh of the object that the files track (core4d, intermimic), in meters")] = None,
     workdir: Annotated[Path, tyro.conf.arg(help="a workdir of its own for these clips; the other commands go on from there")] = Path("work/real"),
     as_json: Json = False,
 ) -> None:
-    """Import recordings of real people (UniHSI SkeletonMotion files) and fit a chair under each who sits."""
+    """Import recordings of real people, each beside its object, or one fitted to the person."""
     from mimicbench import workspace
+    from mimicbench.references.recording import Wishes
 
-    _done(workspace.import_stage(workspace.Workspace(workdir, task, quiet=as_json), files, _say).header, as_json)
+    wishes = Wishes(fps, up, unit, floor, object_mesh)
+    _done(workspace.import_stage(workspace.Workspace(workdir, task, quiet=as_json), files, _say, form, wishes).header, as_json)
 
 
 @app.command(name="retarget")

@@ -31,6 +31,7 @@ if TYPE_CHECKING:  # these bring torch, which the earlier stages do without
     from mimicbench.imitate.demos import DemosConfig
     from mimicbench.imitate.make import ImitateConfig
     from mimicbench.references.augment import AugmentConfig
+    from mimicbench.references.recording import Wishes
     from mimicbench.references.stats import SetStatistics
     from mimicbench.track.train import TrackConfig
 
@@ -127,9 +128,9 @@ def reference_statistics(workdir: Path, tasks: Sequence[str]) -> list[SetStatist
     return [set_statistics(ws.task.slug, ws.folder("objects"), ws.folder("references")) for ws in there]
 
 
-def import_stage(ws: Workspace, files: Sequence[Path], say: Say) -> Stage:
+def import_stage(ws: Workspace, files: Sequence[Path], say: Say, form: str = "auto", wishes: Wishes | None = None) -> Stage:
     """Human clips from recordings instead of made ones, on objects fitted to them."""
-    return import_references(ws.folder("objects"), ws.folder("references"), ws.slug, files, say)[1]
+    return import_references(ws.folder("objects"), ws.folder("references"), ws.slug, files, say, form, wishes)[1]
 
 
 def retarget_stage(ws: Workspace, config: RetargetConfig) -> Stage:

@@ -1,4 +1,4 @@
-"""Contact labels from positions alone: a foot bears while its sole is low and still, a pelvis while it rests on the seat."""
+"""Contact labels from positions alone: a foot bears while its sole is low and still, other parts while they rest on the object."""
 
 import numpy as np
 
@@ -63,3 +63,38 @@ def _pelvis(motion: HumanMotion, body: Body, pelvis: np.ndarray, obj: SceneObjec
     near = pelvis[:, 2] - body.buttock - obj.require_seat() < LOW
     slow = np.abs(np.gradient(pelvis[:, 2], 1 / motion.fps)) < STILL
     return over & near & slow
+
+
+BEARING_NAMES = ("left_foot", "right_foot", "pelvis", "back", "left_hand", "right_hand")
+NEAR = 0.03
+"""Skin nearer to the object than this [m], and moving with it, bears."""
+
+
+def detect_bearing(motion: HumanMotion, obj: SceneObject) -> np.ndarray:
+    """(T, 6) which of BEARING_NAMES bears on the floor or on the object, which is at the origin or where the clip says."""
+    body = body_of(motion.skeleton)
+    pos, quat = motion.forward_kinematics()
+    feet = detect_feet(motion)
+    for side, leg in enumerate(body.legs):
+        feet[:, side] |= _rests(motion, obj, sole_points(body, pos[:, leg.end], quat[:, leg.end]), np.zeros(2))
+    labels = [feet[:, 0], feet[:, 1], _part_rests(motion, obj, body, pos, quat, "pelvis"), _part_rests(motion, obj, body, pos, quat, "trunk")]
+    for arm in body.arms:
+        palm = pos[:, arm.end] + rot.rotate(quat[:, arm.end], np.array([0.0, 0.0, -body.hand]))
+        labels.append(_rests(motion, obj, np.stack([pos[:, arm.end], palm], 1), np.full(2, 0.04)))
+    return np.stack([drop_short(label, _shortest(motion.fps)) for label in labels], -1)
+
+
+def _part_rests(motion: HumanMotion, obj: SceneObject, body: Body, pos: np.ndarray, quat: np.ndarray, role: str) -> np.ndarray:
+    """(T,) whether the body part of a role rests on the object anywhere along its axis."""
+    part = next(part for part in body.parts if part.role == role)
+    samples = np.linspace(part.start, part.end, 3)
+    points = pos[:, part.joint, None] + rot.rotate(quat[:, part.joint, None], samples)
+    return _rests(motion, obj, points, np.full(3, part.radius))
+
+
+def _rests(motion: HumanMotion, obj: SceneObject, points: np.ndarray, radii: np.ndarray) -> np.ndarray:
+    """(T,) whether any of the spheres around points (T, P, 3) touches the object and hardly moves against it."""
+    if len(motion.object_pos_w):
+        points = rot.rotate_inverse(motion.object_quat_w[:, None], points - motion.object_pos_w[:, None])
+    slow = np.linalg.norm(np.gradient(points, 1 / motion.fps, axis=0), axis=-1) < STILL
+    return np.asarray((slow & (obj.distance(points) - radii < NEAR)).any(-1))

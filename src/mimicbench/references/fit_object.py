@@ -11,6 +11,8 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.chairs import KINDS, build_chair, draw_shape
 from mimicbench.objects.shape import SceneObject
+from mimicbench.objects.sofas import draw_sofa
+from mimicbench.objects.upholstery import build_sofa
 from mimicbench.references.body import body_of
 
 FAR = 0.2
@@ -33,7 +35,9 @@ class ChairFit:
 
 
 @dataclass(frozen=True)
-class _Body:
+class Samples:
+    """A person as spheres, in all frames."""
+
     points: np.ndarray
     """(T, S, 3) points along the axes of the body parts [m]."""
     radii: np.ndarray
@@ -44,6 +48,8 @@ class _Body:
     """(S,) whether a point is a hand that is held still at the end."""
     lower_legs: np.ndarray
     """(S,) whether a point belongs to a shin or foot."""
+    arms: np.ndarray
+    """(S,) whether a point belongs to an arm or hand."""
 
 
 def seated_frame(motion: HumanMotion, seated: slice) -> tuple[np.ndarray, float, float]:
@@ -52,16 +58,16 @@ def seated_frame(motion: HumanMotion, seated: slice) -> tuple[np.ndarray, float,
     The heading is taken across the hips: it does not suffer from how far the pelvis leans back.
     """
     pos, _ = motion.forward_kinematics()
-    index = motion.skeleton.index
-    pelvis = pos[seated, index("pelvis")]
-    left = (pos[seated, index("left_thigh")] - pos[seated, index("right_thigh")]).mean(0)
+    body = body_of(motion.skeleton)
+    pelvis = pos[seated, body.pelvis]
+    left = (pos[seated, body.legs[0].root] - pos[seated, body.legs[1].root]).mean(0)
     return pelvis[:, :2].mean(0), float(np.arctan2(-left[0], left[1])), float(np.median(pelvis[:, 2]))
 
 
-def fit_chair(object_id: str, motion: HumanMotion, seated: slice, candidates: int = 96) -> ChairFit:
-    """The chair of the family that suits a person best who sits at the origin facing +x in the frames `seated`.
+def fit_seat(object_id: str, motion: HumanMotion, seated: slice, sofa: bool = False, candidates: int = 96) -> ChairFit:
+    """The chair (or sofa) of the family that suits a person best who sits at the origin facing +x in the frames `seated`.
 
-    Chairs of all kinds are drawn (by the object's id), given the seat height that the pelvis implies, and slid back and
+    Seats of all kinds are drawn (by the object's id), given the seat height that the pelvis implies, and slid back and
     forth under the person. Judged are how deep any body part enters the chair at any time, walking included, how close
     the back is to the trunk, whether the seat carries the pelvis, and whether hands held still at the sides have something
     to rest on. Raises BadMotion if no chair suits.
@@ -71,10 +77,10 @@ def fit_chair(object_id: str, motion: HumanMotion, seated: slice, candidates: in
     seat_height = float(np.median(pos[seated, person.pelvis, 2])) - person.buttock
     if not 0.25 <= seat_height <= 0.65:
         raise BadMotion(f"clip {motion.id}: the seat would be {seat_height:.2f} m high, no chair's height (0.25 to 0.65); is the floor at z = 0?")
-    body = _body(pos, quat, motion)
+    body = sample_body(pos, quat, motion)
     index = np.arange(motion.frames)[seated]
     ranked = []
-    for number, obj, slides in _candidates(object_id, seat_height, candidates):
+    for number, obj, slides in _candidates(object_id, seat_height, sofa, candidates):
         costs, _, _ = _judge(obj, slides, body, index[::8], index)
         ranked += [(cost, number, slide, obj) for cost, slide in zip(costs, slides, strict=True)]
     ranked.sort(key=lambda entry: entry[:3])
@@ -90,13 +96,17 @@ def fit_chair(object_id: str, motion: HumanMotion, seated: slice, candidates: in
     return ChairFit(obj, np.array([slide, 0.0]), float(depth), float(gap))
 
 
-def _candidates(object_id: str, seat_height: float, count: int) -> Iterator[tuple[int, SceneObject, np.ndarray]]:
-    """Chairs of the family with the given seat height, and where (K,) each may stand in x under a pelvis at the origin [m]."""
+def _candidates(object_id: str, seat_height: float, sofa: bool, count: int) -> Iterator[tuple[int, SceneObject, np.ndarray]]:
+    """Seats of the family with the given height, and where (K,) each may stand in x under a pelvis at the origin [m]."""
     for number in range(count):
-        shape = draw_shape(rng(0, "fitted", object_id, number), KINDS[number % len(KINDS)])
-        shape = replace(shape, seat_height=seat_height, height=shape.height - shape.seat_height + seat_height)
+        random = rng(0, "fitted", object_id, number)
         try:
-            obj = build_chair(object_id, shape)
+            if sofa:
+                wide = draw_sofa(random)
+                obj = build_sofa(object_id, "sofa", replace(wide, seat_height=seat_height, height=wide.height - wide.seat_height + seat_height))
+            else:
+                shape = draw_shape(random, KINDS[number % len(KINDS)])
+                obj = build_chair(object_id, replace(shape, seat_height=seat_height, height=shape.height - shape.seat_height + seat_height))
         except BadObject:
             continue
         back, front = obj.seat_polygon[:, 0].min(), obj.seat_polygon[:, 0].max()
@@ -104,7 +114,7 @@ def _candidates(object_id: str, seat_height: float, count: int) -> Iterator[tupl
         yield number, obj, -np.arange(back + 0.08, min(back + 0.34, front - 0.12), 0.025)
 
 
-def _body(pos: np.ndarray, quat: np.ndarray, motion: HumanMotion) -> _Body:
+def sample_body(pos: np.ndarray, quat: np.ndarray, motion: HumanMotion) -> Samples:
     """The body's sample points in all frames."""
     points, radii, roles = [], [], []
     for part in body_of(motion.skeleton).parts:
@@ -115,17 +125,18 @@ def _body(pos: np.ndarray, quat: np.ndarray, motion: HumanMotion) -> _Body:
     path = np.concatenate(points, 1)
     still = np.linalg.norm(path[-1] - path[-min(len(path), round(0.2 * motion.fps) + 1)], axis=-1) < 0.02
     resting = still & np.isin(roles, "hand")
-    return _Body(path, np.array(radii), np.isin(roles, ("pelvis", "trunk", "head")), resting, np.isin(roles, ("shin", "foot")))
+    trunk, shins, arms = ("pelvis", "trunk", "head"), ("shin", "foot"), ("upper_arm", "lower_arm", "hand")
+    return Samples(path, np.array(radii), np.isin(roles, trunk), resting, np.isin(roles, shins), np.isin(roles, arms))
 
 
-def _judge(obj: SceneObject, slides: np.ndarray, body: _Body, frames: np.ndarray, seated: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _judge(obj: SceneObject, slides: np.ndarray, body: Samples, frames: np.ndarray, seated: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """How badly a chair suits the given frames, standing at each x of slides (K,).
 
     Returns:
         (K,) costs, (K,) deepest penetration [m], (K,) gap behind the trunk in the last frame [m].
     """
     shifts = np.stack([slides, 0 * slides, 0 * slides], -1)[:, None]  # (K, 1, 3)
-    clearance = _distance(obj, body.points[frames] - shifts[:, None]) - body.radii  # (K, F, S)
+    clearance = signed_distance(obj, body.points[frames] - shifts[:, None]) - body.radii  # (K, F, S)
     depth = np.maximum(0.0, -clearance.min((1, 2)))
     cost = 10 * np.maximum(0.0, depth - 0.01) + 30 * np.maximum(0.0, depth - 0.03)
     # a robot is wider than a person: on the way to the chair, and in front of it, there should be some room
@@ -135,19 +146,19 @@ def _judge(obj: SceneObject, slides: np.ndarray, body: _Body, frames: np.ndarray
     end = body.points[seated[-1]] - shifts
     trunk, hands = end[:, body.trunk], end[:, body.resting]
     gap = np.zeros(len(slides))
-    if obj.kind == "stool":
-        cost += 3 * max(0.0, float(np.ptp(trunk[0, :, 0])) - 0.12)  # who leans back has something to lean on
-    else:
-        behind = (obj.box_pos + obj.box_half)[:, 2] > obj.require_seat() + 0.1
-        behind &= obj.box_pos[:, 0] < obj.seat_polygon[:, 0].min()
-        gap = np.maximum(0.0, (_distance(obj, trunk, behind) - body.radii[body.trunk]).min(-1))
+    behind = (obj.box_pos + obj.box_half)[:, 2] > obj.require_seat() + 0.1
+    behind &= obj.box_pos[:, 0] < obj.seat_polygon[:, 0].min()
+    if behind.any():
+        gap = np.maximum(0.0, (signed_distance(obj, trunk, behind) - body.radii[body.trunk]).min(-1))
         cost += 2 * np.maximum(0.0, gap - 0.02)
-    floating = _distance(obj, hands) - body.radii[body.resting]
+    else:
+        cost += 3 * max(0.0, float(np.ptp(trunk[0, :, 0])) - 0.12)  # who leans back has something to lean on
+    floating = signed_distance(obj, hands) - body.radii[body.resting]
     cost += np.where(np.abs(hands[..., 1]) > 0.22, np.clip(floating - 0.02, 0.0, 0.15), 0.0).sum(-1)
     return cost, depth, gap
 
 
-def _distance(obj: SceneObject, points: np.ndarray, boxes: np.ndarray | None = None) -> np.ndarray:
+def signed_distance(obj: SceneObject, points: np.ndarray, boxes: np.ndarray | None = None) -> np.ndarray:
     """Signed distance (...) of points (..., 3) to the nearest of the object's boxes [m], negative inside.
 
     Beyond FAR of the boxes' bounds the distance to these bounds is good enough, and much quicker.

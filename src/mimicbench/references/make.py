@@ -7,13 +7,17 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
-from mimicbench.core.errors import BadMotion
+import numpy as np
+
+from mimicbench.core.errors import BadFile, BadMotion
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.parallel import map_items
 from mimicbench.core.stage import HEADER, Stage, open_stage
-from mimicbench.objects.shape import SceneObject, load_object, save_object, split_of
+from mimicbench.objects.shape import load_object, save_object, split_of
+from mimicbench.references.importers import import_recording
 from mimicbench.references.quality import Fulfils, gate
-from mimicbench.references.real_clips import import_sitting
+from mimicbench.references.real_clips import Clip, find_clips
+from mimicbench.references.recording import Wishes
 from mimicbench.references.synthesis import clip_id, synthesize
 
 MOST_TRIES = 3
@@ -96,27 +100,41 @@ def _counted(wrong: Counter[str]) -> str:
     return ", ".join(f"{name} {count}" for name, count in sorted(wrong.items(), key=lambda entry: (-entry[1], entry[0])))
 
 
-def import_references(objects_folder: Path, folder: Path, task: str, files: Sequence[Path], say: Callable[[str], None]) -> tuple[Stage, Stage]:
-    """Import recordings of people who sit down, with a chair fitted under each: stages `objects` and `references` made from files.
+def import_references(
+    objects_folder: Path, folder: Path, task: str, files: Sequence[Path], say: Callable[[str], None], form: str = "auto", wishes: Wishes | None = None
+) -> tuple[Stage, Stage]:
+    """Import recordings of people who do a task: stages `objects` and `references` made from files of the formats in references/importers.py.
 
-    A recording without the task in it is left out, and `say` hears why. Raises BadMotion if nothing is left, before
-    anything is written.
+    Each clip has the recorded object, or one fitted to the person. `say` hears what was assumed about every file. A file that cannot be
+    read, or without the task in it, is left out, and `say` hears why. Raises BadMotion if nothing is left, before anything is written.
     """
-    clips: list[tuple[HumanMotion, SceneObject]] = []
+    clips: dict[str, Clip] = {}
     for path in files:
         try:
-            found = import_sitting(path)
-        except BadMotion as error:
+            recording = import_recording(path, form, wishes)
+            found = find_clips(recording, task)
+        except (BadFile, BadMotion) as error:
+            if len(files) == 1:
+                raise
             say(f"left out: {error}")
             continue
-        clips += found
-        say(f"{path.name}: {len(found)} sitting {'clip' if len(found) == 1 else 'clips'}")
+        if set(clips) & {motion.id for motion, _ in found}:
+            say(f"left out: {path} has the name of another file; rename it")
+            continue
+        clips |= {motion.id: (motion, obj) for motion, obj in found}
+        say(f"{path.name}: {len(found)} {task} {'clip' if len(found) == 1 else 'clips'} of {recording.frames / recording.fps:.1f} s")
+        for line in recording.assumed:
+            say(f"  {line}")
+        for motion, obj in found:
+            size = np.ptp(obj.corners().reshape(-1, 3), axis=0)
+            say(f"  {motion.id}: {motion.duration:.1f} s with a {obj.kind} of {size[0]:.2f} x {size[1]:.2f} x {size[2]:.2f} m")
     if not clips:
-        raise BadMotion(f"none of the {len(files)} files holds a person who walks to a seat and sits down")
-    source = {"imported": [path.name for path in files]}
+        raise BadMotion(f"none of the {len(files)} files holds a person who does {task}, see above; give other files, or another task (--task)")
+    source = {"imported": [path.name for path in files], "format": form, "wishes": asdict(wishes or Wishes()) | {"mesh": str((wishes or Wishes()).mesh)}}
     objects = open_stage(objects_folder, "objects", task, 0, source)
     references = open_stage(folder, "references", task, 0, source, {"objects": objects.fingerprint})
-    for motion, obj in clips:
+    for motion, obj in clips.values():
         save_object(objects_folder, obj)
         motion.save(folder / f"{motion.id}.npz")
-    return objects.finish(count=len(clips)), references.finish(kept=len(clips), seconds=sum(motion.duration for motion, _ in clips))
+    seconds = sum(motion.duration for motion, _ in clips.values())
+    return objects.finish(count=len(clips)), references.finish(kept=len(clips), seconds=seconds)
