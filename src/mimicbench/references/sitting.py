@@ -118,7 +118,7 @@ def _trunk(way: Walk, clock: np.ndarray, place: Place, leaning: Leaning | None, 
     standing = way.pelvis_pos_w[-1]
     goal = place.pelvis + [0.0, 0.0, style.drop]
     pelvis_pos = way.pelvis_pos_w + np.stack([back, back, down], -1) * (goal - standing)
-    pelvis_pos[:, 2] -= style.drop * minimum_jerk((clock - 0.9 * style.sit_duration) / FALL)
+    pelvis_pos[:, 2] -= style.drop * minimum_jerk((clock - 0.92 * style.sit_duration) / FALL + 1)
     lean, upright = minimum_jerk(progress / 0.7), minimum_jerk((progress - 0.86) / 0.75)
     pitch = 0.03 + (style.lean - 0.03) * lean - (style.lean + style.recline) * upright
     spine, nod = 0.02 + 0.10 * lean - 0.07 * upright, 0.12 - 0.30 * lean + 0.22 * upright

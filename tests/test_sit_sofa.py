@@ -1,0 +1,160 @@
+"""Sitting down on sofas, and the styles of sitting that chairs share: supports that are touched, a drop, a back that is leaned against."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mimicbench.core import rotations as rot
+from mimicbench.core.errors import BadObject
+from mimicbench.core.motion import HumanMotion
+from mimicbench.objects.shape import SceneObject
+from mimicbench.objects.sofas import make_sofa
+from mimicbench.references.body import body_of, roam_body
+from mimicbench.references.quality import check_clip, faults
+from mimicbench.references.seats import armrest, lean_against, place_at, places
+from mimicbench.references.sit_sofa import make_sit_sofa
+from mimicbench.references.sitting import SitStyle
+from mimicbench.references.synthesis import synthesize
+
+CLIPS = 24
+PLAIN = SitStyle(1.06, 0.66, 1.8, 0.6, 0.05, 0.0, 0.0, 1.0)
+START = np.array([1.6, 0.3]), 2.0
+
+
+@pytest.fixture(scope="module")
+def clips() -> list[tuple[HumanMotion, SceneObject]]:
+    return [(synthesize("sit-sofa", i, make_sofa(i), 0), make_sofa(i)) for i in range(CLIPS)]
+
+
+def block(size: tuple[float, float, float], at: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray]:
+    return np.array(at), np.array(size) / 2
+
+
+def sofa(arms: bool = True, back: bool = True) -> SceneObject:
+    """A seat of 0.5 x 0.7 m at 0.42 m, arms of 15 cm that are 17 cm higher, and an upright back."""
+    boxes = [block((0.5, 0.7, 0.42), (0.0, 0.0, 0.21))]
+    boxes += [block((0.5, 0.15, 0.59), (0.0, side * 0.425, 0.295)) for side in (-1, 1)] * arms
+    boxes += [block((0.1, 1.0, 0.90), (-0.3, 0.0, 0.45))] * back
+    pos, half = np.array([box[0] for box in boxes]), np.array([box[1] for box in boxes])
+    outline = np.array([[0.25, -0.35], [0.25, 0.35], [-0.25, 0.35], [-0.25, -0.35]])
+    quat = np.tile([1.0, 0, 0, 0], (len(boxes), 1))
+    return SceneObject("sofa-by-hand", "sofa", "three-seater", pos, quat, half, np.full((len(boxes), 3), 0.5), 0.42, outline)
+
+
+def sit(obj: SceneObject, **style: float) -> HumanMotion:
+    return make_sit_sofa("clip", obj, *START, replace(PLAIN, **style))
+
+
+def label(motion: HumanMotion, name: str) -> np.ndarray:
+    return motion.contacts[:, motion.contact_names.index(name)]
+
+
+def test_clips_pass_the_gate_and_sit(clips):
+    for motion, obj in clips:
+        measures = check_clip(motion, obj)
+        assert faults(measures) == [], (motion.id, obj.kind, measures)
+        above = motion.root_pos_w[:, 2] - obj.require_seat()
+        sits = obj.contains_xy(motion.root_pos_w) & (above >= 0) & (above <= 0.27)  # K, for the pelvis of a human
+        first = np.flatnonzero(sits)[0]
+        assert sits[first:].all() and motion.frames - first > 0.3 * motion.fps
+        assert motion.task == "sit-sofa" and motion.skeleton.name == "roam"
+
+
+def test_clips_are_as_long_as_the_papers_and_end_at_rest(clips):
+    durations = np.array([motion.duration for motion, _ in clips])
+    assert durations.mean() == pytest.approx(12.1, abs=0.05) and np.abs(durations - 12.1).max() <= 0.1 + 1 / 30
+    for motion, _ in clips:
+        assert np.ptp(motion.root_pos_w[-10:], axis=0).max() < 2e-3
+        pos, _ = motion.forward_kinematics()
+        assert 1e-5 < np.ptp(pos[-30:, body_of(motion.skeleton).head], axis=0).max() < 0.2  # breathes, and looks around
+
+
+def test_people_of_all_sizes_take_several_places(clips):
+    statures = [1.62 * motion.style["body_scale"] for motion, _ in clips]
+    assert min(statures) > 1.55 and max(statures) < 1.88 and np.ptp(statures) > 0.15
+    offsets = np.array([motion.root_pos_w[-1, 1] for motion, _ in clips])
+    assert np.ptp(offsets) > 0.4
+    for motion, obj in clips:
+        right, left = obj.seat_polygon[:, 1].min(), obj.seat_polygon[:, 1].max()
+        assert right + 0.24 < motion.root_pos_w[-1, 1] < left - 0.24
+
+
+def test_places_by_hand():
+    assert places(sofa()) == pytest.approx([0.0])
+    wide = replace(sofa(), seat_polygon=sofa().seat_polygon * [1.0, 2.4])
+    assert places(wide) == pytest.approx([-0.56, 0.0, 0.56])
+
+
+def test_hands_rest_on_the_arms_of_the_seat():
+    motion = sit(sofa(), on_arms=1.0)
+    body, (pos, _) = body_of(motion.skeleton), motion.forward_kinematics()
+    assert motion.style["on_arms"] == 1.0
+    for side, (name, arm) in enumerate(zip(("left_hand", "right_hand"), body.arms, strict=True)):
+        touching = np.flatnonzero(label(motion, name))
+        wrist = pos[touching, arm.end]
+        assert touching[-1] == motion.frames - 1 and len(touching) > 20
+        assert np.abs(np.abs(wrist[-1, 1]) - 0.425).max() < 0.075 and np.sign(wrist[-1, 1]) == 1 - 2 * side
+        assert 0.62 < wrist[-1, 2] < 0.66  # the palm on the arm's top at 0.59
+        assert np.ptp(wrist, axis=0).max() < 0.015
+    assert sofa().distance(pos[-1, [arm.end for arm in body.arms]]).min() > 0.03
+
+
+def test_an_arm_that_is_not_there_is_not_used():
+    motion = sit(sofa(arms=False), on_arms=1.0)
+    assert motion.style["on_arms"] == -1.0 and not label(motion, "left_hand").any()
+    body, place = roam_body(1.06), place_at(sofa(), roam_body(1.06), 0.0)
+    assert armrest(sofa(arms=False), body, place.pelvis, place.pelvis + [0, 0.15, 0.48], 0) is None
+
+
+def test_hands_rest_on_the_seat():
+    motion = sit(sofa(), on_seat=1.0)
+    body, (pos, _) = body_of(motion.skeleton), motion.forward_kinematics()
+    wrists = pos[-1, [arm.end for arm in body.arms]]
+    assert (np.abs(wrists[:, 1]) > 0.2).all() and (wrists[:, 2] < 0.42 + 0.10).all()
+
+
+def test_hands_push_on_the_thighs_on_the_way_down():
+    body = roam_body(PLAIN.body_scale)
+    wrists = [arm.end for arm in body.arms]
+    apart = []
+    for on_thighs in (1.0, -1.0):
+        motion = sit(sofa(), on_thighs=on_thighs)
+        pos, quat = motion.forward_kinematics()
+        middle = np.flatnonzero(label(motion, "pelvis"))[0] - 12
+        knees, hips = pos[middle, [leg.middle for leg in body.legs]], pos[middle, [leg.root for leg in body.legs]]
+        along = np.linspace(0, 1, 21)[:, None, None]
+        apart.append(np.linalg.norm(pos[middle, wrists] - (hips + along * (knees - hips)), axis=-1).min(0).max())
+    assert apart[0] < 0.13 < 0.2 < apart[1]
+
+
+def test_who_drops_is_faster_at_the_end():
+    speeds = []
+    for drop in (0.0, 0.05):
+        motion = sit(sofa(), drop=drop)
+        height = motion.root_pos_w[:, 2]
+        last = np.flatnonzero(height < height[-1] + 0.04)[0]
+        speeds.append((height[last - 1] - height[last]) * motion.fps)
+        assert height[-1] == pytest.approx(0.42 + roam_body(1.06).buttock - 0.01, abs=1e-6)
+    assert speeds[1] > 1.15 * speeds[0]
+
+
+def test_who_leans_back_bears_on_the_back():
+    motion = sit(sofa(), against=1.0, lean_back=0.3)
+    body, (pos, quat) = body_of(motion.skeleton), motion.forward_kinematics()
+    assert motion.style["against"] == 1.0 and label(motion, "back")[-1] and not label(motion, "back")[label(motion, "pelvis").argmax()]
+    assert motion.root_pos_w[-1, 0] < sit(sofa()).root_pos_w[-1, 0] - 0.02
+    trunk = next(part for part in body.parts if part.role == "trunk")
+    axis = pos[-1, trunk.joint] + rot.rotate(quat[-1, trunk.joint], np.linspace(trunk.start, trunk.end, 5))
+    assert 0.0 < trunk.radius - sofa().distance(axis).min() < 0.03
+    upright = sit(sofa(back=False), against=1.0, lean_back=0.3)
+    assert upright.style["against"] == -1.0 and not label(upright, "back").any()
+    assert lean_against(sofa(back=False), roam_body(1.06), place_at(sofa(), roam_body(1.06), 0.0), 0.3, 0.15) is None
+
+
+def test_a_clip_is_remade_alone_from_its_id(clips):
+    motion, obj = clips[5]
+    again = synthesize("sit-sofa", 5, obj, 0)
+    assert again.local_quat.tobytes() == motion.local_quat.tobytes() and again.style == motion.style
+    with pytest.raises(BadObject, match="no seat"):
+        synthesize("sit-sofa", 0, SceneObject.from_dict({**obj.to_dict(), "seat_height": None}), 0)
