@@ -34,3 +34,12 @@ def test_normal_is_the_gradient_and_agrees_with_the_unsigned_distance(index: int
     assert np.linalg.norm(normal, axis=-1) == pytest.approx(1)
     moved, _ = signed_distance(chair, points + 1e-6 * normal)
     assert (moved - distance) / 1e-6 == pytest.approx(1, abs=1e-3) or np.mean(np.abs((moved - distance) / 1e-6 - 1) < 1e-3) > 0.9
+
+
+def test_a_mattress_is_left_upwards() -> None:
+    """A point just above the frame, deep in the mattress on it, is nearer to the frame than to the air."""
+    pos, half = np.array([[0, 0, 0.1], [0, 0, 0.3]]), np.array([[1.0, 1, 0.1], [1.0, 1, 0.1]])
+    bed = SceneObject("bed", "bed", "bed", pos, np.tile(rot.IDENTITY, (2, 1)), half, np.ones((2, 3)))
+    distance, normal = signed_distance(bed, np.array([[0.0, 0, 0.25], [0.0, 0, 0.15], [0.95, 0, 0.25]]))
+    assert distance == pytest.approx([-0.15, -1.0, -0.05])
+    assert normal[0] == pytest.approx([0, 0, 1]) and normal[2] == pytest.approx([1, 0, 0])

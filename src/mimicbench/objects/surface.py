@@ -5,9 +5,15 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.objects.shape import SceneObject
 
+_STEP = 1e-3
+"""[m] Beyond a face there is a way out if so far in front of it there is no other box, nor the floor."""
+
 
 def signed_distance(obj: SceneObject, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """How far points are from the surface of the nearest box, negative inside, and the unit normal there.
+    """How far points are from the object's surface, negative inside, and the unit normal there.
+
+    Inside it is the shortest way along a box's axes that leads out of all boxes, and not into the floor: a mattress is left upwards,
+    not into the frame under it.
 
     Args:
         obj: the object; imported ones are taken for their boxes.
@@ -16,24 +22,40 @@ def signed_distance(obj: SceneObject, points: np.ndarray) -> tuple[np.ndarray, n
     Returns:
         Distances (M,) [m] and normals (M, 3), the gradient of the distance, in the object's frame.
     """
-    turn = rot.to_matrix(obj.box_quat)  # (B, 3, 3)
+    turns = rot.to_matrix(obj.box_quat)
     best, normal = np.full(len(points), np.inf), np.zeros((len(points), 3))
-    each = np.arange(len(points))
-    for center, matrix, half in zip(obj.box_pos, turn, obj.box_half, strict=True):
-        local = (points - center) @ matrix
-        beyond = np.abs(local) - half
-        outside = np.maximum(beyond, 0.0)
+    for center, turn, half in zip(obj.box_pos, turns, obj.box_half, strict=True):
+        local = (points - center) @ turn
+        outside = np.maximum(np.abs(local) - half, 0.0)
         away = np.sqrt((outside**2).sum(-1))
-        axis = beyond.argmax(-1)
-        distance = away + np.minimum(beyond[each, axis], 0.0)
-        nearer = distance < best
-        if not nearer.any():
-            continue
-        best[nearer] = distance[nearer]
-        # outside, away from the nearest point; inside, through the nearest face
-        way = np.zeros((int(nearer.sum()), 3))
-        way[np.arange(len(way)), axis[nearer]] = 1.0
-        off = away[nearer] > 1e-9
-        way[off] = outside[nearer][off] / away[nearer][off, None]
-        normal[nearer] = (way * np.where(local[nearer] < 0, -1.0, 1.0)) @ matrix.T
+        nearer = away < best
+        if nearer.any():
+            best[nearer] = away[nearer]
+            way = outside[nearer] / np.maximum(away[nearer], 1e-12)[:, None]
+            normal[nearer] = (way * np.where(local[nearer] < 0, -1.0, 1.0)) @ turn.T
+    inside = np.flatnonzero(best < 1e-9)
+    if len(inside):
+        best[inside], normal[inside] = _way_out(obj, turns, points[inside])
     return best, normal
+
+
+def _way_out(obj: SceneObject, turns: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distances (M,), not positive, and normals (M, 3) of points inside the object."""
+    free, blocked = np.full(len(points), -np.inf), np.full(len(points), -np.inf)
+    free_way, blocked_way = np.zeros((len(points), 3)), np.zeros((len(points), 3))
+    for center, turn, half in zip(obj.box_pos, turns, obj.box_half, strict=True):
+        local = (points - center) @ turn
+        within = np.flatnonzero((np.abs(local) <= half + 1e-9).all(-1))
+        for axis in range(3):
+            for sign in (1.0, -1.0):
+                depth = sign * local[within, axis] - half[axis]  # negative
+                way = sign * turn[:, axis]
+                out = points[within] + (_STEP - depth)[:, None] * way
+                closed = out[:, 2] < 0
+                for other, other_turn, other_half in zip(obj.box_pos, turns, obj.box_half, strict=True):
+                    closed |= (np.abs((out - other) @ other_turn) <= other_half).all(-1)
+                for best, ways, take in ((free, free_way, ~closed), (blocked, blocked_way, closed)):
+                    take = take & (depth > best[within])
+                    best[within[take]], ways[within[take]] = depth[take], way
+    nowhere = ~np.isfinite(free)
+    return np.where(nowhere, blocked, free), np.where(nowhere[:, None], blocked_way, free_way)

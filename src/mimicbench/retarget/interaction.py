@@ -42,6 +42,8 @@ class InteractionConfig:
     """Of a limb from the human's [rad]."""
     foot: tuple[float, float] = (0.002, 0.02)
     """Of a foot from its anchor, standing and swinging [m]."""
+    foot_rest: float = 0.015
+    """The same where it rests on the object [m]."""
     foot_turn: tuple[float, float] = (0.03, 0.3)
     """The same of its orientation [rad]."""
     hand: tuple[float, float] = (0.003, 0.3)
@@ -260,7 +262,8 @@ def make_problem(clip: Clip, config: InteractionConfig, slide: float = 0.0) -> t
     for foot, link in enumerate(feet):
         column = bound.links.tolist().index(link)
         targets[:, column] = anchors.foot_pos_w[:, foot]
-        tolerance[:, column] = np.where(anchors.standing[:, foot], *config.foot)
+        rests = np.where(anchors.standing[:, foot], config.foot_rest, config.foot[1])
+        tolerance[:, column] = np.where(anchors.on_floor[:, foot], config.foot[0], rests)
     near, far = config.hand
     hand = far * (near / far) ** anchors.nearness  # from far to near by equal ratios
 
