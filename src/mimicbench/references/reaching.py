@@ -23,6 +23,8 @@ from mimicbench.references.walking import REACH, Walk
 Some = TypeVar("Some", Trunk, Legs, Arms)
 SIZES = (0.86, 1.04)
 """Body sizes: statures of 1.55 to 1.88 m."""
+GIVE = 0.003
+"""[m] that flesh gives."""
 WRIST = 1.2
 """[rad] that a wrist bends, at most."""
 EYES = np.array([0.08, 0.0, 0.62])
@@ -192,7 +194,7 @@ def find_posture(
     easiest = np.tile(np.argsort(effort + 100.0 * out, kind="stable")[:TRIED], len(ELBOWS))
     ranks = np.repeat(np.arange(len(ELBOWS)), TRIED)
     some = replace(every[easiest], elbow=np.array(ELBOWS)[ranks])
-    short = np.maximum(depth(body, *_placed(body, ground, some, wrists), obj, shift, BUT_HANDS), 0.0) + out[easiest]
+    short = np.maximum(depth(body, *_placed(body, ground, some, wrists), obj, shift, BUT_HANDS) - GIVE, 0.0) + out[easiest]
     best = int(np.argmin(effort[easiest] + 0.15 * ranks + 100.0 * short))
     return some[best], float(short[best])
 

@@ -17,7 +17,7 @@ from mimicbench.references.walking import FPS, follow
 
 STRIDES = Gait(speed=0.58, step_time=0.58, stand=0.5, clearance=0.055)
 """Short steps."""
-CLOSER = ((0.0, 0.0), (0.05, 0.0), (0.05, 0.4), (0.14, 0.2), (0.0, 0.5))
+CLOSER = ((0.0, 0.0), (0.05, 0.0), (0.05, 0.4), (0.14, 0.2), (0.0, 0.5), (0.1, 0.7))
 """How much nearer to the object than usual to stand [m], and how far to round the back [rad]; the first with which the hands arrive is taken."""
 HELD = 1.2
 """[s] for which the hands stay, at least."""
