@@ -21,7 +21,7 @@ from mimicbench.references.quality import gate
 from mimicbench.references.synthesis import synthesize
 from mimicbench.tasks.registry import get_task
 
-STYLE = LieStyle(1.06, 0.6, 1.7, 1.0, 0.57, 0.12, 0.95, 0.0, 1.0, 20.0)
+STYLE = LieStyle(1.06, 0.6, 1.7, 1.0, 0.57, 0.12, 0.95, 0.0, 0.0, 1.0, 20.0)
 CLIPS = 10
 Pair = tuple[HumanMotion, SceneObject]
 
@@ -93,6 +93,14 @@ def test_a_clip_follows_from_start_object_and_style() -> None:
         assert np.array_equal(first.local_quat, again.local_quat) and np.array_equal(first.root_pos_w, again.root_pos_w)
         other = make("clip", obj, np.array([2.2, 0.4]), 2.0, replace(STYLE, stretch=0.7))
         assert not np.array_equal(first.local_quat[-1], other.local_quat[-1])
+
+
+def test_a_knee_may_stay_up() -> None:
+    bed, start = make_bed(3), np.array([2.2, 0.4])
+    for knee, side in ((1.0, 0), (-1.0, 1)):
+        motion = make_lie_bed("clip", bed, start, 2.0, replace(STYLE, knee=knee))
+        flexion = joint_angles(body_of(motion.skeleton), motion.local_quat)["knee_flexion"][-1]
+        assert flexion[side] > 1.3 and flexion[1 - side] < 0.8
 
 
 def test_one_lies_on_the_side_of_the_bed_from_which_one_comes() -> None:

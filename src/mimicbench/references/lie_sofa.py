@@ -7,6 +7,7 @@ import numpy as np
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
+from mimicbench.objects.upholstery import HEAD_ROOM
 from mimicbench.references.body import Body, roam_body
 from mimicbench.references.gait import Gait, Route, around_box, plan_footsteps
 from mimicbench.references.lying import Berth, LieStyle, draw_style, lie_down, needed_time, perch
@@ -22,7 +23,11 @@ def synthesize_lie_sofa(clip_id: str, obj: SceneObject, seed: int) -> HumanMotio
     """One clip. Raises BadObject if there is nothing to lie on."""
     height = obj.require_seat()
     random = rng(seed, clip_id, obj.id)
-    scale = random.uniform(max(0.96, min(1.10, 2.0 * height)), 1.15)
+    low, high = obj.seat_polygon.min(0), obj.seat_polygon.max(0)
+    span = float(max(high[1] - obj.head_xy[1], obj.head_xy[1] - low[1]))
+    # the shortest people stay away from the highest sofas, where their feet would hang, and tall ones from the shortest sofas
+    shortest = max(0.96, min(1.08, 2.0 * height))
+    scale = random.uniform(shortest, max(shortest + 0.02, min(1.15, (span + 0.03) / 1.25)))
     duration = 12.1 + 0.05 * float(np.clip(random.standard_normal(), -2.0, 2.0))
     style = replace(draw_style(random, scale, duration, (0.66, 0.72)), hands=1.0)
     plans, ends = [], []
@@ -67,7 +72,10 @@ def find_berth(obj: SceneObject, body: Body) -> Berth:
     side = 1.0 if obj.head_xy[1] > (low[1] + high[1]) / 2 else -1.0
     offsets = body.skeleton.offsets
     spine = float(offsets[[*body.spine, *body.neck], 2].sum()) + 0.085 * body.size
-    y = float(obj.head_xy[1]) - side * (spine - 0.02)
+    # who has little room for the legs moves the head up to the end
+    span = side * (float(obj.head_xy[1]) - float(low[1] if side > 0 else high[1]))
+    up = float(np.clip(1.30 * body.size - span, 0.02, max(0.02, HEAD_ROOM - 0.105 * body.size)))
+    y = float(obj.head_xy[1]) - side * (spine - up)
     corners = obj.corners()
     least, most = corners.min(1), corners.max(1)
 

@@ -45,6 +45,8 @@ class LieStyle:
     """The second leg follows the first one after this time, at pace 1 [s]."""
     stretch: float
     """How far the legs are stretched in the end, as a share of their length, where there is room."""
+    knee: float
+    """Which knee stays up in the end: 1 the left one, -1 the right one, 0 neither."""
     hands: float
     """Where the hands rest: 0 beside the hips, 1 on the belly."""
     arm_swing: float
@@ -116,7 +118,7 @@ def draw_style(random: np.random.Generator, body_scale: float, duration: float, 
         body_scale=body_scale, speed=random.uniform(0.62, 0.70) if quick else random.uniform(0.57, 0.63),
         sit_duration=random.uniform(1.15, 1.3) if quick else random.uniform(1.6, 1.9), pace=random.uniform(*pace),
         lean=random.uniform(0.52, 0.62), stagger=random.uniform(0.06, 0.18), stretch=random.uniform(0.89, 0.985),
-        hands=float(random.integers(2)), arm_swing=random.uniform(0.7, 1.2), duration=duration,
+        knee=float(random.choice([0, 0, 0, 1, -1])), hands=float(random.integers(2)), arm_swing=random.uniform(0.7, 1.2), duration=duration,
     )  # fmt: skip
 
 
@@ -205,7 +207,11 @@ def _legs(body: Body, berth: Berth, way: Walk, trunk: Trunk, clock: np.ndarray, 
     for side, sign in enumerate((1.0, -1.0)):
         # the foot that is nearer to the foot end goes first
         late = 0.0 if sign * berth.turn > 0 else style.stagger
-        lift, land, stretch = _ease(clock, 0.05 + late, 1.35 + late), _ease(clock, 1.75 + late, 2.8 + late), _ease(clock, 3.4 + late, 5.1 + late)
+        lift, land, stretch = (
+            _ease(clock, 0.05 + late, 1.35 + late),
+            _ease(clock, 1.75 + late, 2.8 + late),
+            _ease(clock, 3.4 + late, 5.1 + late) * (style.knee != sign),
+        )
         standing = walking.ankle_pos_w[-1, side]
         first = np.array([(standing[:2] - berth.seat_xy) @ berth.out, sign * ((standing[:2] - berth.seat_xy) @ left), standing[2]])
         r, across, z = (first + lift[:, None] * (lifted - first) + land[:, None] * (knees_up - lifted) + stretch[:, None] * (final - knees_up)).T
@@ -229,7 +235,7 @@ def _legs(body: Body, berth: Berth, way: Walk, trunk: Trunk, clock: np.ndarray, 
 
 def _aloft(body: Body, berth: Berth) -> float:
     """Distance of the lifted ankles from the pelvis, as a share of the legs' length: less where the feet would sweep over an end that stands up."""
-    return min(0.66, max((berth.room - 0.95 * body.toe - 0.04) / sum(body.length(body.legs[0])), 0.48)) if berth.board else 0.66
+    return min(0.66, max((berth.room - 0.95 * body.toe - 0.04) / sum(body.length(body.legs[0])), 0.49)) if berth.board else 0.66
 
 
 def _resting_foot(body: Body, berth: Berth, stretch: float) -> tuple[np.ndarray, float]:
@@ -250,8 +256,7 @@ def _resting_foot(body: Body, berth: Berth, stretch: float) -> tuple[np.ndarray,
         fits = corner + np.arccos(np.clip((room - distance) / sole, -1.0, 1.0))
         pitch = float(np.clip(max(shin - 0.30, fits), 0.0, max(shin, 0.0) + 0.40))
         if fits > pitch + 0.01:  # the toes cannot be drawn in so far: the knees are
-            distance -= 0.025
-    distance = max(distance, 0.75 * upper)
+            distance = max(distance - 0.025, 0.68 * upper)
     return np.array([distance + body.hip_drop, body.hip_half_width + 0.025, berth.height + _ankle_height(body, pitch)]), pitch
 
 
