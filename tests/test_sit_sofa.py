@@ -80,6 +80,12 @@ def test_people_of_all_sizes_take_several_places(clips):
         assert right + 0.24 < motion.root_pos_w[-1, 1] < left - 0.24
 
 
+def test_most_clips_begin_in_motion(clips):
+    speed = np.array([np.linalg.norm(motion.root_pos_w[1] - motion.root_pos_w[0]) * motion.fps for motion, _ in clips])
+    assert (speed > 0.1).mean() > 0.4 and speed.max() < 1.2
+    assert any(not motion.contacts[0, :2].all() for motion, _ in clips)
+
+
 def test_places_by_hand():
     assert places(sofa()) == pytest.approx([0.0])
     wide = replace(sofa(), seat_polygon=sofa().seat_polygon * [1.0, 2.4])

@@ -34,7 +34,7 @@ def draw_style(random: np.random.Generator, obj: SceneObject, start_xy: np.ndarr
         body_scale=random.uniform(shortest, 1.15), speed=random.uniform(0.62, 0.70), sit_duration=random.uniform(1.6, 2.0),
         lean=random.uniform(0.54, 0.64), recline=random.uniform(0.0, 0.12), seat_x=random.uniform(-0.02, 0.02), seat_y=place + random.uniform(-0.03, 0.03),
         arm_swing=random.uniform(0.7, 1.2), duration=12.1 + 0.05 * float(np.clip(random.standard_normal(), -2, 2)), against=1.0 if leans else -1.0,
-        lean_back=random.uniform(0.25, 0.40), look=random.uniform(-0.5, 0.5),
+        lean_back=random.uniform(0.25, 0.40), lead=random.uniform(0.0, 1.4), look=random.uniform(-0.5, 0.5),
     )  # fmt: skip
     if slow:
         style = replace(style, sit_duration=random.uniform(2.4, 3.0))
@@ -72,7 +72,7 @@ def arrival(obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: Sit
     """When the feet stand in front of the seat [s]."""
     middle = float(obj.seat_polygon[:, 1].min() + obj.seat_polygon[:, 1].max()) / 2
     place = place_at(obj, roam_body(style.body_scale), middle + style.seat_y, style.seat_x)
-    return plan_footsteps(start_yaw, route_to(obj, start_xy, place), place.ankles, 0.0, gait_of(style), style.body_scale).end
+    return plan_footsteps(start_yaw, route_to(obj, start_xy, place), place.ankles, 0.0, gait_of(style), style.body_scale).end - style.lead
 
 
 def time_to_settle(style: SitStyle) -> float:

@@ -67,6 +67,8 @@ class SitStyle:
     """Whether the pelvis slides back in the end, and the trunk leans against the back."""
     lean_back: float = 0.0
     """How far it then leans [rad], or a little more or less, as the back allows."""
+    lead: float = 0.0
+    """How much of the walk is left out, so that the clip begins in motion [s]."""
     look: float = 0.0
     """How far the head turns to look around at rest [rad], to the left."""
 
@@ -83,7 +85,7 @@ def sit_down(
     place = place_at(obj, body, middle + style.seat_y, style.seat_x)
     leaning = lean_against(obj, body, place, style.lean_back, 0.05 + SLUMP) if style.against > 0 else None
     after = PAUSE + style.sit_duration + (0.5 + LEAN_BACK if leaning else 1.5)
-    way = walk(body, route_to(obj, start_xy, place), start_yaw, place.ankles, 0.0, gait, after, style.duration)
+    way = walk(body, route_to(obj, start_xy, place), start_yaw, place.ankles, 0.0, gait, after, style.duration, style.lead)
     clock = way.time - way.end - PAUSE
 
     trunk, legs = _trunk(way, clock, place, leaning, style), way.legs()
