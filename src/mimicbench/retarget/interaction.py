@@ -14,7 +14,7 @@ with joint limits exact. The literature finds that contacts and penetration deci
 (OmniRetarget; holosoma); the three methods of the paper know neither.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -68,10 +68,10 @@ class InteractionConfig:
     """Share of a joint's velocity limit that it may use."""
     velocity: float = 0.2
     """Beyond that share [rad/s]."""
-    slides: tuple[float, ...] = (0.05, 0.1, 0.15)
+    slides: tuple[float, ...] = (0.08, 0.15)
     """How far forward a body that does not rest on its seat is put, one after the other until it does [m]: on a seat higher than its knees a robot with
     long thighs would lie on the front edge with them and hover with its buttocks."""
-    hover: float = 0.012
+    hover: float = 0.02
     """[m] of buttocks above the seat that is still rest."""
     iterations: int = 25
     """Gauss-Newton steps at most."""
@@ -82,17 +82,18 @@ class InteractionConfig:
 def interact(clip: Clip, config: InteractionConfig | None = None) -> RobotMotion:
     """The robot motion that does with the object what the human does. Raises UnknownName or BadMotion."""
     config = config or InteractionConfig()
-    problem, pose, losses = _solved(clip, config, 0.0)
+    problem, start = make_problem(clip, config)
+    pose, losses = solve(problem, start, config.iterations, config.tolerance)
     for slide in config.slides:
         if problem.hovering(problem.tree.place(pose)) < config.hover:
             break
-        problem, pose, losses = _solved(clip, config, slide)
+        problem, _ = make_problem(clip, config, slide)
+        pose, losses = solve(problem, pose, config.iterations, config.tolerance)
     return clip.finished(problem.tree, pose, clip.bind("improved"), {"loss": losses[-1], "iterations": float(len(losses) - 1)})
 
 
-def _solved(clip: Clip, config: InteractionConfig, slide: float) -> "tuple[Problem, Pose, list[float]]":
-    problem, start = make_problem(clip, config, slide)
-    return problem, *solve(problem, start, config.iterations, config.tolerance)
+Touches = list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]]
+"""Frames (M,) ascending, links (M,), points (M, 3), directions (M, 3) and residuals (M,) over tolerances, of several kinds of contact."""
 
 
 @dataclass(frozen=True)
@@ -145,6 +146,8 @@ class Problem:
     """(T, 3) middle of both ankles' anchors [m]."""
     speed_limit: np.ndarray
     """(N,) [rad/s]."""
+    last: list = field(default_factory=list)
+    """The links that were looked at last, and what was found there."""
 
     def loss(self, pose: Pose, links: Links) -> float:
         """Half the sum of squared residuals."""
@@ -172,8 +175,13 @@ class Problem:
             if not len(rows.frame):
                 continue
             first = np.flatnonzero(np.concatenate([[True], np.diff(rows.frame) > 0]))
-            blocks[rows.frame[first]] += np.add.reduceat(rows.jacobian[:, :, None] * rows.jacobian[:, None], first, 0)
-            gradient[rows.frame[first]] += np.add.reduceat(rows.jacobian * rows.residual[:, None], first, 0)
+            counts = np.diff(np.append(first, len(rows.frame)))
+            # the rows of each frame side by side, so that one batched product adds them up
+            place = np.repeat(np.arange(len(first)), counts), np.arange(len(rows.frame)) - np.repeat(first, counts)
+            beside, residual = np.zeros((len(first), counts.max(), variables)), np.zeros((len(first), 1, counts.max()))
+            beside[place], residual[place[0], 0, place[1]] = rows.jacobian, rows.residual
+            blocks[rows.frame[first]] += np.swapaxes(beside, 1, 2) @ beside
+            gradient[rows.frame[first]] += (residual @ beside)[:, 0]
         model = Model(blocks, gradient)
         acceleration, excess = self._differences(pose)
         if frames > 2:
@@ -207,7 +215,13 @@ class Problem:
     def _smoothness(self) -> np.ndarray:
         return np.repeat([self.config.root_acceleration**-2, self.config.acceleration**-2], [3, len(self.limits)])
 
-    def _touching(self, links: Links) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
+    def _touching(self, links: Links) -> Touches:
+        """What `_touch` finds; the model is asked for where the loss was last."""
+        if not self.last or self.last[0] is not links:
+            self.last[:] = [links, self._touch(links)]
+        return self.last[1]
+
+    def _touch(self, links: Links) -> Touches:
         """Clearance, contacts: frames, links, points (M, 3), directions (M, 3), residuals over tolerances; and balance, on link -1."""
         centers = self.balls.place(links)
         distance, normal = self.scene.clearance(self.balls, centers)
