@@ -54,6 +54,8 @@ class GaitMeasures:
 
 STRAIGHT, FORWARD = 0.35, 0.15
 """A step is straight walking if the heading turns by less [rad], and the pelvis goes forward by more [m]."""
+LYING = 45.0
+"""Whose trunk leans more at the end [degrees] lies rather than sits."""
 STEADY = 0.75
 """And steady walking if it is faster than this share of the clip's fastest step."""
 
@@ -66,7 +68,9 @@ def measure_gait(motion: HumanMotion) -> GaitMeasures:
     lean = np.degrees(_trunk_lean(body, pos, rot.yaw_of(quat[:, 0])))
     found = dict.fromkeys((field.name for field in fields(GaitMeasures)), float("nan"))
     found |= _walking(motion, body, pos, quat, angles, lean)
-    return GaitMeasures(**found | _sitting(motion.root_pos_w[:, 2], motion.fps, body, angles, lean))
+    if not motion.contact_names or "pelvis" in motion.contact_names:  # who squats to reach something does not sit
+        found |= _sitting(motion.root_pos_w[:, 2], motion.fps, body, angles, lean)
+    return GaitMeasures(**found)
 
 
 def summarize(measures: Iterable[GaitMeasures]) -> dict[str, tuple[float, float, int]]:
@@ -188,7 +192,9 @@ def _sitting(height: np.ndarray, fps: float, body: Body, angles: dict[str, np.nd
         return {}
     start, margin = int(begun[-1]), round(0.4 * fps)
     down = slice(max(0, start - margin), min(len(height), end + margin))
+    last = slice(-max(1, round(0.5 * fps)), None)
+    sits = abs(float(np.median(lean[last]))) < LYING
     return {
         "sit_time": (end - start) / fps, "sit_speed": float(-np.gradient(height, 1 / fps)[down].min()), "sit_lean": float(lean[down].max()),
-        "sit_hip": float(angles["hip_flexion"][down].mean(-1).max()), "seated_knee": float(np.median(angles["knee_flexion"][-round(0.5 * fps) :])),
+        "sit_hip": float(angles["hip_flexion"][down].mean(-1).max()), "seated_knee": float(np.median(angles["knee_flexion"][last])) if sits else float("nan"),
     }  # fmt: skip
