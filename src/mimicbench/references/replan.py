@@ -13,8 +13,8 @@ from mimicbench.core.motion import HumanMotion, forward_kinematics
 from mimicbench.references.body import Body, body_of
 from mimicbench.references.feet import FeetStart, rolled
 from mimicbench.references.gait import Footsteps, Gait, Route, ahead_of, body_places, first_side, place_feet
-from mimicbench.references.limbs import ease, minimum_jerk
-from mimicbench.references.walking import FPS, Walk, follow, walk
+from mimicbench.references.limbs import ease, minimum_jerk, smooth_below
+from mimicbench.references.walking import FPS, Walk, follow, highest_pelvis, standing_height, walk
 
 LONG_AGO = 10.0
 """Since when a foot stands that has not moved yet [s]."""
@@ -22,6 +22,8 @@ MOVES = 0.12
 """A pelvis that is faster walks [m/s]."""
 JOINS = 0.6
 """Within so many seconds the pelvis joins the plan."""
+FARTHEST = 0.998
+"""Share of its length to which a leg may be stretched meanwhile."""
 
 
 @dataclass(frozen=True)
@@ -127,8 +129,15 @@ def walk_from(body: Body, state: BodyState, route: Route, stop_xy: np.ndarray, s
     steps = continue_footsteps(body, state, route, stop_xy, stop_yaw, gait)
     way = follow(body, steps, gait, after, duration, state.feet, state.pelvis_pos_w[:2])
     yaw = ease(way.yaw + way.twist, way.yaw[0] + _near(state.yaw - way.yaw[0]), state.yaw_rate, FPS, JOINS) - way.twist
+    pelvis = way.pelvis_pos_w.copy()
+    pelvis[:, :2] = ease(pelvis[:, :2], state.pelvis_pos_w[:2], state.pelvis_vel_w[:2], FPS, JOINS)
+    turned = yaw + way.twist
+    height = ease(standing_height(body, pelvis[:, :2], turned, way.feet, gait.rolls), state.pelvis_pos_w[2], state.pelvis_vel_w[2], FPS, JOINS)
+    # where the pelvis is carried farther than was planned, it sinks as much as the legs need
+    spare = highest_pelvis(body, pelvis[:, :2], turned, way.feet, FARTHEST) + body.hip_drop - height
+    pelvis[:, 2] = height + minimum_jerk(way.time * FPS / 4) * smooth_below(np.minimum(spare, 0.0), 3)
     return replace(
-        way, yaw=yaw, pelvis_pos_w=ease(way.pelvis_pos_w, state.pelvis_pos_w, state.pelvis_vel_w, FPS, JOINS),
+        way, yaw=yaw, pelvis_pos_w=pelvis,
         list=ease(way.list, state.roll, state.roll_rate, FPS, JOINS), look=ease(way.look, state.look, state.look_rate, FPS, JOINS),
     )  # fmt: skip
 
@@ -150,6 +159,11 @@ def continue_footsteps(body: Body, state: BodyState, route: Route, stop_xy: np.n
     flat = feet.pos_w - rolled(body, feet.pitch, feet.yaw, (feet.pitch < 0).astype(float))
     heading = state.yaw + rot.wrap_angle(feet.yaw - state.yaw)
     sides, xy = place_feet(flat[:, :2], list(heading), centers, yaws, side, gait, scale)
+    for _ in range(2):  # feet that had to keep to their side end beside the goal: one step more each
+        if len(xy) < 2 or np.linalg.norm(xy[-2:].mean(0) - stop_xy) < 0.02:
+            break
+        centers, yaws = [*centers, stop_xy], [*yaws, yaws[-1]]
+        sides, xy = place_feet(flat[:, :2], list(heading), centers, yaws, side, gait, scale)
     count = _needed(flat[:, :2], heading, sides, xy, yaws, 0 if feet.bears.all() else 1)
     touch_down = lift + swing + gait.period * np.arange(count)
     # where the feet came from, so that they roll now as they would have

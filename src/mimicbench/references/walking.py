@@ -135,18 +135,24 @@ def follow(
 
 def standing_height(body: Body, pelvis_xy: np.ndarray, yaw: np.ndarray, feet: Feet, rolls: bool = False) -> np.ndarray:
     """A high and smooth pelvis path (T,) [m] from which both legs reach their feet: lower in double support, as people walk."""
-    leg = (ROLLING_REACH if rolls else REACH) * sum(body.length(body.legs[0]))
+    limits = highest_pelvis(body, pelvis_xy, yaw, feet, ROLLING_REACH if rolls else REACH)
+    if not rolls:
+        return smooth_below(limits, round(0.2 * FPS)) - 0.006 + body.hip_drop
+    # the legs' arcs have a cusp at each heel strike: their mean motion, lowered by what it is too high there
+    height = smooth(limits, round(SOFT * FPS))
+    return height + smooth_below(np.minimum(limits - height, 0.0), round(0.3 * FPS)) - 0.004 + body.hip_drop
+
+
+def highest_pelvis(body: Body, pelvis_xy: np.ndarray, yaw: np.ndarray, feet: Feet, reach: float) -> np.ndarray:
+    """Height of the hips (T,) [m] at which the first of both legs is stretched to some share of its length."""
+    leg = reach * sum(body.length(body.legs[0]))
     limits = np.full(len(yaw), leg + body.sole)
     for side, limb in enumerate(body.legs):
         forward, left, _ = body.skeleton.offsets[limb.root]
         hip = pelvis_xy + forward * np.stack([np.cos(yaw), np.sin(yaw)], -1) + left * np.stack([-np.sin(yaw), np.cos(yaw)], -1)
         away = ((hip - feet.pos_w[:, side, :2]) ** 2).sum(-1)
         limits = np.minimum(limits, feet.pos_w[:, side, 2] + np.sqrt(np.maximum(leg**2 - away, 0.25 * leg**2)))
-    if not rolls:
-        return smooth_below(limits, round(0.2 * FPS)) - 0.006 + body.hip_drop
-    # the legs' arcs have a cusp at each heel strike: their mean motion, lowered by what it is too high there
-    height = smooth(limits, round(SOFT * FPS))
-    return height + smooth_below(np.minimum(limits - height, 0.0), round(0.3 * FPS)) - 0.004 + body.hip_drop
+    return limits
 
 
 def _sideways(pelvis: np.ndarray, feet: Feet, yaw: np.ndarray) -> np.ndarray:
