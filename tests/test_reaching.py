@@ -8,10 +8,10 @@ from mimicbench.core.motion import HumanMotion, forward_kinematics
 from mimicbench.objects.boxes import make_box
 from mimicbench.objects.household import make_household
 from mimicbench.objects.shape import SceneObject
-from mimicbench.references import lift_box, reaching, touch_points
+from mimicbench.references import lift_box, postures, reaching, touch_points
 from mimicbench.references.body import body_of, core4d_body
 from mimicbench.references.gait import Gait
-from mimicbench.references.posing import Arms, Legs, Trunk, shoulders
+from mimicbench.references.posing import Arms, Legs, Trunk, pose, reach, shoulders
 from mimicbench.references.quality import check_clip, faults
 from mimicbench.references.synthesis import synthesize
 from mimicbench.references.touch_points import synthesize_touch_points
@@ -92,29 +92,29 @@ def test_start_object_and_style_determine_the_clip():
 def test_center_of_mass_by_hand():
     body = core4d_body()
     pos = np.zeros((1, len(body.skeleton.joint_names), 3))
-    assert reaching.center_of_mass(body, pos) == pytest.approx(np.zeros((1, 3)))
+    assert postures.center_of_mass(body, pos) == pytest.approx(np.zeros((1, 3)))
     # shares of the segments add up to one body, so moving all of it by 1 m moves the center by 1 m
-    assert reaching.center_of_mass(body, pos + [1.0, 0.0, 0.0])[0] == pytest.approx([1.0, 0.0, 0.0])
+    assert postures.center_of_mass(body, pos + [1.0, 0.0, 0.0])[0] == pytest.approx([1.0, 0.0, 0.0])
     # one forearm with hand is 2.2 % of the mass, its center 68.2 % along it
     pos[0, body.arms[0].end, 2] = -1.0
-    assert reaching.center_of_mass(body, pos)[0, 2] == pytest.approx(-0.022 * 0.682, rel=2e-3)
+    assert postures.center_of_mass(body, pos)[0, 2] == pytest.approx(-0.022 * 0.682, rel=2e-3)
 
 
 def test_postures_are_balanced_and_reach():
     body, yaw = core4d_body(0.95), np.pi
-    ground = reaching.Ground.at(body, np.array([0.6, 0.1]), yaw, Gait())
+    ground = postures.Ground.at(body, np.array([0.6, 0.1]), yaw, Gait())
     assert ground.ankle_pos_w[0, 1] < 0.1 < ground.ankle_pos_w[1, 1]  # who faces -x has the left foot at the smaller y
     obj = make_box(0)
     for height in (0.5, 0.8, 1.1):
         wrists = np.array([[0.42, -0.1, height], [0.42, 0.3, height]])
-        posture, short = reaching.find_posture(body, ground, wrists, obj, np.array([-5.0, 0, 0]))
+        posture, short = postures.find_posture(body, ground, wrists, obj, np.array([-5.0, 0, 0]))
         assert short == 0.0
-        trunk = reaching.Posture(*(np.asarray(value)[None] for value in vars(posture).values())).trunk(yaw)
-        arms = reaching.reach(body, trunk, wrists[None], reaching.elbow_axes(trunk.chest_quat_w, np.array([posture.elbow])))
-        pos, _ = forward_kinematics(body.skeleton, trunk.pelvis_pos_w, reaching.pose(body, trunk, ground.legs(1), arms))
+        trunk = postures.Posture(*(np.asarray(value)[None] for value in vars(posture).values())).trunk(yaw)
+        arms = reach(body, trunk, wrists[None], postures.elbow_axes(trunk.chest_quat_w, np.array([posture.elbow])))
+        pos, _ = forward_kinematics(body.skeleton, trunk.pelvis_pos_w, pose(body, trunk, ground.legs(1), arms))
         assert pos[0, [arm.end for arm in body.arms]] == pytest.approx(wrists, abs=1e-6)
         assert pos[0, [leg.end for leg in body.legs]] == pytest.approx(ground.ankle_pos_w, abs=1e-6)
-        assert reaching.center_of_mass(body, pos)[0, :2] == pytest.approx(ground.support(body), abs=0.015)
+        assert postures.center_of_mass(body, pos)[0, :2] == pytest.approx(ground.support(body), abs=0.015)
         if height == 0.5:  # the hips are behind the feet, the trunk leans
             assert posture.pelvis_pos_w[0] > 0.65 and posture.pitch > 0.4
 

@@ -12,7 +12,8 @@ from mimicbench.references.body import Body, core4d_body
 from mimicbench.references.gait import Gait
 from mimicbench.references.limbs import minimum_jerk
 from mimicbench.references.posing import pose
-from mimicbench.references.reaching import SIZES, Ground, Posture, draw_approach, find_posture, lay_hands, reach_past, settle, steps_up_to
+from mimicbench.references.postures import Ground, Posture, find_posture
+from mimicbench.references.reaching import SIZES, draw_approach, lay_hands, reach_past, settle, steps_up_to
 from mimicbench.references.walking import FPS, follow
 
 STRIDES = Gait(speed=0.58, step_time=0.58, stand=0.5, clearance=0.055)
