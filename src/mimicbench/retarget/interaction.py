@@ -136,6 +136,8 @@ class Problem:
     """(T, S) least clearance of each ball [m]."""
     bearing: tuple[tuple[np.ndarray, np.ndarray], ...]
     """Of each part that bears: (T,) when, and (S,) which balls it is made of."""
+    seated: np.ndarray
+    """(T,) whether the root bears and both feet stand on the floor."""
     scene: Scene
     masses: Masses
     balanced: np.ndarray
@@ -192,13 +194,14 @@ class Problem:
         return model
 
     def hovering(self, links: Links) -> float:
-        """How high the root link is above what it should bear on, in the median of the frames in which it should [m]; 0 without such."""
+        """How high the root link is above the seat, in the median of the frames in which it sits with its feet on the floor [m].
+
+        0 for who does not, and for who goes on to lie down.
+        """
+        if not self.seated[-1]:
+            return 0.0
         distance, _ = self.scene.clearance(self.balls, self.balls.place(links))
-        for when, which in self.bearing:
-            root = which & (self.balls.link == 0)
-            if when.any() and root.any():
-                return float(np.median(distance[when][:, root].min(-1)))
-        return 0.0
+        return float(np.median(distance[self.seated][:, self.balls.link == 0].min(-1)))
 
     def _following(self, links: Links) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Errors (T, P, 3) [m], rotation vectors (T, Q, 3) from target to link [rad], and the points (T, P, 3)."""
@@ -298,6 +301,7 @@ def make_problem(clip: Clip, config: InteractionConfig, slide: float = 0.0) -> t
         margins[np.ix_(when, which)] = 0.0
         if not set(links) & {*feet, *wrist_links}:  # feet and hands have their anchors
             bearing.append((when, which))
+    seated = anchors.on_floor.all(-1) & np.any([when & which[balls.link == 0].any() for when, which in bearing] or [np.zeros(frames, bool)], 0)
     balanced, heading, ankles = _balance(motion.fps, anchors, bearing, config)
     forward = slide * _seated(motion.fps, bearing, frames)[:, None] * heading
     targets[:, ~is_foot] += forward[:, None]
@@ -306,7 +310,7 @@ def make_problem(clip: Clip, config: InteractionConfig, slide: float = 0.0) -> t
     return Problem(
         tree, limits, config, motion.fps, np.concatenate([bound.links, wrist_links]), np.concatenate([np.zeros((len(bound.links), 3)), wrist_points]),
         np.concatenate([targets, anchors.hand_pos_w], 1), np.concatenate([tolerance, hand], 1) ** -2, turns[:, 1], turn_targets, turn_tolerance**-2,
-        balls, margins, tuple(bearing), Scene.of(motion, clip.obj), Masses.of(robot), balanced, heading, ankles,
+        balls, margins, tuple(bearing), seated, Scene.of(motion, clip.obj), Masses.of(robot), balanced, heading, ankles,
         config.velocity_share * robot.velocity_limit,
     ), start  # fmt: skip
 

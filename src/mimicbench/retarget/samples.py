@@ -32,7 +32,12 @@ class Balls:
 
     def place(self, links: Links) -> np.ndarray:
         """(T, S, 3) centers in the world [m]."""
-        return links.pos[:, self.link] + rot.rotate(links.quat[:, self.link], self.center)
+        turns = rot.to_matrix(links.quat)
+        out = links.pos[:, self.link]
+        for link in np.unique(self.link):  # one product for all balls of a link
+            mine = self.link == link
+            out[:, mine] += self.center[mine] @ np.swapaxes(turns[:, link], 1, 2)
+        return out
 
 
 def balls_of(robot: Robot) -> Balls:
@@ -97,12 +102,12 @@ class Scene:
 
 def point_rows(tree: Tree, links: Links, frame: np.ndarray, link: np.ndarray, points_w: np.ndarray, direction_w: np.ndarray) -> np.ndarray:
     """(M, V) how fast points (M, 3) on links (M,) in frames (M,) move along directions (M, 3), per change of the configuration."""
-    arm = points_w - links.pos[frame, 0]
-    axis = rot.rotate(links.quat[frame[:, None], tree.joint_link], tree.joint_axis)  # (M, N, 3)
-    lever = points_w[:, None] - links.pos[frame[:, None], tree.joint_link]
-    # d . (a x r) = a . (r x d)
-    joints = np.einsum("mni,mni->mn", axis, np.cross(lever, direction_w[:, None])) * tree.moves[link]
-    return np.concatenate([direction_w, np.cross(arm, direction_w), joints], 1)
+    # of a joint with axis a at h: d . (a x (p - h)) = a . (p x d) - d . (a x h), and only the last term knows the joint's frame alone
+    axis = rot.rotate(links.quat[:, tree.joint_link], tree.joint_axis)  # (T, N, 3)
+    moment = np.cross(axis, links.pos[:, tree.joint_link])
+    turning = np.cross(points_w, direction_w)
+    joints = (axis[frame] @ turning[:, :, None] - moment[frame] @ direction_w[:, :, None])[..., 0] * tree.moves[link]
+    return np.concatenate([direction_w, turning - np.cross(links.pos[frame, 0], direction_w), joints], 1)
 
 
 @dataclass(frozen=True)
