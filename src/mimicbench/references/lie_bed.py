@@ -1,17 +1,22 @@
 """`lie-bed`: walk to the nearer side of a bed, sit down on its edge, swing the legs up, lie down with the head on the pillow."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
+from mimicbench.references.berths import Berth, perch
 from mimicbench.references.body import Body, unihsi_body
 from mimicbench.references.gait import Gait, Route, around_box
-from mimicbench.references.lying import Berth, LieStyle, draw_style, lie_down, perch
+from mimicbench.references.lying import LieStyle, draw_style, lie_down
 from mimicbench.references.walking import draw_start
 
 MARGIN = 0.40
 """Between the way and the bed [m]."""
+ON_SIDE = 0.25
+"""Share of people who turn onto the side in the end."""
 
 
 def synthesize_lie_bed(clip_id: str, obj: SceneObject, seed: int) -> HumanMotion:
@@ -22,7 +27,10 @@ def synthesize_lie_bed(clip_id: str, obj: SceneObject, seed: int) -> HumanMotion
     # the shortest people stay away from the highest beds, where their feet would hang
     scale = random.uniform(max(0.96, min(1.10, 1.75 * height)), 1.15)
     duration = 24.8 + 0.7 * float(np.clip(random.standard_normal(), -2.0, 2.0))
-    return make_lie_bed(clip_id, obj, start_xy, start_yaw, draw_style(random, scale, duration, (0.95, 1.1)))
+    style = draw_style(random, scale, duration, (0.95, 1.1))
+    if random.uniform() < ON_SIDE:
+        style = replace(style, side=1.0, knee=0.0, hands=1.0)
+    return make_lie_bed(clip_id, obj, start_xy, start_yaw, style)
 
 
 def make_lie_bed(clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: LieStyle) -> HumanMotion:

@@ -8,9 +8,10 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.upholstery import HEAD_ROOM
+from mimicbench.references.berths import Berth, perch
 from mimicbench.references.body import Body, roam_body
 from mimicbench.references.gait import Gait, Route, around_box, plan_footsteps
-from mimicbench.references.lying import Berth, LieStyle, draw_style, lie_down, needed_time, perch
+from mimicbench.references.lying import LieStyle, draw_style, lie_down, needed_time
 from mimicbench.references.walking import draw_start
 
 MARGIN = 0.40

@@ -12,6 +12,8 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import HumanMotion, forward_kinematics
 from mimicbench.objects.shape import SceneObject
+from mimicbench.references import on_side
+from mimicbench.references.berths import SINK, Berth, lifted_share, resting_foot
 from mimicbench.references.body import Body
 from mimicbench.references.gait import Gait, Route, last_turn
 from mimicbench.references.limbs import about_y, minimum_jerk, two_link
@@ -47,68 +49,14 @@ class LieStyle:
     """How far the legs are stretched in the end, as a share of their length, where there is room."""
     knee: float
     """Which knee stays up in the end: 1 the left one, -1 the right one, 0 neither."""
+    side: float
+    """1 for who turns onto the side in the end, towards the free edge; 0 for who stays on the back."""
     hands: float
     """Where the hands rest: 0 beside the hips, 1 on the belly."""
     arm_swing: float
     """Swing of the arms while walking, as a share of the usual."""
     duration: float
     """Of the whole clip, if walking and lying down leave something of it for the rest [s]."""
-
-
-@dataclass(frozen=True)
-class Berth:
-    """Where on an object a body lies, and where it sits down before; directions and places seen from above [m]."""
-
-    height: float
-    """H, of the surface."""
-    pillow: float
-    """Height of the pillow above it; 0 without one."""
-    head: np.ndarray
-    """(2,) unit vector from pelvis to pillow."""
-    out: np.ndarray
-    """(2,) unit vector across it, off the free edge."""
-    pelvis_xy: np.ndarray
-    """(2,) of who lies."""
-    seat_xy: np.ndarray
-    """(2,) of who sits on the edge."""
-    stop_xy: np.ndarray
-    """(2,) between the ankles of who is about to sit down."""
-    room: float
-    """From the lying pelvis to where the foot end stops the feet."""
-    board: bool
-    """Whether something stands up there, over which the legs cannot swing."""
-    wide: bool
-    """Whether there is room for an elbow on the side that is not free."""
-
-    @property
-    def turn(self) -> float:
-        """From facing outwards to facing the foot end [rad]."""
-        return -float(np.sign(self.out[0] * self.head[1] - self.out[1] * self.head[0])) * np.pi / 2
-
-
-def perch(body: Body, height: float, gap: float) -> tuple[float, float]:
-    """How deep behind a seat's edge the pelvis sits, and how far in front of it the ankles stand [m].
-
-    As deep as thighs that slope down to feet on the floor do not press into the edge; on high beds with the feet farther out.
-
-    Args:
-        body: Who sits.
-        height: Of the seat [m].
-        gap: The ankles must be at least this far in front of the edge [m].
-    """
-    upper, lower = body.length(body.legs[0])
-    hip = height + body.buttock - 0.01 - body.hip_drop
-    depth, ahead = (grid.ravel() for grid in np.meshgrid(np.linspace(0.17, 0.05, 9), gap + np.array([0.0, 0.05, 0.10, 0.16]), indexing="ij"))
-    across, down = depth + ahead, hip - body.sole
-    length = np.hypot(across, down)
-    bend = np.arccos(np.clip((upper**2 + length**2 - lower**2) / (2 * upper * length), -1, 1))
-    thigh = np.arctan2(across, down) + bend  # from straight down, forwards
-    along = np.linspace(0.15, 0.85, 8)[:, None] * upper
-    x, z = along * np.sin(thigh) - depth, hip - along * np.cos(thigh) - height
-    clear = np.where((x < 0) & (z < 0), np.maximum(x, z), np.hypot(np.maximum(x, 0), np.maximum(z, 0))).min(0)
-    pressed = np.maximum(0.055 * body.size - clear, 0.02) + 10 * np.maximum(length - 0.97 * (upper + lower), 0.0)
-    best = int(np.argmin(pressed.round(4)))  # the first of equals: the deepest seat, the nearest feet
-    return float(depth[best]), float(ahead[best])
 
 
 def draw_style(random: np.random.Generator, body_scale: float, duration: float, pace: tuple[float, float]) -> LieStyle:
@@ -118,13 +66,13 @@ def draw_style(random: np.random.Generator, body_scale: float, duration: float, 
         body_scale=body_scale, speed=random.uniform(0.62, 0.70) if quick else random.uniform(0.57, 0.63),
         sit_duration=random.uniform(1.15, 1.3) if quick else random.uniform(1.6, 1.9), pace=random.uniform(*pace),
         lean=random.uniform(0.52, 0.62), stagger=random.uniform(0.06, 0.18), stretch=random.uniform(0.89, 0.985),
-        knee=float(random.choice([0, 0, 0, 1, -1])), hands=float(random.integers(2)), arm_swing=random.uniform(0.7, 1.2), duration=duration,
+        knee=float(random.choice([0, 0, 0, 1, -1])), side=0.0, hands=float(random.integers(2)), arm_swing=random.uniform(0.7, 1.2), duration=duration,
     )  # fmt: skip
 
 
 def needed_time(style: LieStyle) -> float:
     """From the last step to rest [s]."""
-    return PAUSE + style.sit_duration + style.pace * LYING_TIME + 0.3
+    return PAUSE + style.sit_duration + style.pace * (on_side.END if style.side > 0.5 else LYING_TIME) + 0.3
 
 
 def lie_down(
@@ -137,7 +85,15 @@ def lie_down(
     trunk = _trunk(body, berth, way, sitting, clock, style)
     legs, still = _legs(body, berth, way, trunk, clock, style)
     arms, hands = _arms(body, berth, way, trunk, legs, sitting, clock, style)
-    contacts = np.concatenate([still, np.stack([sitting >= 0.9, clock >= 4.2], -1), hands], -1)
+    on_back = clock >= 4.2
+    if style.side > 0.5:
+        below = 0 if berth.turn < 0 else 1
+        trunk, legs, arms = on_side.turn_over(body, berth.height, berth.out, below, clock, trunk, legs, arms)
+        on_back &= clock < on_side.BEGIN
+        still[:, below] &= (clock < on_side.BEGIN - 0.3) | (clock >= on_side.END)
+        still[:, 1 - below] &= clock < on_side.BEGIN - 0.3
+        hands &= clock[:, None] < on_side.BEGIN
+    contacts = np.concatenate([still, np.stack([sitting >= 0.9, on_back], -1), hands], -1)
     return HumanMotion(
         clip_id, task, body.skeleton, FPS, trunk.pelvis_pos_w, pose(body, trunk, legs, arms), obj.id, CONTACT_NAMES, contacts,
         {**{name: float(value) for name, value in vars(style).items()}, "turn": last_turn(way.steps)},
@@ -157,11 +113,11 @@ def _trunk(body: Body, berth: Berth, way: Walk, sitting: np.ndarray, clock: np.n
     # the hips go back a little before they go down
     back, down = minimum_jerk(sitting / 0.95), minimum_jerk((sitting - 0.06) / 0.94)
     seat = np.array([*berth.seat_xy, berth.height + body.buttock - 0.01])
-    lying = np.array([*berth.pelvis_xy, berth.height + body.back - 0.004])
+    lying = np.array([*berth.pelvis_xy, berth.height + body.back - SINK])
     pelvis_pos = way.pelvis_pos_w + np.stack([back, back, down], -1) * (seat - way.pelvis_pos_w[-1]) + _scoot(clock)[:, None] * (lying - seat)
 
     lean, upright = minimum_jerk(sitting / 0.7), minimum_jerk((sitting - 0.80) / 0.6)
-    balance = (0.48 + 1.75 * (0.66 - _aloft(body, berth))) * (_ease(clock, 0.0, 1.3) - _ease(clock, 2.0, 4.0))
+    balance = (0.48 + 1.75 * (0.66 - lifted_share(body, berth))) * (_ease(clock, 0.0, 1.3) - _ease(clock, 2.0, 4.0))
     tilt = 0.42 * _ease(clock, 0.3, 2.3) + (RECLINED - 0.42) * _ease(clock, 1.9, 4.4)
     sideways = np.array([-berth.head[1], berth.head[0], 0.0])
     turn = rot.multiply(rot.from_rotvec(tilt[:, None] * sideways), rot.from_yaw(berth.turn * _ease(clock, 0.45, 2.3)))
@@ -198,9 +154,9 @@ def _legs(body: Body, berth: Berth, way: Walk, trunk: Trunk, clock: np.ndarray, 
     base = berth.seat_xy + _scoot(clock)[:, None] * (berth.pelvis_xy - berth.seat_xy)
     # from above: distance and side of the ankle as seen from a pelvis that faces it, and its height
     half = body.hip_half_width
-    final, final_pitch = _resting_foot(body, berth, style.stretch)
-    knees_up, landed_pitch = _resting_foot(body, berth, min(0.62, style.stretch))
-    aloft = _aloft(body, berth)
+    final, final_pitch = resting_foot(body, berth, style.stretch)
+    knees_up, landed_pitch = resting_foot(body, berth, min(0.62, style.stretch))
+    aloft = lifted_share(body, berth)
     lifted = np.array([aloft * full, half + 0.03, berth.height + body.sole + (0.10 + 0.40 * (0.66 - aloft)) * body.size])
     ankle, foot, still = [], [], []
     axis = rot.rotate(trunk.pelvis_quat_w, np.array([0.0, 1.0, 0.0]))
@@ -231,39 +187,6 @@ def _legs(body: Body, berth: Berth, way: Walk, trunk: Trunk, clock: np.ndarray, 
     share = _ease(clock, -0.6, 0.4)[:, None, None]
     knee_axis = walking.knee_axis_w * (1 - share) + share * axis[:, None]
     return Legs(np.stack(ankle, 1), np.stack(foot, 1), knee_axis, walking.toe_bend), np.stack(still, -1)
-
-
-def _aloft(body: Body, berth: Berth) -> float:
-    """Distance of the lifted ankles from the pelvis, as a share of the legs' length: less where the feet would sweep over an end that stands up."""
-    return min(0.66, max((berth.room - 0.95 * body.toe - 0.04) / sum(body.length(body.legs[0])), 0.49)) if berth.board else 0.66
-
-
-def _resting_foot(body: Body, berth: Berth, stretch: float) -> tuple[np.ndarray, float]:
-    """Distance from the pelvis, side and height of the resting ankle [m], and how far the toes point up [rad].
-
-    From hip to ankle it is `stretch` of the leg's length, as far as there is room; otherwise the knees stay up.
-    """
-    upper, lower = body.length(body.legs[0])
-    hip = berth.height + body.back - 0.004 + float(body.skeleton.offsets[body.legs[0].root, 0])
-    room = berth.room - body.hip_drop - 0.03
-    distance, pitch = min(stretch * (upper + lower), room - body.sole), 0.9
-    sole, corner = np.hypot(body.toe, body.sole), np.arctan2(body.sole, body.toe)
-    for _ in range(12):
-        # the ankle's height depends on the foot's pitch, and this on the leg's bend
-        ankle = berth.height + _ankle_height(body, pitch)
-        length = min(np.hypot(distance, hip - ankle), 0.985 * (upper + lower))
-        shin = np.pi / 2 - np.arctan2(hip - ankle, distance) - np.arccos((lower**2 + length**2 - upper**2) / (2 * lower * length))
-        fits = corner + np.arccos(np.clip((room - distance) / sole, -1.0, 1.0))
-        pitch = float(np.clip(max(shin - 0.30, fits), 0.0, max(shin, 0.0) + 0.40))
-        if fits > pitch + 0.01:  # the toes cannot be drawn in so far: the knees are
-            distance = max(distance - 0.025, 0.68 * upper)
-    return np.array([distance + body.hip_drop, body.hip_half_width + 0.025, berth.height + _ankle_height(body, pitch)]), pitch
-
-
-def _ankle_height(body: Body, pitch: float) -> float:
-    """Of the ankle over what the heel lies on, toes up by `pitch` [rad]: of the rounded foot, which sinks in a little."""
-    radius = 0.6 * body.sole
-    return float(-(body.heel + radius) * np.sin(pitch) + (body.sole - radius) * np.cos(pitch)) + radius + 0.010 * np.sin(pitch) - 0.004
 
 
 def _arms(body: Body, berth: Berth, way: Walk, trunk: Trunk, legs: Legs, sitting: np.ndarray, clock: np.ndarray, style: LieStyle) -> tuple[Arms, np.ndarray]:
