@@ -9,13 +9,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mimicbench.core.motion import HumanMotion
+from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.objects.make import ObjectsConfig
 from mimicbench.references.make import ReferencesConfig
 from mimicbench.retarget.make import RetargetConfig
+from mimicbench.retarget.mapping import Preset
+from mimicbench.retarget.methods import METHODS
 from mimicbench.workspace import (
     Say,
     Workspace,
+    compared_stages,
     evaluate_policy,
     evaluate_tracker,
     imitate_stage,
@@ -30,6 +33,7 @@ from mimicbench.workspace import (
 if TYPE_CHECKING:  # these bring torch, which help does without
     from mimicbench.evaluate.rows import EpisodeRow
     from mimicbench.imitate.make import ImitateConfig
+    from mimicbench.report.retargeting import Comparison
     from mimicbench.report.showcase import Showcase
     from mimicbench.track.train import TrackConfig
 
@@ -118,6 +122,42 @@ def report_stage(ws: Workspace, rows: Sequence[EpisodeRow], policy: str, say: Sa
     provenance = Provenance(ws.seed, (" ".join(["mimicbench", *sys.argv[1:]]),), config, made_from, package_versions(), this_machine())
     inputs = ReportInputs(ws.slug, tuple(rows), provenance, tuple(curves), showcase(ws, rows, policy))
     return write_report(ws.folder("report"), inputs, say)
+
+
+def compare_retargeting(
+    workdir: Path, tasks: Sequence[str], clips: int, preset: Preset, folder: Path, pictures: bool, seed: int, workers: int, quiet: bool, say: Say
+) -> Comparison:
+    """The first `clips` clips of each task by every method, with a page in `folder`."""
+    from mimicbench.report.retargeting import Comparison, MethodResult, side_by_side, write_comparison
+    from mimicbench.retarget.bench import frames_per_second
+    from mimicbench.retarget.clip import Clip
+    from mimicbench.sense.opengl import NoPictures
+
+    results, drawn = [], {}
+    configs = [RetargetConfig(method=method.name, preset=preset if preset in method.presets else None) for method in METHODS.values()]
+    for slug in tasks:
+        ws = Workspace(workdir, slug, seed, workers, quiet)
+        stages = compared_stages(ws, configs, clips)
+        name = sorted(path.name for path in stages[0].folder.glob("*.npz"))[0]
+        human = HumanMotion.load(ws.folder("references") / name)
+        obj = ws.objects()[human.object_id]
+        shown = {}
+        for stage in stages:
+            method, used = METHODS[stage.header["config"]["method"]], stage.header["config"]["preset"]
+            rate = frames_per_second([Clip(human, obj, ws.robot)], method, used)
+            results.append(MethodResult(slug, method.name, used, stage.header["summary"], rate))
+            shown[f"{method.title} ({used})"] = RobotMotion.load(stage.folder / name, ws.robot.name)
+        if not pictures:
+            continue
+        say(f"drawing {slug}")
+        try:
+            drawn[slug] = (f"{human.id} on {obj.id} ({obj.kind}): from the top the human, {', '.join(shown)}.", side_by_side(obj, human, shown))
+        except NoPictures as error:
+            say(str(error))
+            pictures = False
+    found = Comparison(tuple(results))
+    write_comparison(folder, found, drawn)
+    return found
 
 
 def showcase(ws: Workspace, rows: Sequence[EpisodeRow], policy: str) -> Showcase:

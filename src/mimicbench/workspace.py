@@ -19,6 +19,7 @@ from mimicbench.objects.make import ObjectsConfig, make_objects, read_objects
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.make import ReferencesConfig, import_references, make_references, remake
 from mimicbench.retarget.make import RetargetConfig, make_retargeted, read_retargeted
+from mimicbench.retarget.methods import get_method
 from mimicbench.robot.description import Robot, load_robot
 from mimicbench.sim.devices import CPU
 from mimicbench.tasks.registry import get_task
@@ -133,9 +134,26 @@ def import_stage(ws: Workspace, files: Sequence[Path], say: Say, form: str = "au
     return import_references(ws.folder("objects"), ws.folder("references"), ws.slug, files, say, form, wishes)[1]
 
 
-def retarget_stage(ws: Workspace, config: RetargetConfig) -> Stage:
-    """Retarget the clips and judge each by K."""
-    return make_retargeted(ws.folder("retarget"), ws.finished("references"), ws.folder("objects"), ws.slug, ws.task.fulfilled, config, ws.workers, ws.quiet)
+def retarget_stage(ws: Workspace, config: RetargetConfig, beside: bool = False) -> Stage:
+    """Retarget the clips, judge each by its measures and by K.
+
+    Later stages go on from `<task>/retarget`, whatever method made it. `beside`: into `<task>/retarget-<method>-<preset>` instead, so that
+    several methods can be had side by side in one workdir.
+    """
+    method = get_method(config.method)
+    folder = ws.folder(f"retarget-{method.name}-{method.preset(config.preset)}" if beside else "retarget")
+    return make_retargeted(folder, ws.finished("references"), ws.folder("objects"), ws.slug, ws.task.fulfilled, config, ws.workers, ws.quiet)
+
+
+def compared_stages(ws: Workspace, methods: Sequence[RetargetConfig], clips: int) -> list[Stage]:
+    """The first `clips` clips by each method, in `<task>/compare/<clips>-<method>-<preset>`."""
+    found = []
+    for config in methods:
+        method = get_method(config.method)
+        folder = ws.folder("compare") / f"{clips}-{method.name}-{method.preset(config.preset)}"
+        references = ws.finished("references")
+        found.append(make_retargeted(folder, references, ws.folder("objects"), ws.slug, ws.task.fulfilled, config, ws.workers, ws.quiet, clips))
+    return found
 
 
 def track_stage(ws: Workspace, config: TrackConfig, say: Say = print) -> Stage:

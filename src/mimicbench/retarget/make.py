@@ -1,4 +1,4 @@
-"""Stage `retarget`: every human clip becomes a robot clip, measured and judged by the task's metric K."""
+"""Stage `retarget`: every human clip becomes a robot clip, measured, and judged by its measures and by the task's metric K."""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
@@ -13,6 +13,7 @@ from mimicbench.objects.shape import SceneObject, load_object
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.mapping import Preset
 from mimicbench.retarget.methods import get_method
+from mimicbench.retarget.verdict import Outcome, outcome, summary
 from mimicbench.robot.description import Robot, load_robot
 
 Fulfils = Callable[[RobotMotion, SceneObject, Robot], bool]
@@ -26,41 +27,65 @@ class RetargetConfig:
     robot: str = "h1"
     method: str = "optimization"
     """One of `mimicbench.retarget.methods.METHODS`."""
-    preset: Preset = "improved"
-    """`paper`: tables and loss to the letter; `improved`: what we find to be better."""
+    preset: Preset | None = None
+    """`paper`: tables and loss to the letter; `improved`: what we find to be better; None: the method's default."""
 
 
 def make_retargeted(
-    folder: Path, references: Stage, objects_folder: Path, task: str, fulfils: Fulfils, config: RetargetConfig, workers: int, quiet: bool = False
+    folder: Path,
+    references: Stage,
+    objects_folder: Path,
+    task: str,
+    fulfils: Fulfils,
+    config: RetargetConfig,
+    workers: int,
+    quiet: bool = False,
+    first: int | None = None,
 ) -> Stage:
-    """Retarget all clips of a stage, one `<id>.npz` each; its header says whether K holds, and only those are passed on.
+    """Retarget the clips of a stage, one `<id>.npz` each, or only the `first` so many.
 
-    Killed and started again, it goes on with the clips that are missing. Raises BadMotion if K holds for none.
+    Each header says whether the clip was solved and fulfils K; only such clips are passed on. The stage's summary counts why the
+    others are not (see verdict.summary). Killed and started again, it goes on with the clips that are missing.
+
+    Raises:
+        UnknownName: There is no such method, or no mapping from the clips' skeleton to the robot.
+        BadMotion: There are no clips, or none is passed on.
     """
-    seed = references.header["seed"]
-    stage = open_stage(folder, "retarget", task, seed, asdict(config), {"references": references.fingerprint})
+    method = get_method(config.method)
+    config = replace(config, preset=method.preset(config.preset))
+    paths = sorted(references.folder.glob("*.npz"))[:first]
+    if not paths:
+        raise BadMotion(f"there are no clips in {references.folder}; run `mimicbench references --task {task}` again, or import some")
+    settings = asdict(config) | ({} if first is None else {"first": first})
+    stage = open_stage(folder, "retarget", task, references.header["seed"], settings, {"references": references.fingerprint})
     if stage.complete:
         return stage
-    paths = sorted(references.folder.glob("*.npz"))
-    kept = map_items(partial(_retarget_one, folder, objects_folder, fulfils, config), paths, workers, "retargeted clips", quiet)
-    if not any(kept):
-        raise BadMotion(f"none of {len(paths)} retargeted clips fulfils {task}; look at one with `mimicbench view`, or make other clips")
-    return stage.finish(clips=len(paths), fulfilled=sum(kept), rate=sum(kept) / len(paths))
+    found = summary(map_items(partial(_retarget_one, folder, objects_folder, fulfils, config), paths, workers, f"clips by {method.name}", quiet))
+    if not found.kept and first is None:
+        reasons = ", ".join(f"{name} {count}" for name, count in found.rejected_for.items())
+        raise BadMotion(
+            f"none of {len(paths)} clips that {method.name} retargeted is solved and fulfils {task} ({reasons}); "
+            "look at one with `mimicbench view`, try another --method, or make other clips"
+        )
+    return stage.finish(**asdict(found))
 
 
-def _retarget_one(folder: Path, objects_folder: Path, fulfils: Fulfils, config: RetargetConfig, path: Path) -> bool:
-    target = folder / path.name
+def _retarget_one(folder: Path, objects_folder: Path, fulfils: Fulfils, config: RetargetConfig, path: Path) -> Outcome:
+    target, method = folder / path.name, get_method(config.method)
     robot = load_robot(config.robot)
     if target.exists():
-        return RobotMotion.load(target, robot.name).success
-    motion = HumanMotion.load(path)
-    obj = load_object(objects_folder, motion.object_id)
-    retargeted = get_method(config.method).retarget(Clip(motion, obj, robot), config.preset)
-    retargeted = replace(retargeted, success=bool(fulfils(retargeted, obj, robot)))
-    retargeted.save(target)
-    return retargeted.success
+        motion = RobotMotion.load(target, robot.name)
+    else:
+        human = HumanMotion.load(path)
+        obj = load_object(objects_folder, human.object_id)
+        motion = method.retarget(Clip(human, obj, robot), method.preset(config.preset))
+        fulfilled = bool(fulfils(motion, obj, robot))
+        found = outcome(motion.measures, fulfilled, motion.frames, method.limits)
+        motion = replace(motion, success=not found.wrong, measures={**motion.measures, "fulfilled": float(fulfilled)})
+        motion.save(target)
+    return outcome(motion.measures, bool(motion.measures.get("fulfilled", motion.success)), motion.frames, method.limits)
 
 
 def read_retargeted(folder: Path, robot: str) -> list[RobotMotion]:
-    """The clips of a finished stage that fulfil K, in order of their ids."""
+    """The clips of a finished stage that are solved and fulfil K, in order of their ids."""
     return [motion for path in sorted(folder.glob("*.npz")) if (motion := RobotMotion.load(path, robot)).success]

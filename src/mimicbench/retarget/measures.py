@@ -32,7 +32,8 @@ def measure(
 
     Returns:
         frames; position_error and ankle_error: means over frames of the distance to the point that each link follows [m], of all pairs and of the
-        feet; orientation_error: mean angle of the pairs [rad]; limit_violation: largest excess over a joint limit [rad], 0 by construction;
+        feet; wrist_error and pelvis_error: the same between wrist keypoints and the human's wrist joints, and between root link and the human's pelvis
+        joint, without any shift; orientation_error: mean angle of the pairs [rad]; limit_violation: largest excess over a joint limit [rad], 0 by construction;
         velocity_ratio: largest joint velocity as a part of its limit; acceleration: mean |joint acceleration| [rad/s^2]; skate: mean horizontal
         speed of feet in stance [m/s]; human_skate: the same of the human's; sole_height and sole_depth: mean |height| of soles in stance, and
         deepest point of a sole under the floor at any time [m]; sole_tilt: mean angle between a stance sole and the floor [rad]; knee: mean knee
@@ -41,6 +42,7 @@ def measure(
     targets = followed_points(bound, human_pos_w, human_quat_w)
     errors = np.linalg.norm(links.pos[:, bound.links] - targets, axis=-1)
     is_foot = np.isin(bound.links, [link for _, link in bound.feet])
+    wrists = [np.linalg.norm(place - human_pos_w[:, joint], axis=-1) for (joint, *_), place in zip(bound.wrists, wrist_points(links, bound), strict=True)]
     turns = rot.angle_between(links.quat[:, bound.turn_links], rot.multiply(human_quat_w[:, bound.turn_joints], bound.turn_offsets))
     limits = robot.joint_range
     excess = np.maximum(pose.joints - limits[:, 1], limits[:, 0] - pose.joints)
@@ -56,6 +58,8 @@ def measure(
         "frames": float(len(pose.joints)),
         "position_error": float(errors.mean()),
         "ankle_error": float(errors[:, is_foot].mean()),
+        "wrist_error": float(np.mean(wrists)),
+        "pelvis_error": float(np.linalg.norm(links.pos[:, bound.links[0]] - human_pos_w[:, bound.joints[0]], axis=-1).mean()),
         "orientation_error": float(turns.mean()),
         "limit_violation": float(max(0.0, excess.max())),
         "velocity_ratio": float((velocity / robot.velocity_limit).max()),
@@ -83,10 +87,11 @@ def measure_scene(links: Links, robot: Robot, mapping: Mapping, bound: Bound, mo
 
     Returns:
         penetration: share of frames in which some collision shape is more than DEEP in floor or object; depth: the deepest ever [m];
-        contact_kept: share of the labeled contacts (pelvis, back, hands, feet; frame by frame) in which the robot's part is within CLOSE of floor or
-        object, 1 without labels; step_skate: farthest that a sole moves while it stands, mean over steps [m]; balance: mean distance of the center of
-        mass from the strip between heels and toes while both feet alone bear [m]; self_collision: share of frames in which the robot's own shapes
-        that may collide are more than DEEP in each other.
+        goal_error: how near both wrists ever come to their goals, the larger of the two distances [m], 0 without goals; contact_kept: share of
+        the labeled contacts (pelvis, back, hands, feet; frame by frame) in which the robot's part is within CLOSE of floor or object, 1 without
+        labels; step_skate: farthest that a sole moves while it stands, mean over steps [m]; balance: mean distance of the center of mass from the
+        strip between heels and toes while both feet alone bear [m]; self_collision: share of frames in which the robot's own shapes that may
+        collide are more than DEEP in each other.
     """
     balls, scene = balls_of(robot), Scene.of(motion, obj)
     centers = balls.place(links)
@@ -105,11 +110,25 @@ def measure_scene(links: Links, robot: Robot, mapping: Mapping, bound: Bound, mo
     return {
         "penetration": float((depth > DEEP).mean()),
         "depth": float(max(0.0, depth.max())),
+        "goal_error": _goal_error(links, bound, motion.wrist_goal_w),
         "contact_kept": kept / labeled if labeled else 1.0,
         "step_skate": float(np.mean(moved)) if moved else 0.0,
         "balance": _balance(links, robot, bound, motion, standing),
         "self_collision": float((_self_depth(robot, links, balls, centers) > DEEP).mean()),
     }
+
+
+def wrist_points(links: Links, bound: Bound) -> list[np.ndarray]:
+    """(T, 3) of each wrist keypoint [m], left first."""
+    return [links.pos[:, link] + rot.rotate(links.quat[:, link], point) for _, link, point in bound.wrists]
+
+
+def _goal_error(links: Links, bound: Bound, goals_w: np.ndarray) -> float:
+    """Least over frames of the larger distance of the two wrists from their goals (2, 3) [m]; 0 without goals."""
+    if not len(goals_w):
+        return 0.0
+    away = [np.linalg.norm(place - goal, axis=-1) for place, goal in zip(wrist_points(links, bound), goals_w, strict=True)]
+    return float(np.max(away, 0).min())
 
 
 def _balance(links: Links, robot: Robot, bound: Bound, motion: HumanMotion, standing: np.ndarray) -> float:

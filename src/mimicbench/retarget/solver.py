@@ -84,7 +84,7 @@ def solve(objective: Objective, start: Pose, iterations: int, tolerance: float) 
             if value < losses[-1] or damping > 1e6:
                 break
             damping *= 10.0
-        if value >= losses[-1]:
+        if not value < losses[-1]:  # nor if it is NaN
             break
         pose, links, damping = moved, moved_links, max(damping * 0.2, 1e-7)
         losses.append(value)
