@@ -94,7 +94,7 @@ def written(value: tuple[float, float, int], factor: float, digits: int) -> str 
     mean, deviation, count = value
     if count == 0:
         return None
-    return f"{factor * mean:.{digits}f}" + (f" ± {factor * deviation:.{digits}f}" if count > 1 else "")
+    return f"{round(factor * mean, digits) + 0.0:.{digits}f}" + (f" ± {factor * deviation:.{digits}f}" if count > 1 else "")
 
 
 if __name__ == "__main__":

@@ -65,7 +65,7 @@ def depths(motion: HumanMotion, obj: SceneObject, body: Body, pos: np.ndarray, q
     segment = places[:, :, None] + rot.rotate(quat[frames[:, None], joints][:, :, None], ends)  # (T, P, 2, 3)
     if moving:
         segment = rot.rotate_inverse(motion.object_quat_w[frames, None, None], segment - motion.object_pos_w[frames, None, None])
-    middle = segment.mean(2)
+    middle = 0.5 * (segment[:, :, 0] + segment[:, :, 1])
     around = ((middle > low - reach[:, None]) & (middle < high + reach[:, None])).all(-1)
     frame, part = np.nonzero(around)
     if not len(frame):
@@ -77,17 +77,18 @@ def _in_boxes(obj: SceneObject, segment: np.ndarray, radius: np.ndarray, reach: 
     """The same for segments (N, 2, 3) in the object's frame, each with a radius, a bounding radius, and whether it is a pelvis (N,)."""
     worst = {True: 0.0, False: 0.0}
     seat = 0.0
+    middle, bound = 0.5 * (segment[:, 0] + segment[:, 1]), reach**2
     matrices, shares, hulls = rot.to_matrix(obj.box_quat), np.linspace(0, 1, SAMPLES)[:, None], obj.hulls or (None,) * len(obj.box_pos)
     for center, turn, half, soft, hull in zip(obj.box_pos, matrices, obj.box_half, soft_boxes(obj), hulls, strict=True):
-        local = (segment - center) @ turn
-        outside = np.maximum(np.abs(local.mean(1)) - half, 0.0)
-        near = np.flatnonzero((outside**2).sum(-1) < reach**2)
+        around = np.maximum(np.abs((middle - center) @ turn) - half, 0.0)
+        near = np.flatnonzero(_squared(around) < bound)
         if not len(near):
             continue
         if hull is None:
-            first, last = local[near, 0, None], local[near, 1, None]
-            beyond = np.abs(first + shares * (last - first)) - half  # (n, S, 3)
-            distance = np.sqrt((np.maximum(beyond, 0.0) ** 2).sum(-1)) + np.minimum(beyond.max(-1), 0.0)
+            first, last = (segment[near, 0] - center) @ turn, (segment[near, 1] - center) @ turn
+            beyond = np.abs(first[:, None] + shares * (last - first)[:, None]) - half  # (n, S, 3)
+            inside = np.maximum(np.maximum(beyond[..., 0], beyond[..., 1]), beyond[..., 2])
+            distance = np.sqrt(_squared(np.maximum(beyond, 0.0))) + np.minimum(inside, 0.0)
         else:  # of the convex piece itself; outside, the distance from its nearest plane is at most the true one
             first, last = segment[near, 0, None], segment[near, 1, None]
             planes = ConvexHull(hull).equations
@@ -96,3 +97,8 @@ def _in_boxes(obj: SceneObject, segment: np.ndarray, radius: np.ndarray, reach: 
         worst[bool(soft)] = max(worst[bool(soft)], float(depth.max()))
         seat = max(seat, float(depth[pelvis[near]].max(initial=0.0)))
     return Depths(worst[False], worst[True], seat, moving)
+
+
+def _squared(vectors: np.ndarray) -> np.ndarray:
+    """Squared lengths (...) of vectors (..., 3); NumPy sums over so short an axis are slow."""
+    return vectors[..., 0] ** 2 + vectors[..., 1] ** 2 + vectors[..., 2] ** 2
