@@ -203,7 +203,8 @@ def _arms(body: Body, berth: Berth, way: Walk, trunk: Trunk, legs: Legs, sitting
     behind[near], behind[1 - near] = lying + min(edge, 0.30 * size) * out + 0.19 * size * head, lying - 0.27 * size * out + 0.20 * size * head
     beside[near], beside[1 - near] = lying + 0.30 * size * out + 0.02 * size * head, lying - 0.30 * size * out + 0.02 * size * head
     # the hands slide down beside the hips while the trunk goes down
-    planted = _within_reach(body, trunk, behind + _ease(clock, 2.4, 4.4)[:, None, None] * (beside - behind))
+    goal = behind + _ease(clock, 2.4, 4.4)[:, None, None] * (beside - behind)
+    planted = _within_reach(body, trunk, goal)
     # the elbows point backward under a raised trunk, and outward beside a lying one
     lowered = _ease(clock, 1.6, 4.0)[:, None, None]
     outward = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
@@ -228,6 +229,7 @@ def _arms(body: Body, berth: Berth, way: Walk, trunk: Trunk, legs: Legs, sitting
         else:
             rest[:, side] = _ease(clock, 1.8, 4.0)
     arms = blend(moving, seated, minimum_jerk((sitting - 0.65) / 0.55))
+    bearing &= np.linalg.norm(planted - goal, axis=-1) < 0.01
     return blend(blend(arms, support, start), resting, rest), bearing
 
 
