@@ -29,9 +29,10 @@ def import_core4d(path: Path, wishes: Wishes) -> Recording:
     person = load_npz(path, MAX_BYTES, ["arr_0"]).get("arr_0")
     if not isinstance(person, dict) or not {"global_orient", "body_pose", "joints"} <= set(person):
         raise BadMotion(f"{path} has no global_orient, body_pose and joints; give a person's poses of CORE4D")
-    rotvec = np.concatenate(
-        [check_array(path, "global_orient", person["global_orient"], (3,))[:, None], check_array(path, "body_pose", person["body_pose"], (21, 3))], 1
-    )
+    root, rest = check_array(path, "global_orient", person["global_orient"], (3,)), check_array(path, "body_pose", person["body_pose"], (21, 3))
+    if len(root) != len(rest):
+        raise BadMotion(f"{path} has {len(root)} frames of global_orient and {len(rest)} of body_pose; it is damaged: get it again")
+    rotvec = np.concatenate([root[:, None], rest], 1)
     joints = check_joints(path, person["joints"], len(rotvec))
     up = wishes.up or "y+"
     assumed = ["y is up and lengths are in meters, as in all of CORE4D" if wishes.up is None else f"{up} is up, as told"]

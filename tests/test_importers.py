@@ -1,0 +1,450 @@
+"""All formats of human motion: what goes in comes out, in our rest pose; what is wrong is refused with one clear sentence."""
+
+import copy
+import os
+import pickle
+import re
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import recordings
+from mimicbench.core import rotations as rot
+from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError, UnknownName
+from mimicbench.core.motion import forward_kinematics
+from mimicbench.core.pickles import load_torch
+from mimicbench.references.bvh import read_bvh, world
+from mimicbench.references.importers import FORMATS, detect_format, import_recording
+from mimicbench.references.intermimic import BODY_POS, SOURCES
+from mimicbench.references.joint_names import split_name
+from mimicbench.references.quality import check_clip
+from mimicbench.references.real_clips import TASKS, find_clips
+from mimicbench.references.recording import Wishes, stride_scale
+from mimicbench.references.rest_pose import axis_up, turned
+from mimicbench.references.roam import read_pose
+from mimicbench.references.skeletons import CORE4D, ROAM, SKELETONS, UNIHSI
+
+DATA = Path(__file__).parents[1].parent / "shared" / "data"
+real = pytest.mark.skipif(not DATA.is_dir(), reason=f"the real recordings are not at {DATA}")
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_what_goes_in_comes_out(tmp_path, form):
+    path = recordings.WRITERS[form](tmp_path)
+    assert detect_format(path) == form
+    recording = import_recording(path)
+    skeleton = recordings.SKELETONS[form]
+    root, quat = recordings.made_up(skeleton)
+    np.testing.assert_allclose(recording.skeleton.offsets, skeleton.offsets, atol=2e-5)
+    assert (recording.skeleton.name, recording.skeleton.joint_names) == (skeleton.name, skeleton.joint_names)
+    assert rot.angle_between(recording.local_quat, quat).max() < 2e-3, "every joint turns as it did"
+    pos, _ = recording.forward_kinematics()
+    expected, _ = forward_kinematics(skeleton, root, quat)
+    np.testing.assert_allclose(pos - pos[:1, :1], expected - expected[:1, :1], atol=1e-4)
+    assert 0 < recording.fps < 31 and len(recording.assumed) >= 2
+    soles = pos[..., 2].min()
+    assert -0.02 < soles < 0.12, "the floor is below the feet"
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from(sorted(SKELETONS)))
+@settings(max_examples=30, deadline=None)
+def test_another_rest_pose_moves_no_joint(seed, name):
+    random = np.random.default_rng(seed)
+    skeleton = SKELETONS[name]
+    joints = len(skeleton.parents)
+    quat = rot.normalize(random.standard_normal((5, joints, 4)))
+    root = random.standard_normal((5, 3))
+    turns = rot.normalize(random.standard_normal((joints, 4)))
+    before, world_quat = forward_kinematics(skeleton, root, quat)
+    offsets, local = turned(skeleton.parents, skeleton.offsets, world_quat, turns)
+    after, ours = forward_kinematics(type(skeleton)(name, skeleton.joint_names, skeleton.parents, offsets), root, local)
+    np.testing.assert_allclose(after, before, atol=1e-9)
+    assert rot.angle_between(ours, rot.multiply(world_quat, turns)).max() < 1e-9
+
+
+@pytest.mark.parametrize("axis", ["x+", "y+", "z+", "x-", "y-", "z-"])
+def test_axes_are_turned_not_mirrored(axis):
+    up, turn = axis_up(axis)
+    np.testing.assert_allclose(rot.rotate(turn, up), [0, 0, 1], atol=1e-12)
+    assert np.isclose(np.linalg.norm(turn), 1)
+    if axis == "y+":
+        np.testing.assert_allclose(rot.rotate(turn, np.array([1.0, 2.0, 3.0])), [3, 1, 2], atol=1e-12)
+
+
+# BVH of other programs --------------------------------------------------------------------------------------------------------
+
+LIMBS = ("UpLeg", "ForeArm", "Shoulder", "Arm", "Hand", "Leg", "Foot", "ToeBase")
+OTHERS = {
+    "mixamo": ("mixamorig:{side}{limb}", LIMBS),
+    "rokoko": ("{side}{limb}", ("Thigh", "ForeArm", "Shoulder", "Arm", "Hand", "Shin", "Foot", "Toe")),
+    "xsens": ("{side}{limb}", ("Hip", "Elbow", "Collar", "Shoulder", "Wrist", "Knee", "Ankle", "Toe")),
+    "max": ("Bip01 {s} {limb}", ("Thigh", "Forearm", "Clavicle", "UpperArm", "Hand", "Calf", "Foot", "Toe0")),
+    "blender": ("{limb}.{s}", ("thigh", "forearm", "shoulder", "upper_arm", "hand", "shin", "foot", "toe")),
+    "unreal": ("{limb}_{small}", ("thigh", "lowerarm", "clavicle", "upperarm", "hand", "calf", "foot", "ball")),
+    "poser": ("{small}{limb}", ("Thigh", "ForeArm", "Collar", "Shldr", "Hand", "Shin", "Foot", "Toe")),
+}
+"""How other programs call ROAM's limbs, with which prefix and side."""
+
+
+def renamer(names):
+    pattern, limbs = OTHERS[names]
+
+    def rename(name):
+        match = re.fullmatch("(Left|Right)(.*)", name)
+        if match is None or match[2] not in LIMBS:
+            return f"{pattern.split('{')[0]}{name}"
+        return pattern.format(side=match[1], s=match[1][0], small=match[1][0].lower(), limb=limbs[LIMBS.index(match[2])])
+
+    return rename
+
+
+@pytest.mark.parametrize("unit", [1.0, 0.01, 0.001, 0.0254])
+@pytest.mark.parametrize("names", OTHERS)
+def test_bvh_of_any_names_and_units(tmp_path, names, unit):
+    path = recordings.bvh(tmp_path / "take.bvh", unit, order="ZXY", rename=renamer(names))
+    recording = import_recording(path)
+    np.testing.assert_allclose(recording.skeleton.offsets, ROAM.offsets, atol=1e-4)
+    assert rot.angle_between(recording.local_quat, recordings.made_up(ROAM)[1]).max() < 5e-3
+
+
+def test_missing_ends_get_bones_of_their_size(tmp_path):
+    path = recordings.bvh(tmp_path / "take.bvh", drop=("LeftToeBase", "RightToeBase", "HeadSite"))
+    recording = import_recording(path)
+    np.testing.assert_allclose(recording.skeleton.offsets, ROAM.offsets, atol=1e-4)
+
+
+def test_units_axes_and_rates_can_be_told(tmp_path):
+    path = recordings.bvh(tmp_path / "take.bvh", 0.01)
+    with pytest.raises(BadMotion, match="--unit"):
+        import_recording(path, wishes=Wishes(unit="m"))
+    told = import_recording(path, wishes=Wishes(unit="cm", fps=60, up="y+", floor=0.02))
+    guessed = import_recording(path)
+    assert told.fps == 60 and guessed.fps == pytest.approx(30, abs=1e-3)
+    assert sum("as told" in line for line in told.assumed) == 4 and not any("as told" in line for line in guessed.assumed)
+    with pytest.raises(BadMotion, match="nobody stands|--up|not on the"):
+        import_recording(path, wishes=Wishes(up="y-"))
+
+
+def test_mixed_units_are_noticed(tmp_path):
+    """A walker whose root is in meters and whose bones are in centimeters."""
+    from mimicbench.references.body import roam_body
+
+    body, time = roam_body(), np.arange(90) / 30
+    quat = np.tile(rot.IDENTITY, (90, 27, 1))
+    for leg, sign in zip(body.legs, (1, -1), strict=True):
+        quat[:, leg.root] = rot.from_rotvec(np.outer(sign * 0.35 * np.sin(2 * np.pi * time), [0.0, 1.0, 0.0]))
+        bend = np.maximum(0.0, -sign * np.cos(2 * np.pi * time)) * 0.8
+        quat[:, leg.middle] = rot.from_rotvec(np.outer(bend, [0.0, 1.0, 0.0]))
+    pos, _ = forward_kinematics(ROAM, np.tile([0.0, 0.0, 0.85], (90, 1)), quat)
+    ankles = np.stack([pos[:, leg.end] for leg in body.legs], 1)
+    lower = ankles[..., 2].argmin(-1)
+    step = -np.gradient(ankles, axis=0)[np.arange(90), lower, 0]
+    walks = pos.copy()
+    walks[..., 0] += np.cumsum(step)[:, None]
+    assert stride_scale(ROAM, walks, 30) == pytest.approx(1.0, abs=0.15)
+    tenth = pos.copy()
+    tenth[..., 0] += 0.1 * np.cumsum(step)[:, None]
+    assert stride_scale(ROAM, tenth, 30) == pytest.approx(0.1, abs=0.05)
+    assert stride_scale(ROAM, np.tile(pos[:1], (90, 1, 1)), 30) is None
+
+
+def test_sides_are_told_from_names():
+    for name, expected in {
+        "mixamorig:LeftUpLeg": ("left", "upleg"), "lThigh": ("left", "thigh"), "thigh_l": ("left", "thigh"), "Bip01 R UpperArm": ("right", "upperarm"),
+        "LHipJoint": ("left", "hipjoint"), "left_shoulder": ("left", "shoulder"), "L_Hip": ("left", "hip"), "Leg": ("", "leg"), "rfoot": ("right", "foot"),
+        "LowerBack": ("", "lowerback"), "DEF-thigh.L": ("left", "thigh"), "Root": ("", "root"),
+    }.items():  # fmt: skip
+        assert split_name(name) == expected
+
+
+# SMPL -------------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["smpl", "smplh", "smplx"])
+@pytest.mark.parametrize("joints", [True, False])
+def test_amass_with_and_without_joints(tmp_path, kind, joints):
+    recording = import_recording(recordings.amass(tmp_path / "clip.npz", kind, joints))
+    assert any("joints" in line for line in recording.assumed)
+    size = np.linalg.norm(recording.skeleton.offsets[4]) / np.linalg.norm(CORE4D.offsets[4])
+    assert 0.85 < size < 1.1
+    # without joints the limbs of a usual T-pose are assumed, which are some degrees from straight ones
+    assert rot.angle_between(recording.local_quat, recordings.made_up(CORE4D)[1]).max() < (2e-3 if joints else 0.45)
+
+
+@real
+def test_without_joints_a_real_persons_size_is_found(tmp_path):
+    """A real walk (InterMimic) written as AMASS would have it."""
+    recording = import_recording(DATA / "omomo" / "sub3_largebox_003.pt")
+    pos, world_quat = recording.forward_kinematics()
+    smpl = rot.multiply(world_quat, rot.multiply(recordings.swings(CORE4D), recordings.SMPL_FRAME))
+    rotvec = rot.to_rotvec(recordings.local(CORE4D, smpl)).reshape(len(pos), -1)
+    np.savez(tmp_path / "real.npz", poses=np.pad(rotvec, ((0, 0), (0, 90))), trans=pos[:, 0] - [0.0, -0.35, 0.01], mocap_framerate=30.0)
+    found = import_recording(tmp_path / "real.npz")
+    legs = [np.linalg.norm(skeleton.offsets[[4, 7]], axis=-1).sum() for skeleton in (found.skeleton, recording.skeleton)]
+    assert legs[0] / legs[1] == pytest.approx(1.0, abs=0.08)
+
+
+def test_object_tracks_come_along(tmp_path):
+    for path in (recordings.core4d(tmp_path / "person1_poses.npz", with_object=True), recordings.intermimic(tmp_path / "lift.pt")):
+        recording = import_recording(path)
+        pos, _ = recording.forward_kinematics()
+        assert recording.track is not None
+        np.testing.assert_allclose(recording.track.pos_w, pos[:, 20:22].mean(1), atol=1e-4)
+
+
+# faults -----------------------------------------------------------------------------------------------------------------------
+
+
+def spoil(form, folder, change):
+    """A file of the format with its main array changed."""
+    path = recordings.WRITERS[form](folder)
+    if form == "unihsi":
+        data = np.load(path, allow_pickle=True).item()
+        data["root_translation"]["arr"] = change(data["root_translation"]["arr"])
+        np.save(path, np.array(data, dtype=object), allow_pickle=True)
+    elif form == "unihsi-states":
+        np.savez(path, states=change(np.load(path)["states"]))
+    elif form == "roam":
+        np.savetxt(path, change(np.loadtxt(path).reshape(-1, 27, 12)).reshape(-1, 324))
+    elif form == "core4d":
+        person = np.load(path, allow_pickle=True)["arr_0"].item()
+        person["joints"] = change(person["joints"])
+        np.savez(path, np.array(person, dtype=object))
+    elif form == "amass":
+        data = dict(np.load(path))
+        data["trans"] = change(data["trans"])
+        np.savez(path, **data)
+    elif form == "bvh":
+        head, tail = path.read_text().split("Frame Time:")
+        lines = tail.splitlines()
+        table = change(np.array([line.split() for line in lines[1:]], float))
+        head = re.sub(r"Frames: \d+", f"Frames: {len(table)}", head)
+        path.write_text(head + "Frame Time:" + lines[0] + "\n" + "\n".join(" ".join(map(str, row)) for row in table))
+    else:
+        torch.save(torch.tensor(change(torch.load(path, weights_only=True).numpy())), path)
+    return path
+
+
+def with_nan(array):
+    array[3] = np.nan
+    return array
+
+
+@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [(with_nan, "NaN"), (lambda a: a[:1], "frame"), (lambda a: a[:0], "frame|holds none|rows|shape|empty"), (lambda a: a * 1e9, "large|beyond|damaged|meters")],
+)
+def test_each_fault_has_one_clear_sentence(tmp_path, form, change, says):
+    with pytest.raises((BadMotion, BadFile), match=says) as caught:
+        import_recording(spoil(form, tmp_path, change), form)
+    assert "\n" not in str(caught.value) and len(str(caught.value)) < 700
+
+
+@pytest.mark.parametrize(("write", "says"), [
+    (lambda p: recordings.skeleton_motion(p / "c.npy", fps=0), "frame rate"),
+    (lambda p: recordings.amass(p / "c.npz", fps=0), "frame rate"),
+    (lambda p: recordings.amass(p / "c.npz", fps=float("nan")), "frame rate"),
+    (lambda p: recordings.bvh(p / "c.bvh", frame_time=0.0), "frame rate"),
+    (lambda p: recordings.bvh(p / "c.bvh", rename=lambda name: f"bone{sum(map(ord, name))}"), "rename its joints"),
+    (lambda p: recordings.bvh(p / "c.bvh", unit=0.2), "no person's|unit"),
+])  # fmt: skip
+def test_rates_names_and_sizes(tmp_path, write, says):
+    with pytest.raises(BadMotion, match=says):
+        import_recording(write(tmp_path))
+
+
+def test_wrong_skeletons_are_refused(tmp_path):
+    np.save(tmp_path / "states.npy", np.zeros((20, 15, 13), np.float32))
+    with pytest.raises(BadMotion, match="unit length"):
+        import_recording(tmp_path / "states.npy")
+    recordings.core4d(tmp_path / "p.npz")
+    person = np.load(tmp_path / "p.npz", allow_pickle=True)["arr_0"].item()
+    for change, says in (
+        ({"joints": person["joints"][:, :10]}, "10 joints"),
+        ({"joints": np.roll(person["joints"], 3, 1)}, "disagree|order"),
+        ({"body_pose": None}, "body_pose"),
+    ):
+        np.savez(tmp_path / "p.npz", np.array(person | change, dtype=object))
+        with pytest.raises(BadMotion, match=says):
+            import_recording(tmp_path / "p.npz")
+    torch.save(torch.zeros(5, 590), tmp_path / "t.pt")
+    with pytest.raises(BadMotion, match="591"):
+        import_recording(tmp_path / "t.pt")
+    with pytest.raises(UnknownName, match="intermimic"):
+        import_recording(tmp_path / "t.pt", "omomo")
+    mirrored = np.load(recordings.states(tmp_path / "m.npy"))
+    mirrored[..., 1] *= -1
+    mirrored[..., [8, 10, 12]] *= -1
+    np.save(tmp_path / "m.npy", mirrored)
+    with pytest.raises(BadMotion):
+        import_recording(tmp_path / "m.npy")
+
+
+class Evil:
+    """Pickles as a call of a function that leaves a trace."""
+
+    def __init__(self, function, *args):
+        self.call = (function, args)
+
+    def __reduce__(self):
+        return self.call
+
+
+def test_hostile_pickles_run_nothing(tmp_path):
+    trace = tmp_path / "trace"
+    evil = Evil(os.system, f"touch {trace}")
+    recordings.core4d(tmp_path / "p.npz")
+    person = np.load(tmp_path / "p.npz", allow_pickle=True)["arr_0"].item()
+    np.savez(tmp_path / "p.npz", np.array(person | {"betas": evil}, dtype=object))
+    data = dict(np.load(recordings.amass(tmp_path / "a.npz")))
+    np.savez(tmp_path / "a.npz", **(data | {"trans": np.array([evil], dtype=object)}))
+    recordings.intermimic(tmp_path / "t.pt")
+    with zipfile.ZipFile(tmp_path / "t.pt") as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(tmp_path / "t.pt", "w") as archive:
+        for name, content in members.items():
+            archive.writestr(name, pickle.dumps(evil, 2) if name.endswith("data.pkl") else content)
+    torch.save({"x": torch.zeros(3, 591), "y": evil}, tmp_path / "u.pt")
+    (tmp_path / "old.pt").write_bytes(pickle.dumps(evil, 2))
+    for name in ("p.npz", "a.npz", "t.pt", "u.pt", "old.pt"):
+        with pytest.raises(BadFile):
+            import_recording(tmp_path / name)
+    assert not trace.exists()
+
+
+def test_bombs_are_not_unpacked(tmp_path):
+    zeros = np.zeros((1 << 29) + (1 << 20), np.uint8)
+    with zipfile.ZipFile(tmp_path / "bomb.npz", "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive, archive.open("poses.npy", "w") as member:
+        np.lib.format.write_array(member, zeros.reshape(-1, 1 << 20))
+    with zipfile.ZipFile(tmp_path / "bomb.npz", "a") as archive:
+        archive.writestr("trans.npy", b"")
+    assert (tmp_path / "bomb.npz").stat().st_size < 4 << 20
+    with pytest.raises(BadFile, match="unpacks to"):
+        import_recording(tmp_path / "bomb.npz")
+    with zipfile.ZipFile(tmp_path / "lzma.npz", "w", zipfile.ZIP_LZMA) as archive:
+        archive.writestr("poses.npy", b"x")
+        archive.writestr("trans.npy", b"x")
+    with pytest.raises(BadFile, match="unusual"):
+        import_recording(tmp_path / "lzma.npz")
+    # a tensor of a trillion numbers made of three
+    recordings.intermimic(tmp_path / "t.pt")
+    whole = torch.zeros(3).as_strided((1_000_000, 591), (0, 0))
+    torch.save(whole, tmp_path / "wide.pt")
+    with pytest.raises(BadFile, match="made of 3 numbers"):
+        import_recording(tmp_path / "wide.pt")
+
+
+def test_tensors_are_read_as_torch_does(tmp_path):
+    base = torch.arange(24, dtype=torch.float64)
+    value = {"a": base[2:14].reshape(3, 4).T, "b": [base[:3].to(torch.int16), torch.zeros(0, 5)], "c": base.reshape(4, 6)[1:, ::2]}
+    torch.save(value, tmp_path / "t.pt")
+    found = load_torch(tmp_path / "t.pt", 1 << 20)
+    for key in ("a", "c"):
+        np.testing.assert_array_equal(found[key], value[key].numpy())
+    np.testing.assert_array_equal(found["b"][0], [0, 1, 2])
+    assert found["b"][0].dtype == np.int16 and found["b"][1].shape == (0, 5)
+
+
+# real files -------------------------------------------------------------------------------------------------------------------
+
+REFUSED = {"amp_humanoid_tpose": "one pose", "InitTrainPose": "1 frame", "training": "known formats", "02-constspeed_UnitreeH1": "no known motion"}
+
+
+@real
+@pytest.mark.parametrize("path", [
+    *sorted(DATA.glob("unihsi/motion_clips/*")), *sorted(DATA.glob("ase/*.npy")), DATA / "roam/InitTrainPose.txt", *sorted(DATA.glob("bvh/*")),
+    *sorted(DATA.glob("omomo/*.pt")), *sorted(DATA.glob("h1/*.npz"))], ids=lambda path: path.stem[:24])  # fmt: skip
+def test_every_real_file_is_imported_or_refused_with_a_reason(path):
+    if path.stem in REFUSED:
+        with pytest.raises((BadFile, BadMotion), match=REFUSED[path.stem]):
+            import_recording(path)
+        return
+    recording = import_recording(path)
+    pos, _ = recording.forward_kinematics()
+    assert recording.frames > 20 and 0.7 < recording.root_pos_w[:, 2].max() < 1.2
+    if path.suffix == ".pt":
+        stored = load_torch(path, 1 << 28)[:, BODY_POS].reshape(-1, 52, 3)[:, list(SOURCES)]
+    elif path.suffix == ".bvh":
+        bvh = read_bvh(path)
+        names = [f"mixamorig:{name}" for name in ("Hips", "LeftHand", "RightHand", "LeftFoot", "RightFoot", "Head", "LeftToeBase")]
+        stored = 0.01 * rot.rotate(axis_up("y+")[1], world(bvh)[0][:, [bvh.names.index(name) for name in names]])
+        pos = pos[:, [ROAM.index(name.split(":")[1]) for name in names]]
+    else:
+        return  # stored velocities are compared in test_unihsi.py
+    moved = (pos - pos[:1, :1]) - (stored - stored[:1, :1])
+    assert np.abs(moved).max() < 1e-3, "joints are within a millimeter of the stored positions"
+
+
+@real
+def test_every_goal_pose_can_be_read_but_is_no_clip():
+    paths = sorted((DATA / "roam" / "final_poses").glob("*.txt"))
+    for path in paths:
+        with pytest.raises(BadMotion, match="static goal pose"):
+            import_recording(path)
+        pose = read_pose(path)
+        thighs = np.linalg.norm(pose[[18, 23]] - pose[[17, 22]], axis=-1)
+        assert pose.shape == (27, 3) and (thighs > 0.3).all() and (thighs < 0.5).all()
+        assert -0.05 < pose[:, 2].min() < 0.6, "z is up and the floor at 0"
+    assert len(paths) == 40
+    standing = read_pose(DATA / "roam" / "InitTrainPose.txt")
+    assert standing[ROAM.index("HeadSite"), 2] == pytest.approx(1.617, abs=1e-3)
+    assert standing[ROAM.index("LeftUpLeg"), 1] > 0.05 and standing[ROAM.index("LeftToeBaseSite"), 0] > 0.1, "left is y, forward is x"
+
+
+@real
+@pytest.mark.parametrize(("name", "task", "mesh"), [
+    ("unihsi/motion_clips/lie_down.npy", "lie-bed", None), ("unihsi/motion_clips/lie_down_2.npy", "lie-bed", None),
+    ("unihsi/motion_clips/lie_down_10.npy", "lie-bed", None), ("unihsi/motion_clips/lie_down_10.npy", "lie-sofa", None),
+    ("unihsi/motion_clips/armchair002.npy", "sit-sofa", None), ("omomo/sub3_largebox_003.pt", "lift-box", "omomo/largebox.obj"),
+    ("omomo/sub3_largebox_003.pt", "lift-box", None), ("omomo/sub2_largetable_012.pt", "lift-box", None),
+    ("omomo/sub2_largetable_012.pt", "touch-points", None),
+    ("unihsi/motion_clips/s2_mediaroom2_desk_2_mediaroom2_0_001_reaching_001_reaching.npy", "touch-points", None),
+    ("unihsi/motion_clips/s1_bathroom1_shelf_4_bathroom1_0_001_reaching_001_reaching.npy", "touch-points", None),
+])  # fmt: skip
+def test_real_people_do_the_tasks(name, task, mesh):
+    recording = import_recording(DATA / name, wishes=Wishes(mesh=DATA / mesh if mesh else None))
+    [(motion, obj)] = find_clips(recording, task)
+    measures = check_clip(motion, obj)
+    assert motion.task == task and motion.object_id == obj.id and motion.fps == 30 and 1.0 < motion.duration < 20
+    assert measures["floor_depth"] < 0.06
+    pelvis, low, high = motion.root_pos_w[-1], *obj.bounds()
+    contact = dict(zip(motion.contact_names, motion.contacts.T, strict=True))
+    if task.startswith(("lie", "sit")):
+        assert (pelvis[:2] > low[:2]).all() and (pelvis[:2] < high[:2]).all() and not obj.contains_xy(motion.root_pos_w[0])
+        assert 0.0 < pelvis[2] - obj.require_seat() < 0.2 and contact["pelvis"][-10:].all() and not contact["pelvis"][0]
+        if task.startswith("lie"):
+            assert contact["back"][-10:].any() and measures["object_depth"] < 0.12
+    elif task == "lift-box":
+        rise = motion.object_pos_w[:, 2]
+        assert rise[0] == pytest.approx(0.0, abs=1e-9) and 0.2 < rise[-1] < 0.45 and np.allclose(motion.object_pos_w[0, :2], 0)
+        assert abs(rot.yaw_of(motion.object_quat_w[0])) < 1e-6 and obj.movable
+        assert contact["left_hand"][-5:].all() and contact["right_hand"][-5:].all() and not contact["left_hand"][0]
+        assert motion.root_pos_w[0, 0] > 0.2, "who lifts stands in front of the box"
+    else:
+        pos, _ = motion.forward_kinematics()
+        assert motion.wrist_goal_w.shape == (2, 3) and pelvis[0] > high[0] and not obj.movable
+
+
+def test_every_task_says_when_it_is_not_there(tmp_path):
+    recording = import_recording(recordings.skeleton_motion(tmp_path / "standing.npy"))
+    for task in TASKS:
+        with pytest.raises(BadMotion, match="standing"):
+            find_clips(recording, task)
+    with pytest.raises(UnknownName, match="sit-chair"):
+        find_clips(recording, "sit-lamp")
+
+
+def test_copies_are_not_changed(tmp_path):
+    path = recordings.WRITERS["unihsi"](tmp_path)
+    recording = import_recording(path)
+    kept = copy.deepcopy(recording)
+    with pytest.raises(MimicbenchError):
+        find_clips(recording, "sit-chair")
+    np.testing.assert_array_equal(recording.local_quat, kept.local_quat)
+    assert recording.skeleton.name == UNIHSI.name
