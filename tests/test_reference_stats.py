@@ -11,6 +11,7 @@ import pytest
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile
+from mimicbench.core.files import read_json, write_json
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.beds import make_bed
 from mimicbench.objects.chairs import make_chair
@@ -124,6 +125,19 @@ def test_rejected_clips_are_replaced_and_counted(tmp_path: Path):
     assert all(int(name[-5:]) % 2 == 0 for name in names)
     motion, wrong = remake(stage, tmp_path / "objects", "sit-chair-0-00001", every_other)
     assert "K" in wrong and motion.id == "sit-chair-0-00001"
+
+
+def test_what_is_missing_is_made_again_the_same(tmp_path: Path):
+    task, folder = TASKS["sit-chair"], tmp_path / "references"
+    objects = make_objects(tmp_path / "objects", task.slug, task.family, ObjectsConfig(3), 0)
+    arguments = (folder, objects, task.slug, every_other, ReferencesConfig(4), 0)
+    first = make_references(*arguments, 1, quiet=True)
+    bytes_of = {path.name: path.read_bytes() for path in folder.glob("*.npz")}
+    (folder / sorted(bytes_of)[1]).unlink()  # as if killed before it
+    write_json(folder / "header.json", {**first.header, "complete": False, "summary": None})
+    again = make_references(*arguments, 1, quiet=True)
+    assert again.header == read_json(folder / "header.json") == {**first.header, "config": again.header["config"]}
+    assert {path.name: path.read_bytes() for path in folder.glob("*.npz")} == bytes_of
 
 
 def every_other(motion: HumanMotion, obj: object) -> bool:
