@@ -408,6 +408,27 @@ def bench(
     _measured(measure(load_robot("h1"), get_task(task), workers, seconds, _say, device), as_json)
 
 
+@_bench_app.command(name="retarget")
+def bench_retarget(
+    tasks: Annotated[tuple[str, ...], tyro.conf.arg(help="whose clips; by default all six")] = (),
+    clips: Annotated[int, tyro.conf.arg(help="clips of each task")] = 2,
+    frames: Annotated[int, tyro.conf.arg(help="frames that Adam and mink get")] = 120,
+    epochs: Annotated[int, tyro.conf.arg(help="of Adam; the paper has 3000")] = 3000,
+    as_json: Json = False,
+) -> None:
+    """Measure every way to retarget on one core, beside the paper's Adam and a per-frame inverse kinematics with mink."""
+    from mimicbench.bench.retargeting import ClipsConfig, bench, speed_table
+    from mimicbench.report.tables import to_terminal
+    from mimicbench.retarget.bench import RetargetBenchConfig
+    from mimicbench.tasks.registry import TASKS, get_task
+
+    chosen = tuple(get_task(task).slug for task in tasks or TASKS)
+    found = bench(ClipsConfig(chosen, clips), RetargetBenchConfig(epochs, frames), _say)
+    _measured(found, as_json)
+    if not as_json:
+        print(to_terminal(speed_table(found, chosen)))
+
+
 @_bench_app.command(name="world")
 def bench_world_(
     tasks: Annotated[tuple[str, ...], tyro.conf.arg(help="whose environments; by default all six")] = (),

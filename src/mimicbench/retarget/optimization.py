@@ -98,15 +98,7 @@ class Problem:
     def model(self, pose: Pose, links: Links) -> Model:
         """The majorizer at a pose."""
         frames, variables = len(pose.joints), 6 + len(self.limits)
-        errors, turns, points = self._residuals(links)
-        point_weights = np.broadcast_to(2.0 * self.point_weights[:, None], errors.shape).copy()
-        if self.soles:
-            point_weights[:, -self.soles :] *= errors[:, -self.soles :] < 0
-        turn_weights = np.repeat(self.turn_weights / _size((turns**2).sum(-1), self.softness), 3, axis=-1)
-        # The gradient of half a squared angle is the rotation vector itself, and the identity bounds its second derivative: the Jacobian of the
-        # logarithm is not needed.
-        weights = np.concatenate([point_weights.reshape(frames, -1), turn_weights], 1)
-        residuals = np.concatenate([errors.reshape(frames, -1), turns.reshape(frames, -1)], 1)
+        residuals, weights, points = self._weighted(links)
         blocks, gradient = np.empty((frames, variables, variables)), np.empty((frames, variables))
         jacobian = Jacobian(self.tree, self.point_links, self.turn_links, min(_CHUNK, frames))
         for begin in range(0, frames, _CHUNK):
@@ -117,10 +109,45 @@ class Problem:
             gradient[part] = (residuals[part, None] @ weighted)[:, 0]
         model = Model(blocks, gradient)
         if frames > 2:
-            acceleration = self._accelerations(pose)
-            weight = self.acceleration_weights / _size(acceleration**2, self.acceleration_softness)
-            model.add_differences(np.r_[0:3, 6:variables], np.array([1.0, -2.0, 1.0]) * self.fps**2, acceleration, weight)
+            acceleration, weight = self._weighted_accelerations(pose)
+            model.add_differences(np.r_[0:3, 6:variables], self._stencil(), acceleration, weight)
         return model
+
+    def gradient(self, pose: Pose, links: Links) -> np.ndarray:
+        """(T, V) of the softened loss: the majorizer's, without its matrix."""
+        frames, variables = len(pose.joints), 6 + len(self.limits)
+        residuals, weights, points = self._weighted(links)
+        pull, gradient = residuals * weights, np.empty((frames, variables))
+        jacobian = Jacobian(self.tree, self.point_links, self.turn_links, min(_CHUNK, frames))
+        for begin in range(0, frames, _CHUNK):
+            part = slice(begin, begin + _CHUNK)
+            gradient[part] = (pull[part, None] @ jacobian.fill(Links(links.pos[part], links.quat[part]), points[part]))[:, 0]
+        if frames > 2:
+            acceleration, weight = self._weighted_accelerations(pose)
+            for i, factor in enumerate(self._stencil()):
+                gradient[i : frames - 2 + i, np.r_[0:3, 6:variables]] += factor * weight * acceleration
+        return gradient
+
+    def _weighted(self, links: Links) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Residuals (T, 3 P + 3 Q), their weights in the majorizer, and the points (T, P, 3)."""
+        errors, turns, points = self._residuals(links)
+        frames = len(errors)
+        point_weights = np.broadcast_to(2.0 * self.point_weights[:, None], errors.shape).copy()
+        if self.soles:
+            point_weights[:, -self.soles :] *= errors[:, -self.soles :] < 0
+        # The gradient of half a squared angle is the rotation vector itself, and the identity bounds its second derivative: the Jacobian of the
+        # logarithm is not needed.
+        turn_weights = np.repeat(self.turn_weights / _size((turns**2).sum(-1), self.softness), 3, axis=-1)
+        residuals = np.concatenate([errors.reshape(frames, -1), turns.reshape(frames, -1)], 1)
+        return residuals, np.concatenate([point_weights.reshape(frames, -1), turn_weights], 1), points
+
+    def _weighted_accelerations(self, pose: Pose) -> tuple[np.ndarray, np.ndarray]:
+        """Accelerations (T - 2, 3 + N) and their weights in the majorizer."""
+        acceleration = self._accelerations(pose)
+        return acceleration, self.acceleration_weights / _size(acceleration**2, self.acceleration_softness)
+
+    def _stencil(self) -> np.ndarray:
+        return np.array([1.0, -2.0, 1.0]) * self.fps**2
 
     def _residuals(self, links: Links) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Errors (T, P, 3) of the points [m], world rotation vectors (T, Q, 3) from target to link [rad], and the points (T, P, 3) themselves."""
