@@ -23,16 +23,19 @@ def signed_distance(obj: SceneObject, points: np.ndarray) -> tuple[np.ndarray, n
         Distances (M,) [m] and normals (M, 3), the gradient of the distance, in the object's frame.
     """
     turns = rot.to_matrix(obj.box_quat)
-    best, normal = np.full(len(points), np.inf), np.zeros((len(points), 3))
-    for center, turn, half in zip(obj.box_pos, turns, obj.box_half, strict=True):
-        local = (points - center) @ turn
-        outside = np.maximum(np.abs(local) - half, 0.0)
-        away = np.sqrt((outside**2).sum(-1))
-        nearer = away < best
-        if nearer.any():
-            best[nearer] = away[nearer]
-            way = outside[nearer] / np.maximum(away[nearer], 1e-12)[:, None]
-            normal[nearer] = (way * np.where(local[nearer] < 0, -1.0, 1.0)) @ turn.T
+    # first which box is nearest, coordinate by coordinate, for that is three times as fast; then the rest for that box alone
+    at, squared, nearest = np.ascontiguousarray(points.T), np.full(len(points), np.inf), np.zeros(len(points), int)
+    for box, (center, turn, half) in enumerate(zip(obj.box_pos, turns, obj.box_half, strict=True)):
+        x, y, z = np.maximum(np.abs(turn.T @ (at - center[:, None])) - half[:, None], 0.0)
+        away = x * x + y * y + z * z
+        nearer = away < squared
+        np.copyto(squared, away, where=nearer)
+        np.copyto(nearest, box, where=nearer)
+    best, turn = np.sqrt(squared), turns[nearest]
+    local = np.einsum("mi,mij->mj", points - obj.box_pos[nearest], turn)
+    outside = np.maximum(np.abs(local) - obj.box_half[nearest], 0.0)
+    way = outside / np.maximum(best, 1e-12)[:, None] * np.where(local < 0, -1.0, 1.0)
+    normal = np.einsum("mij,mj->mi", turn, way)
     inside = np.flatnonzero(best < 1e-9)
     if len(inside):
         best[inside], normal[inside] = _way_out(obj, turns, points[inside])
@@ -46,6 +49,8 @@ def _way_out(obj: SceneObject, turns: np.ndarray, points: np.ndarray) -> tuple[n
     for center, turn, half in zip(obj.box_pos, turns, obj.box_half, strict=True):
         local = (points - center) @ turn
         within = np.flatnonzero((np.abs(local) <= half + 1e-9).all(-1))
+        if not len(within):
+            continue
         for axis in range(3):
             for sign in (1.0, -1.0):
                 depth = sign * local[within, axis] - half[axis]  # negative
