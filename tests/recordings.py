@@ -86,12 +86,17 @@ def roam_dump(path: Path, velocity: bool = True, frames: int = FRAMES) -> Path:
     return path
 
 
-def bvh(path: Path, unit: float = 0.001, order: str = "XYZ", frame_time: float = 1 / 30, rename=lambda name: name, drop=(), frames: int = FRAMES) -> Path:
-    """ROAM's skeleton in a T-pose, y up; `unit` in meters; with a finger at each hand."""
+def bvh(
+    path: Path, unit: float = 0.001, order: str = "XYZ", frame_time: float = 1 / 30, rename=lambda name: name, drop=(), odd=False, frames: int = FRAMES
+) -> Path:
+    """ROAM's skeleton in a T-pose, y up; `unit` in meters; with a finger at each hand. An `odd` one has a zero pose in which nobody stands."""
     root, quat = made_up(ROAM, frames)
     pos, world = theirs(ROAM, root, quat, SMPL_FRAME, Y_UP)
-    turns = local(ROAM, world)
     rest = rot.multiply(swings(ROAM), np.tile(SMPL_FRAME, (27, 1)))
+    if odd:
+        frame = rot.normalize(np.random.default_rng(1).standard_normal((27, 4)))
+        world, rest = rot.multiply(world, frame), rot.multiply(rest, frame)
+    turns = local(ROAM, world)
     children = {j: [i for i, p in enumerate(ROAM.parents) if p == j] for j in range(27)}
     lines, columns = ["HIERARCHY"], []
 

@@ -1,7 +1,7 @@
 """Imports motions of SMPL, SMPL-H and SMPL-X as AMASS and many after it store them (`.npz`): rotation vectors, translation, shape.
 
 Where the file has the joints' positions, these are the bones. Where it has not, no body model is asked for either: the bones are those of
-our skeleton, scaled so that standing feet stand still.
+our skeleton, scaled so that the pelvis is as high, or that standing feet stand still.
 """
 
 from pathlib import Path
@@ -20,6 +20,8 @@ from mimicbench.references.skeletons import CORE4D
 
 RATES = ("mocap_framerate", "mocap_frame_rate", "fps", "frame_rate")
 ROOTS, BODIES, PLACES = ("root_orient", "global_orient"), ("pose_body", "body_pose"), ("trans", "transl")
+ANKLES, ANKLE = (7, 8), (0.03, 0.16)
+"""And how high standing ankles are [m]."""
 SIZES = (0.75, 1.25)
 """Of people, over our skeleton's."""
 
@@ -95,14 +97,18 @@ def _rotations(path: Path, data: dict) -> np.ndarray:
 
 
 def _size(trans: np.ndarray, bare: np.ndarray, up: str, fps: float) -> tuple[float, str]:
-    """How tall the person is over our skeleton, from the steps or from the pelvis's height, and what to say about it."""
+    """How tall the person is over our skeleton, from the pelvis's height or from the steps, and what to say about it.
+
+    The translation is a constant away from the pelvis: with z up by 1 to 3 cm of height only, with y up by about as much as a thigh's half.
+    """
     _, turn = axis_up(up)
-    # the pelvis is a constant away from the translation, which for speeds does not matter
-    size = stride_scale(CORE4D, rot.rotate(turn, trans[:, None] + bare), fps)
-    how = "so that feet stand still in walking"
-    if size is None or not SIZES[0] <= size <= SIZES[1]:
-        high = float(np.quantile(rot.rotate(turn, trans)[:, 2], 0.9))
-        size, how = high / STANDING, "by the height of the pelvis"
-        if not SIZES[0] <= size <= SIZES[1]:
-            size, how = 1.0, "for want of anything to tell its size by"
+    place, body = rot.rotate(turn, trans), rot.rotate(turn, bare)
+    size = float(np.quantile(place[:, 2], 0.9)) / STANDING
+    ankles = place[:, None, 2] + size * body[:, ANKLES, 2]
+    if up == "z+" and ANKLE[0] < float(np.quantile(ankles.min(-1), 0.2)) < ANKLE[1] and SIZES[0] <= size <= SIZES[1]:
+        how = "by the height of the pelvis over a floor at z = 0"
+    else:
+        found = stride_scale(CORE4D, place[:, None] + body, fps)
+        known = found is not None and SIZES[0] <= found <= SIZES[1]
+        size, how = (found or 1.0, "so that feet stand still in walking") if known else (1.0, "for want of anything to tell its size by")
     return size, f"no joints are stored: bones are {size:.3f} times those of our 1.80 m tall skeleton, {how}"

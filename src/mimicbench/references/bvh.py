@@ -22,7 +22,10 @@ from mimicbench.references.rest_pose import Adopted, adopt, axis_up, guess_up, h
 from mimicbench.references.skeletons import ROAM
 
 MAX_BYTES = 64 << 20
-MAX_JOINTS, MAX_VALUES = 500, 50_000_000
+MAX_HIERARCHY = 1 << 20
+"""Bytes before MOTION."""
+MAX_JOINTS, MAX_POSES = 500, 8_000_000
+"""In one frame, and in all: a quarter of an hour of 70 joints at 120 frames per second."""
 LEG_LENGTH = 0.83
 """Thigh and shin of a usual person [m]."""
 SLACK = 0.05
@@ -79,6 +82,8 @@ def read_bvh(path: Path) -> Bvh:
     match = re.search(r"^\s*MOTION\s*$", text, re.MULTILINE)
     if not text.lstrip("\ufeff \r\n\t").startswith("HIERARCHY") or match is None:
         raise BadMotion(f"{path} has no HIERARCHY with a MOTION after it; it is cut off or no BVH file")
+    if match.start() > MAX_HIERARCHY:
+        raise BadMotion(f"{path} has a HIERARCHY of {match.start() >> 10} KiB, more than any skeleton needs; it is damaged: get it again")
     names, parents, offsets, channels = _hierarchy(path, text[: match.start()])
     head = re.match(r"\s*Frames:\s*(\d{1,9})\s+Frame\s+Time:\s*(\S{1,40})[^\S\n]*\n?", text[match.end() :])
     try:
@@ -88,7 +93,9 @@ def read_bvh(path: Path) -> Bvh:
     if head is None or frames < 0 or not np.isfinite(frame_time):
         raise BadMotion(f"{path} does not say its number of frames and its frame time; it is damaged: get it again")
     width = sum(map(len, channels))
-    if not 2 <= frames <= MAX_FRAMES or frames * width > MAX_VALUES:
+    if frames * len(names) > MAX_POSES:
+        raise BadMotion(f"{path} has {frames} frames of {len(names)} joints, more than fit into memory; cut it into parts")
+    if not 2 <= frames <= MAX_FRAMES:
         raise BadMotion(f"{path} has {frames} frame{'s' * (frames != 1)} of {width} numbers; a motion needs between 2 and {MAX_FRAMES} frames: leave it out")
     values = numbers(text[match.end() + head.end() :])
     if len(values) != frames * width:

