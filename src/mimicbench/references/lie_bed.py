@@ -1,6 +1,7 @@
 """`lie-bed`: walk to the nearer side of a bed, sit down on its edge, swing the legs up, lie down with the head on the pillow."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -9,8 +10,9 @@ from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.berths import Berth, perch
 from mimicbench.references.body import Body, unihsi_body
+from mimicbench.references.course import Course
 from mimicbench.references.gait import Gait, Route, around_box
-from mimicbench.references.lying import LieStyle, draw_style, lie_down
+from mimicbench.references.lying import LieStyle, draw_style, lie_course, lie_down
 from mimicbench.references.walking import draw_start
 
 MARGIN = 0.40
@@ -40,8 +42,19 @@ def make_lie_bed(clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_yaw
     """
     body = unihsi_body(style.body_scale)
     berth = find_berth(obj, body, start_xy)
-    gait = Gait(speed=style.speed, heel_strike=0.0, heel_off=0.0, sway=0.0)
-    return lie_down(clip_id, "lie-bed", obj, body, berth, _route(obj, berth, start_xy), start_yaw, gait, style)
+    return lie_down(clip_id, "lie-bed", obj, body, berth, _route(obj, berth, start_xy), start_yaw, gait_of(style), style)
+
+
+def gait_of(style: LieStyle) -> Gait:
+    """With flat feet, as a robot of flat feet learns it soonest."""
+    return Gait(speed=style.speed, heel_strike=0.0, heel_off=0.0, sway=0.0)
+
+
+def lie_bed_courses(obj: SceneObject, style: LieStyle) -> tuple[Course, ...]:
+    """How to lie down on a bed in a style: from its left side, and from its right one."""
+    body = unihsi_body(style.body_scale)
+    berths = [find_berth(obj, body, np.array([0.0, side])) for side in (1.0, -1.0)]
+    return tuple(lie_course("lie-bed", obj, body, berth, partial(_route, obj, berth), gait_of(style), style) for berth in berths)
 
 
 def find_berth(obj: SceneObject, body: Body, start_xy: np.ndarray) -> Berth:

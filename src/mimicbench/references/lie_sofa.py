@@ -1,6 +1,7 @@
 """`lie-sofa`: walk to the front of a sofa, sit down on its edge, swing the legs up, lie down along it with the feet on the seat."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -10,8 +11,9 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.upholstery import HEAD_ROOM
 from mimicbench.references.berths import Berth, perch
 from mimicbench.references.body import Body, roam_body
+from mimicbench.references.course import Course
 from mimicbench.references.gait import Gait, Route, around_box, plan_footsteps
-from mimicbench.references.lying import LieStyle, draw_style, lie_down, needed_time
+from mimicbench.references.lying import LieStyle, draw_style, lie_course, lie_down, needed_time
 from mimicbench.references.walking import draw_start
 
 MARGIN = 0.40
@@ -52,6 +54,13 @@ def make_lie_sofa(clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_ya
     return lie_down(clip_id, "lie-sofa", obj, body, berth, route, start_yaw, gait_of(style), style)
 
 
+def lie_sofa_courses(obj: SceneObject, style: LieStyle) -> tuple[Course, ...]:
+    """The one way to lie down on a sofa in a style."""
+    body = roam_body(style.body_scale)
+    berth = find_berth(obj, body)
+    return (lie_course("lie-sofa", obj, body, berth, partial(_route, obj, berth), gait_of(style), style),)
+
+
 def gait_of(style: LieStyle) -> Gait:
     """This skeleton's legs are a tenth shorter than those that the gait's defaults are for: quicker, lower steps and shorter turns."""
     return Gait(speed=style.speed, step_time=0.57, double_support=0.22, max_turn=0.54, clearance=0.045, stand=0.6)
@@ -61,9 +70,14 @@ def _plan(obj: SceneObject, start_xy: np.ndarray, style: LieStyle) -> tuple[Body
     """Who lies down, where, and the way there."""
     body = roam_body(style.body_scale)
     berth = find_berth(obj, body)
+    return body, berth, _route(obj, berth, start_xy)
+
+
+def _route(obj: SceneObject, berth: Berth, start_xy: np.ndarray) -> Route:
+    """The way around the sofa to in front of the berth."""
     low, high = obj.bounds()
     before = np.array([max(berth.stop_xy[0] + 0.25, high[0] + MARGIN), berth.stop_xy[1]])
-    return body, berth, around_box(start_xy, before, low[:2], high[:2], MARGIN)
+    return around_box(start_xy, before, low[:2], high[:2], MARGIN)
 
 
 def find_berth(obj: SceneObject, body: Body) -> Berth:

@@ -1,6 +1,7 @@
 """`lift-box`: come a few steps up to a box, bend, clasp it by its left and right side, lift it, and hold it."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,12 +10,13 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body import Body, core4d_body
-from mimicbench.references.gait import Gait
+from mimicbench.references.course import Course
+from mimicbench.references.gait import Gait, Route
 from mimicbench.references.limbs import about_y, minimum_jerk
 from mimicbench.references.posing import blend, pose, reach
 from mimicbench.references.postures import Ground, Posture, elbow_axes, find_posture
-from mimicbench.references.reaching import SIZES, draw_approach, lay_hands, reach_past, settle, steps_up_to
-from mimicbench.references.walking import FPS, follow
+from mimicbench.references.reaching import SIZES, cut, draw_approach, lay_hands, reach_past, settle, steps_up_to
+from mimicbench.references.walking import FPS, Walk, follow
 
 STRIDES = Gait(speed=0.58, step_time=0.58, stand=0.5, clearance=0.055)
 """Short steps."""
@@ -60,6 +62,21 @@ class LiftStyle:
     """Swing of the arms, as a share of the usual."""
 
 
+class Lifting(NamedTuple):
+    """How a box is lifted, and by whom."""
+
+    clasp: np.ndarray
+    """(2, 3) where the wrists clasp it [m]."""
+    carried: np.ndarray
+    """(3,) how far it is carried [m]."""
+    body: Body
+    ground: Ground
+    grip: Posture
+    """As the hands clasp it."""
+    stand: Posture
+    """As it is up."""
+
+
 def draw_style(random: np.random.Generator) -> LiftStyle:
     """The few free choices of a clip. The walk is short enough for the box to be held for HOLD seconds."""
     duration = 4.3 + float(np.clip(0.2 * random.standard_normal(), -0.4, 0.4))
@@ -90,10 +107,28 @@ def make_lift_box(clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_ya
 
     The point between the ankles comes from `start_xy` (2,) [m] with heading `start_yaw` [rad].
     """
-    clasp, carried, body, ground, grip, stand = _who_lifts(obj, style)
-    steps = steps_up_to(start_xy, start_yaw, ground.middle, ground.yaw, STRIDES, body.size)
+    course = lift_course(obj, style)
+    steps = steps_up_to(start_xy, start_yaw, course.stop_xy, course.stop_yaw, STRIDES, course.body.size)
     skipped = max(0, round((steps.end - style.walking) * FPS))
-    way = follow(body, steps, STRIDES, 0.5, skipped / FPS + style.duration)
+    way = follow(course.body, steps, STRIDES, 0.5, skipped / FPS + style.duration)
+    return cut(course.act(clip_id, way), skipped, skipped + round(style.duration * FPS) + 1)
+
+
+def lift_course(obj: SceneObject, style: LiftStyle) -> Course:
+    """Where to stand before a box, and how to lift it from there."""
+    found = _who_lifts(obj, style)
+    body, ground = found.body, found.ground
+
+    def act(clip_id: str, way: Walk) -> HumanMotion:
+        return _lift(clip_id, obj, style, found, way)
+
+    after = style.reach_duration - style.overlap + 0.1 + style.lift_duration + HOLD
+    return Course(body, STRIDES, ground.middle, ground.yaw, lambda start_xy: Route(np.stack([start_xy, ground.middle])), after, act)
+
+
+def _lift(clip_id: str, obj: SceneObject, style: LiftStyle, found: Lifting, way: Walk) -> HumanMotion:
+    """The clip that follows from a walk up to the box."""
+    clasp, carried, body, _, grip, stand = found
     progress = (way.time - way.end + style.overlap) / style.reach_duration
     lifting = (way.time - way.end + style.overlap - style.reach_duration - 0.1) / style.lift_duration
     up = minimum_jerk(lifting)
@@ -108,19 +143,15 @@ def make_lift_box(clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_ya
     arms = blend(reaching, holding, (progress >= 1.0).astype(float))
     quat = lay_hands(body, pose(body, trunk, way.legs(), arms), trunk, SIDES, minimum_jerk(progress / 0.95))
     contacts = np.concatenate([way.feet.contact, np.repeat((progress >= 0.97)[:, None], 2, 1)], -1)
-    kept = slice(skipped, skipped + round(style.duration * FPS) + 1)
     return HumanMotion(
-        clip_id, "lift-box", body.skeleton, FPS, trunk.pelvis_pos_w[kept], quat[kept], obj.id, ("left_foot", "right_foot", "left_hand", "right_hand"),
-        contacts[kept], {**{name: float(value) for name, value in vars(style).items()}, "body_scale": body.size, "clasp_forward": float(clasp[0, 0])},
-        object_pos_w=box_pos[kept], object_quat_w=box_quat[kept],
+        clip_id, "lift-box", body.skeleton, FPS, trunk.pelvis_pos_w, quat, obj.id, ("left_foot", "right_foot", "left_hand", "right_hand"),
+        contacts, {**{name: float(value) for name, value in vars(style).items()}, "body_scale": body.size, "clasp_forward": float(clasp[0, 0])},
+        object_pos_w=box_pos, object_quat_w=box_quat,
     )  # fmt: skip
 
 
-def _who_lifts(obj: SceneObject, style: LiftStyle) -> tuple[np.ndarray, np.ndarray, Body, Ground, Posture, Posture]:
-    """Where the wrists clasp the box (2, 3) [m], where it is carried to (3,) [m], and by whom, on which feet, in which two postures.
-
-    Who is too small for the box clasps it farther in front, or grows.
-    """
+def _who_lifts(obj: SceneObject, style: LiftStyle) -> Lifting:
+    """Who is too small for the box clasps it farther in front, or grows."""
     low, high = obj.bounds()
     best, least = None, np.inf
     for scale in (style.body_scale, *(larger for larger in (0.95, SIZES[1]) if larger > style.body_scale)):
@@ -134,7 +165,7 @@ def _who_lifts(obj: SceneObject, style: LiftStyle) -> tuple[np.ndarray, np.ndarr
                 continue
             stand, later = find_posture(body, ground, clasp + carried, obj, carried, float(obj.mass or 0.0) / (WEIGHT * body.size**3))
             if best is None or max(short, later) < least - 1e-9:
-                best, least = (clasp, carried, body, ground, grip, stand), max(short, later)
+                best, least = Lifting(clasp, carried, body, ground, grip, stand), max(short, later)
             if least < 1e-3:
                 return best
     assert best is not None

@@ -5,6 +5,7 @@ hips can do the same. Three turns make the pelvis's path: about the vertical fro
 own sagittal plane that balances the lifted legs, and a tilt of the spine towards the pillow.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.references import on_side
 from mimicbench.references.berths import SINK, Berth, lifted_share, resting_foot
 from mimicbench.references.body import Body
+from mimicbench.references.course import Course
 from mimicbench.references.gait import Gait, Route, last_turn
 from mimicbench.references.limbs import about_y, minimum_jerk, two_link
 from mimicbench.references.posing import Arms, Legs, Trunk, blend, pose, reach, shoulders, thigh_orientations
@@ -79,7 +81,24 @@ def lie_down(
     clip_id: str, task: str, obj: SceneObject, body: Body, berth: Berth, route: Route, start_yaw: float, gait: Gait, style: LieStyle
 ) -> HumanMotion:  # fmt: skip
     """The whole clip: walk along the route from heading `start_yaw` [rad], sit down on the berth's edge, lie down, rest."""
-    way = walk(body, route, start_yaw, berth.stop_xy, float(np.arctan2(berth.out[1], berth.out[0])), gait, needed_time(style), style.duration)
+    course = lie_course(task, obj, body, berth, lambda _: route, gait, style)
+    way = walk(body, route, start_yaw, course.stop_xy, course.stop_yaw, gait, course.after, style.duration)
+    return course.act(clip_id, way)
+
+
+def lie_course(
+    task: str, obj: SceneObject, body: Body, berth: Berth, route: Callable[[np.ndarray], Route], gait: Gait, style: LieStyle
+) -> Course:  # fmt: skip
+    """Where to stand before a berth, and how to lie down from there; `route` is the way there from a place (2,) [m]."""
+
+    def act(clip_id: str, way: Walk) -> HumanMotion:
+        return _lie(clip_id, task, obj, body, berth, style, way)
+
+    return Course(body, gait, berth.stop_xy, float(np.arctan2(berth.out[1], berth.out[0])), route, needed_time(style), act)
+
+
+def _lie(clip_id: str, task: str, obj: SceneObject, body: Body, berth: Berth, style: LieStyle, way: Walk) -> HumanMotion:
+    """The clip that follows from a walk to before the berth."""
     sitting = (way.time - way.end - PAUSE) / style.sit_duration
     clock = (way.time - way.end - PAUSE - style.sit_duration) / style.pace
     trunk = _trunk(body, berth, way, sitting, clock, style)

@@ -7,7 +7,7 @@ from typing import TypeVar
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.motion import forward_kinematics
+from mimicbench.core.motion import HumanMotion, forward_kinematics
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body import Body
 from mimicbench.references.gait import Footsteps, Gait
@@ -143,6 +143,12 @@ def within_reach(body: Body, trunk: Trunk, wrists_w: np.ndarray) -> np.ndarray:
     room = (MOST_STRETCH - STRETCH) * length
     over = np.maximum(away - STRETCH * length, 0.0)
     return roots + (wrists_w - roots) * (np.minimum(away, STRETCH * length) + room * (1 - np.exp(-over / room))) / away
+
+
+def cut(motion: HumanMotion, first: int, last: int) -> HumanMotion:
+    """The frames of a clip from `first` to before `last`."""
+    per_frame = ("root_pos_w", "local_quat", "contacts", "object_pos_w", "object_quat_w")
+    return replace(motion, **{name: getattr(motion, name)[first:last] for name in per_frame})
 
 
 def frames(of: Some, some: np.ndarray | slice) -> Some:

@@ -8,8 +8,9 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body import unihsi_body
+from mimicbench.references.course import Course
 from mimicbench.references.gait import Gait
-from mimicbench.references.sitting import SitStyle, sit_down
+from mimicbench.references.sitting import SitStyle, sit_course, sit_down
 from mimicbench.references.walking import draw_start
 
 VARIED = 0.4
@@ -61,6 +62,14 @@ def make_sit_chair(clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_y
 
     The point between the ankles starts at `start_xy` (2,) [m] with heading `start_yaw` [rad].
     """
-    # with flat feet, as a robot of flat feet learns it soonest
-    gait = Gait(speed=style.speed, heel_strike=0.0, heel_off=0.0, sway=0.0)
-    return sit_down(clip_id, "sit-chair", unihsi_body(style.body_scale), obj, start_xy, start_yaw, style, gait)
+    return sit_down(clip_id, "sit-chair", unihsi_body(style.body_scale), obj, start_xy, start_yaw, style, gait_of(style))
+
+
+def gait_of(style: SitStyle) -> Gait:
+    """With flat feet, as a robot of flat feet learns it soonest."""
+    return Gait(speed=style.speed, heel_strike=0.0, heel_off=0.0, sway=0.0)
+
+
+def sit_chair_courses(obj: SceneObject, style: SitStyle) -> tuple[Course, ...]:
+    """The one way to sit down on a chair in a style."""
+    return (sit_course("sit-chair", unihsi_body(style.body_scale), obj, style, gait_of(style)),)

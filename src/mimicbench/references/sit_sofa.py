@@ -9,9 +9,10 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body import roam_body
+from mimicbench.references.course import Course
 from mimicbench.references.gait import Gait, plan_footsteps
 from mimicbench.references.seats import place_at, places
-from mimicbench.references.sitting import LEAN_BACK, PAUSE, UPRIGHT, SitStyle, route_to, sit_down
+from mimicbench.references.sitting import LEAN_BACK, PAUSE, UPRIGHT, SitStyle, route_to, sit_course, sit_down
 from mimicbench.references.walking import draw_start
 
 REST = 0.6
@@ -61,6 +62,11 @@ def make_sit_sofa(clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_ya
     The point between the ankles starts at `start_xy` (2,) [m] with heading `start_yaw` [rad].
     """
     return sit_down(clip_id, "sit-sofa", roam_body(style.body_scale), obj, start_xy, start_yaw, style, gait_of(style))
+
+
+def sit_sofa_courses(obj: SceneObject, style: SitStyle) -> tuple[Course, ...]:
+    """The one way to sit down on a sofa in a style."""
+    return (sit_course("sit-sofa", roam_body(style.body_scale), obj, style, gait_of(style)),)
 
 
 def gait_of(style: SitStyle) -> Gait:

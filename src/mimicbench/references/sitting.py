@@ -12,6 +12,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body import Body
+from mimicbench.references.course import Course
 from mimicbench.references.gait import Gait, Route, around_box, last_turn
 from mimicbench.references.limbs import about_y, minimum_jerk
 from mimicbench.references.posing import Arms, Legs, Trunk, blend, pose, reach, shoulders, thigh_orientations
@@ -81,13 +82,27 @@ def sit_down(
     The point between the ankles starts at `start_xy` (2,) [m] with heading `start_yaw` [rad]. A support that is out of reach is not
     used, and the style that is stored with the clip says so.
     """
+    course = sit_course(task, body, obj, style, gait)
+    way = walk(body, course.route(start_xy), start_yaw, course.stop_xy, 0.0, gait, course.after, style.duration, style.lead)
+    return course.act(clip_id, way)
+
+
+def sit_course(task: str, body: Body, obj: SceneObject, style: SitStyle, gait: Gait) -> Course:
+    """Where to stand before a seat, and how to sit down from there. Raises BadObject if there is no seat."""
     middle = float(obj.seat_polygon[:, 1].min() + obj.seat_polygon[:, 1].max()) / 2 if len(obj.seat_polygon) else 0.0
     place = place_at(obj, body, middle + style.seat_y, style.seat_x)
     leaning = lean_against(obj, body, place, style.lean_back, 0.05 + SLUMP) if style.against > 0 else None
     after = PAUSE + style.sit_duration + (0.5 + LEAN_BACK if leaning else 1.5)
-    way = walk(body, route_to(obj, start_xy, place), start_yaw, place.ankles, 0.0, gait, after, style.duration, style.lead)
-    clock = way.time - way.end - PAUSE
 
+    def act(clip_id: str, way: Walk) -> HumanMotion:
+        return _sit(clip_id, task, body, obj, place, leaning, style, way)
+
+    return Course(body, gait, place.ankles, 0.0, lambda start_xy: route_to(obj, start_xy, place), after, act)
+
+
+def _sit(clip_id: str, task: str, body: Body, obj: SceneObject, place: Place, leaning: Leaning | None, style: SitStyle, way: Walk) -> HumanMotion:
+    """The clip that follows from a walk to in front of a place."""
+    clock = way.time - way.end - PAUSE
     trunk, legs = _trunk(way, clock, place, leaning, style), way.legs()
     hands, style = _supports(obj, body, trunk, replace(style, against=1.0 if leaning else -1.0))
     arms, bears = _arms(body, way, trunk, legs, clock, hands, style)

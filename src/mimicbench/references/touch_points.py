@@ -9,12 +9,13 @@ from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.touch import stance_before, touch_pair
 from mimicbench.references.body import Body, core4d_body
-from mimicbench.references.gait import Gait
+from mimicbench.references.course import Course
+from mimicbench.references.gait import Gait, Route
 from mimicbench.references.limbs import minimum_jerk
 from mimicbench.references.posing import pose
 from mimicbench.references.postures import Ground, Posture, find_posture
-from mimicbench.references.reaching import SIZES, draw_approach, lay_hands, reach_past, settle, steps_up_to
-from mimicbench.references.walking import FPS, follow
+from mimicbench.references.reaching import SIZES, cut, draw_approach, lay_hands, reach_past, settle, steps_up_to
+from mimicbench.references.walking import FPS, Walk, follow
 
 STRIDES = Gait(speed=0.58, step_time=0.58, stand=0.5, clearance=0.055)
 """Short steps."""
@@ -64,10 +65,27 @@ def make_touch_points(clip_id: str, obj: SceneObject, goal: np.ndarray, start_xy
 
     The point between the ankles comes from `start_xy` (2,) [m] with heading `start_yaw` [rad]. Who is too small for the object grows.
     """
-    body, ground, posture = _who_reaches(obj, goal, style.body_scale)
-    steps = steps_up_to(start_xy, start_yaw, ground.middle, ground.yaw, STRIDES, body.size)
+    course = touch_course(obj, goal, style)
+    steps = steps_up_to(start_xy, start_yaw, course.stop_xy, course.stop_yaw, STRIDES, course.body.size)
     skipped = max(0, round((steps.end - style.walking) * FPS))
-    way = follow(body, steps, STRIDES, 0.5, skipped / FPS + style.duration)
+    way = follow(course.body, steps, STRIDES, 0.5, skipped / FPS + style.duration)
+    return cut(course.act(clip_id, way), skipped, skipped + round(style.duration * FPS) + 1)
+
+
+def touch_course(obj: SceneObject, goal: np.ndarray, style: TouchStyle) -> Course:
+    """Where to stand before the wrists' places (2, 3) [m], and how to reach for them from there."""
+    body, ground, posture = _who_reaches(obj, goal, style.body_scale)
+
+    def act(clip_id: str, way: Walk) -> HumanMotion:
+        return _touch(clip_id, obj, goal, style, body, posture, way)
+
+    return Course(
+        body, STRIDES, ground.middle, ground.yaw, lambda start_xy: Route(np.stack([start_xy, ground.middle])), style.reach_duration - style.overlap + HELD, act
+    )  # fmt: skip
+
+
+def _touch(clip_id: str, obj: SceneObject, goal: np.ndarray, style: TouchStyle, body: Body, posture: Posture, way: Walk) -> HumanMotion:
+    """The clip that follows from a walk up to the object."""
     progress = (way.time - way.end + style.overlap) / style.reach_duration
     share = minimum_jerk(progress / 0.92)
     trunk = settle(way, body.size, [(posture, share)], np.broadcast_to(goal.mean(0), (len(share), 3)))
@@ -76,10 +94,9 @@ def make_touch_points(clip_id: str, obj: SceneObject, goal: np.ndarray, start_xy
     arms = reach_past(body, obj, trunk, way.legs(), swinging, goal, normals, float(posture.elbow), progress)
     quat = lay_hands(body, pose(body, trunk, way.legs(), arms), trunk, normals, minimum_jerk(progress / 0.95))
     contacts = np.concatenate([way.feet.contact, np.repeat((progress >= 0.97)[:, None], 2, 1)], -1)
-    kept = slice(skipped, skipped + round(style.duration * FPS) + 1)
     return HumanMotion(
-        clip_id, "touch-points", body.skeleton, FPS, trunk.pelvis_pos_w[kept], quat[kept], obj.id, ("left_foot", "right_foot", "left_hand", "right_hand"),
-        contacts[kept], {**{name: float(value) for name, value in vars(style).items()}, "body_scale": body.size}, wrist_goal_w=goal,
+        clip_id, "touch-points", body.skeleton, FPS, trunk.pelvis_pos_w, quat, obj.id, ("left_foot", "right_foot", "left_hand", "right_hand"),
+        contacts, {**{name: float(value) for name, value in vars(style).items()}, "body_scale": body.size}, wrist_goal_w=goal,
     )  # fmt: skip
 
 
