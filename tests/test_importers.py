@@ -18,6 +18,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError, UnknownName
 from mimicbench.core.motion import forward_kinematics
 from mimicbench.core.pickles import load_torch
+from mimicbench.references.body import body_of
 from mimicbench.references.bvh import read_bvh, world
 from mimicbench.references.importers import FORMATS, detect_format, import_recording
 from mimicbench.references.intermimic import BODY_POS, SOURCES
@@ -454,6 +455,9 @@ def test_real_people_do_the_tasks(name, task, mesh):
     else:
         pos, _ = motion.forward_kinematics()
         assert motion.wrist_goal_w.shape == (2, 3) and pelvis[0] > high[0] and not obj.movable
+        wrists = pos[-31:][:, [arm.end for arm in body_of(motion.skeleton).arms]]
+        assert np.linalg.norm(wrists - motion.wrist_goal_w, axis=-1).max() < 1e-6, "held for a second"
+        assert np.linalg.norm(np.diff(pos, 2, axis=0), axis=-1).max() * 900 < 60, "comes to rest without a jerk"
 
 
 def test_every_task_says_when_it_is_not_there(tmp_path):

@@ -26,6 +26,8 @@ JUMP, BRIDGE = 12.0, 0.17
 """A joint that turns faster than JUMP [rad/s] is taken for a fault of the recording and bridged over BRIDGE [s] before and after."""
 DEEPEST = 0.15
 """Deepest that trunk and legs of who lifts a fitted box may be in it [m]; people do press boxes against themselves."""
+SLOWDOWN, HELD = 0.3, 1.1
+"""The last SLOWDOWN [s] of a reach are stretched to twice as long, in which it comes to rest; then it is held for HELD [s]."""
 
 Clip = tuple[HumanMotion, SceneObject]
 
@@ -180,7 +182,7 @@ def _touching_clip(recording: Recording) -> Clip:
         start = max(0, end - round(rules.before * recording.fps))
     if (end - start) / recording.fps < rules.shortest:
         raise BadMotion(f"{recording.name}: the reach takes less than {rules.shortest} s; leave it out")
-    motion = _cut(recording, start, end, 0, "touch-points")
+    motion = _settled(_cut(recording, start, end, 0, "touch-points"))
     pos, _ = motion.forward_kinematics()
     body = body_of(motion.skeleton)
     ends = pos[-1, [arm.end for arm in body.arms]]
@@ -194,6 +196,19 @@ def _touching_clip(recording: Recording) -> Clip:
     motion = _moved(motion, centre, yaw)
     goal = motion.forward_kinematics()[0][-1, [arm.end for arm in body.arms]]
     return _with_contacts(replace(motion, wrist_goal_w=goal), obj)
+
+
+def _settled(motion: HumanMotion) -> HumanMotion:
+    """The motion with its last part slowed down to a halt, and the last pose held: targets count as reached once wrists stay there."""
+    slow = min(2 * SLOWDOWN, motion.duration)
+    time = np.arange(0.0, slow, 1 / FPS)
+    ending = motion.duration - slow / 2 + time - time**2 / (2 * slow)
+    frames = FPS * np.concatenate([np.arange(0.0, motion.duration - slow / 2, 1 / FPS), ending, np.full(round(HELD * FPS), motion.duration)])
+    low = np.minimum(frames.astype(int), motion.frames - 2)
+    share = np.minimum(frames - low, 1.0)
+    root = motion.root_pos_w[low] + share[:, None] * (motion.root_pos_w[low + 1] - motion.root_pos_w[low])
+    quat = rot.slerp(motion.local_quat[low], motion.local_quat[low + 1], np.broadcast_to(share[:, None], motion.local_quat[low].shape[:2]))
+    return replace(motion, root_pos_w=root, local_quat=rot.normalize(quat))
 
 
 def _wrists(recording: Recording) -> np.ndarray:
