@@ -30,6 +30,8 @@ from mimicbench.retarget.samples import Balls, Masses, Scene, balls_of, point_ro
 from mimicbench.retarget.solver import Model, solve
 
 _CHUNK = 256
+UP = 4.0
+"""Whoever is in the furniture leaves it upwards, unless another way is four times as short: pillows, for one, are not left sideways."""
 
 
 @dataclass(frozen=True)
@@ -68,11 +70,11 @@ class InteractionConfig:
     """Share of a joint's velocity limit that it may use."""
     velocity: float = 0.2
     """Beyond that share [rad/s]."""
-    slides: tuple[float, ...] = (0.08, 0.15)
-    """How far forward a body that does not rest on its seat is put, one after the other until it does [m]: on a seat higher than its knees a robot with
-    long thighs would lie on the front edge with them and hover with its buttocks."""
+    slides: tuple[float, ...] = (0.08, 0.16, 0.24)
+    """How far towards its feet a body is put, one after the other until it rests [m]. On a seat higher than its knees a robot with long thighs
+    lies on the front edge with them and hovers with its buttocks; on a bed of people's length a taller one has its head in the board."""
     hover: float = 0.02
-    """[m] of buttocks above the seat that is still rest."""
+    """[m] of buttocks above the seat that is still rest, and of a head in a board that may be mended without that."""
     iterations: int = 25
     """Gauss-Newton steps at most."""
     tolerance: float = 1e-3
@@ -85,10 +87,13 @@ def interact(clip: Clip, config: InteractionConfig | None = None) -> RobotMotion
     problem, start = make_problem(clip, config)
     pose, losses = solve(problem, start, config.iterations, config.tolerance)
     for slide in config.slides:
-        if problem.hovering(problem.tree.place(pose)) < config.hover:
+        sits, lies = problem.misplaced(problem.tree.place(pose))
+        if not (sits or lies):
             break
-        problem, _ = make_problem(clip, config, slide)
+        problem, moved = make_problem(clip, config, slide * sits, slide * lies)
+        pose = pose._replace(root_pos=pose.root_pos + moved.root_pos - start.root_pos)  # a head must get past the board
         pose, losses = solve(problem, pose, config.iterations, config.tolerance)
+        start = moved
     return clip.finished(problem.tree, pose, clip.bind("improved"), {"loss": losses[-1], "iterations": float(len(losses) - 1)})
 
 
@@ -138,6 +143,8 @@ class Problem:
     """Of each part that bears: (T,) when, and (S,) which balls it is made of."""
     seated: np.ndarray
     """(T,) whether the root bears and both feet stand on the floor."""
+    lying: np.ndarray
+    """(T,) whether the root bears and no foot stands on the floor."""
     scene: Scene
     masses: Masses
     balanced: np.ndarray
@@ -193,15 +200,12 @@ class Problem:
             model.add_differences(np.arange(6, variables), np.array([-1.0, 1.0]) * self.fps, excess, (excess != 0) / self.config.velocity**2)
         return model
 
-    def hovering(self, links: Links) -> float:
-        """How high the root link is above the seat, in the median of the frames in which it sits with its feet on the floor [m].
-
-        0 for who does not, and for who goes on to lie down.
-        """
-        if not self.seated[-1]:
-            return 0.0
+    def misplaced(self, links: Links) -> tuple[bool, bool]:
+        """Whether who ends sitting hovers over the seat, in the median, and whether who ends lying is ever with its head in a board."""
         distance, _ = self.scene.clearance(self.balls, self.balls.place(links))
-        return float(np.median(distance[self.seated][:, self.balls.link == 0].min(-1)))
+        sits = self.seated[-1] and np.median(distance[self.seated][:, self.balls.link == 0].min(-1)) > self.config.hover
+        lies = self.lying[-1] and np.mean(distance[self.lying].min(-1) < -self.config.hover) > 0.02
+        return bool(sits), bool(lies)
 
     def _following(self, links: Links) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Errors (T, P, 3) [m], rotation vectors (T, Q, 3) from target to link [rad], and the points (T, P, 3)."""
@@ -261,8 +265,8 @@ class Problem:
         return rows
 
 
-def make_problem(clip: Clip, config: InteractionConfig, slide: float = 0.0) -> tuple[Problem, Pose]:
-    """Targets and tolerances of a clip, and a pose to start from; on its seat the body is to be `slide` [m] farther forward."""
+def make_problem(clip: Clip, config: InteractionConfig, sitting: float = 0.0, lying: float = 0.0) -> tuple[Problem, Pose]:
+    """Targets and tolerances of a clip, and a pose to start from; whoever sits or lies is to do so that much [m] nearer to its feet."""
     motion, robot = clip.motion, clip.robot
     mapping = find_mapping(motion.skeleton.name, robot.name)
     bound = clip.bind("improved")
@@ -301,27 +305,27 @@ def make_problem(clip: Clip, config: InteractionConfig, slide: float = 0.0) -> t
         margins[np.ix_(when, which)] = 0.0
         if not set(links) & {*feet, *wrist_links}:  # feet and hands have their anchors
             bearing.append((when, which))
-    seated = anchors.on_floor.all(-1) & np.any([when & which[balls.link == 0].any() for when, which in bearing] or [np.zeros(frames, bool)], 0)
+    bears = np.any([when & which[balls.link == 0].any() for when, which in bearing] or [np.zeros(frames, bool)], 0)
+    seated, lies = bears & anchors.on_floor.all(-1), bears & ~anchors.on_floor.any(-1)
     balanced, heading, ankles = _balance(motion.fps, anchors, bearing, config)
-    forward = slide * _seated(motion.fps, bearing, frames)[:, None] * heading
+    to_feet = (ankles - targets[:, bound.links.tolist().index(0)]) * [1.0, 1.0, 0.0]
+    to_feet /= np.maximum(np.linalg.norm(to_feet, axis=-1, keepdims=True), 0.1)
+    forward = (sitting * _eased(seated, motion.fps) + lying * _eased(lies, motion.fps))[:, None] * to_feet
     targets[:, ~is_foot] += forward[:, None]
     start = copy_rotations(bound, tree, limits, pos_w, quat_w)
     start = start._replace(root_pos=start.root_pos + forward - anchors.lowering[:, None] * np.array([0.0, 0.0, 1.0]))
     return Problem(
         tree, limits, config, motion.fps, np.concatenate([bound.links, wrist_links]), np.concatenate([np.zeros((len(bound.links), 3)), wrist_points]),
         np.concatenate([targets, anchors.hand_pos_w], 1), np.concatenate([tolerance, hand], 1) ** -2, turns[:, 1], turn_targets, turn_tolerance**-2,
-        balls, margins, tuple(bearing), seated, Scene.of(motion, clip.obj), Masses.of(robot), balanced, heading, ankles,
+        balls, margins, tuple(bearing), seated, lies, Scene.of(motion, clip.obj, UP), Masses.of(robot), balanced, heading, ankles,
         config.velocity_share * robot.velocity_limit,
     ), start  # fmt: skip
 
 
-def _seated(fps: float, bearing: list[tuple[np.ndarray, np.ndarray]], frames: int) -> np.ndarray:
-    """(T,) from 0 to 1 in the second before the body bears on something, and back after it."""
-    bears = np.zeros(frames)
-    for when, _ in bearing:
-        bears = np.maximum(bears, when)
+def _eased(when: np.ndarray, fps: float) -> np.ndarray:
+    """(T,) 1 in the frames `when` (T,), rising to it in the second before them and falling in the second after."""
     half = max(1, round(0.5 * fps))
-    most = np.lib.stride_tricks.sliding_window_view(np.pad(bears, 2 * half, mode="edge"), 2 * half + 1).max(-1)
+    most = np.lib.stride_tricks.sliding_window_view(np.pad(when.astype(float), 2 * half, mode="edge"), 2 * half + 1).max(-1)
     kernel = np.hanning(2 * half + 3)[1:-1]
     return np.lib.stride_tricks.sliding_window_view(most, 2 * half + 1) @ (kernel / kernel.sum())
 
