@@ -14,17 +14,18 @@ import pytest
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError
-from mimicbench.core.motion import HumanMotion, RobotMotion
+from mimicbench.core.motion import HumanMotion, RobotMotion, forward_kinematics
 from mimicbench.evaluate.intervals import Rate
 from mimicbench.evaluate.rows import EpisodeRow, read_rows
 from mimicbench.objects.families import make_object
-from mimicbench.references.skeletons import UNIHSI
+from mimicbench.references.body import body_of
+from mimicbench.references.skeletons import SKELETONS, UNIHSI
 from mimicbench.report import compare, page, plots
 from mimicbench.report.curves import read_curve
 from mimicbench.report.paper_tables import TABLES, TASKS, methods, paper_table
-from mimicbench.report.person import place, solids_of
+from mimicbench.report.person import EYES, HAIR, SHIRT, SHOES, SKIN, SOLES, TROUSERS, place, solids_of
 from mimicbench.report.provenance import Provenance, package_versions, this_machine
-from mimicbench.report.render import FIELD_OF_VIEW, Camera, Painter, Picture, frame_all, robot_frames
+from mimicbench.report.render import FIELD_OF_VIEW, Camera, Painter, Picture, frame_all, human_frames, robot_frames, with_object
 from mimicbench.report.showcase import Clip, Recording, Showcase, ShowConfig, draw, moments, positions
 from mimicbench.report.tables import Reported, Table, to_csv, to_latex, to_markdown, to_terminal
 from mimicbench.report.video import strip, write_video
@@ -310,6 +311,29 @@ def test_person_grows_with_its_skeleton_and_any_skeleton_can_be_drawn():
     assert len(solids_of(other)) == 14
 
 
+@pytest.mark.parametrize("skeleton", SKELETONS.values(), ids=list(SKELETONS))
+def test_people_of_all_skeletons_are_dressed_alike(skeleton):
+    for size in (0.9, 1.0, 1.1):
+        body = body_of(skeleton.scaled(size))
+        quat = np.tile(rot.IDENTITY, (len(skeleton.joint_names), 1))
+        pos, quat = forward_kinematics(body.skeleton, np.array([0, 0, body.standing_height]), quat)
+        solids = solids_of(body.skeleton)
+        placed = place(solids, body.skeleton, pos, quat)
+        colors = {part.solid.rgb for part in placed}
+        assert colors == {SKIN, HAIR, EYES, SHIRT, TROUSERS, SHOES, SOLES}
+        # on the floor, with soles and nothing else below them; a face that looks ahead; the left the right's mirror image
+        low: dict[tuple[float, float, float], float] = {}
+        for part in placed:
+            bottom = min(part.at_w[2], part.to_w[2]) - part.solid.size[0 if part.solid.kind == "capsule" else 2]
+            low[part.solid.rgb] = min(bottom, low.get(part.solid.rgb, bottom))
+        assert abs(low[SOLES]) < 1e-9 and all(bottom > -1e-9 for bottom in low.values())
+        top = max(part.at_w[2] + part.solid.size[2] for part in placed if part.solid.rgb == HAIR)
+        assert top == pytest.approx({"unihsi": 1.62, "roam": 1.65, "core4d": 1.80}[skeleton.name] * size, abs=0.03)
+        assert min(part.at_w[0] for part in placed if part.solid.rgb == EYES) > pos[body.head, 0] + 0.05
+        middles = np.array([(part.at_w + part.to_w) / 2 for part in placed])
+        assert sorted(np.round(middles[:, 1], 9)) == sorted(np.round(-middles[:, 1], 9))
+
+
 def test_positions_follow_names_and_refuse_other_robots(model):
     motion = robot_motion(3)
     turned = replace(motion, joint_names=motion.joint_names[::-1], joint_pos=motion.joint_pos[:, ::-1])
@@ -319,6 +343,28 @@ def test_positions_follow_names_and_refuse_other_robots(model):
         positions(replace(motion, joint_names=("wing", *motion.joint_names[1:])), model)
     with pytest.raises(MimicbenchError, match="another robot"):
         next(iter(robot_frames(model, np.zeros((2, 5)), CAMERA)))
+
+
+def test_boxes_move_and_goals_are_red():
+    box = make_object("box-0-00000")
+    model = build_model(ROBOT, box, visuals=True)
+    motion = replace(human(2), object_pos_w=np.array([[0, 0, 0], [0.0, 0, 0.5]]), object_quat_w=np.tile(rot.IDENTITY, (2, 1)))
+    assert np.array_equal(with_object(model, motion)[:, -7:-4], motion.object_pos_w)
+    robot_clip = replace(robot_motion(2), object_pos_w=motion.object_pos_w, object_quat_w=motion.object_quat_w)
+    assert np.array_equal(positions(robot_clip, model)[1, -7:-4], [0, 0, 0.5])
+    goal = replace(motion, wrist_goal_w=np.array([[1.0, 0.4, 1.0], [1.0, -0.4, 1.0]]))
+
+    def red(frame):
+        return int(((frame[..., 0] > 150) & (frame[..., 1] < 60) & (frame[..., 2] < 60)).sum())
+
+    try:
+        before, after = human_frames(model, motion, np.array([0.0, 1.0]), CAMERA, SMALL)
+        marked = next(human_frames(model, goal, np.zeros(1), CAMERA, SMALL))
+        robot = next(robot_frames(model, positions(robot_clip, model)[:1], CAMERA, SMALL, goal.wrist_goal_w))
+    except NoPictures as error:
+        pytest.skip(str(error))
+    assert (abs(before.astype(int) - after) > 30).any(-1).sum() > 20
+    assert red(before) == 0 < red(marked) and red(robot) > 0
 
 
 def test_pictures_show_robot_and_object(model):

@@ -15,16 +15,19 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError
-from mimicbench.core.motion import HumanMotion
+from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.objects.shape import SceneObject
-from mimicbench.report.person import Placed, place, solids_of
+from mimicbench.report.person import Placed, Solid, place, solids_of
 from mimicbench.sense.opengl import Canvas
-from mimicbench.sim.scene import ROBOT_GROUP, VISUAL_GROUP
+from mimicbench.sim.scene import OBJECT_BODY, ROBOT_GROUP, VISUAL_GROUP
 
 FIELD_OF_VIEW = 0.61
 """Vertical opening of the camera [rad], 35 degrees: long enough that nothing near the edge is stretched."""
 _BACKDROP = (0.90, 0.915, 0.935)
 _MAX_SHAPES = 2000
+_GOAL_RADIUS = 0.022
+"""Of the balls that show where wrists are to go [m]."""
+_GOAL_COLOR = (0.90, 0.13, 0.12)
 
 
 @dataclass(frozen=True)
@@ -109,7 +112,9 @@ class Painter:
         self.close()
 
 
-def robot_frames(model: mujoco.MjModel, qpos: np.ndarray, camera: Camera, picture: Picture | None = None) -> Iterator[np.ndarray]:
+def robot_frames(
+    model: mujoco.MjModel, qpos: np.ndarray, camera: Camera, picture: Picture | None = None, goals_w: np.ndarray | None = None
+) -> Iterator[np.ndarray]:
     """Pictures (height, width, 3) of a model, one after the other.
 
     Args:
@@ -117,16 +122,17 @@ def robot_frames(model: mujoco.MjModel, qpos: np.ndarray, camera: Camera, pictur
         qpos: (T, nq) positions, one row per picture.
         camera: where to look from, such as `frame_all` gives it.
         picture: size and quality.
+        goals_w: (K, 3) where wrists are to go [m], shown as red balls; none if None.
     """
     if qpos.ndim != 2 or qpos.shape[1] != model.nq:
         raise MimicbenchError(f"positions of shape {qpos.shape} do not fit a model of {model.nq} coordinates; they are of another robot or object")
     with Painter(model, picture or Picture(), camera) as painter:
         for row in qpos:
-            yield painter.draw(row)
+            yield painter.draw(row, lambda scene: _add_goals(scene, goals_w))
 
 
 def human_frames(model: mujoco.MjModel, motion: HumanMotion, times: np.ndarray, camera: Camera, picture: Picture | None = None) -> Iterator[np.ndarray]:
-    """Pictures (height, width, 3) of a human clip in a model's scene; the model's robot is left out.
+    """Pictures (height, width, 3) of a human clip in a model's scene, with the object where the clip has it; the model's robot is left out.
 
     Args:
         model: a scene with `visuals=True` and the clip's object.
@@ -138,11 +144,27 @@ def human_frames(model: mujoco.MjModel, motion: HumanMotion, times: np.ndarray, 
     solids = solids_of(motion.skeleton)
     joint_pos, joint_quat = motion.forward_kinematics()
     frames = np.clip(np.round(np.asarray(times) * motion.fps).astype(int), 0, motion.frames - 1)
+    qpos = with_object(model, motion)
     with Painter(model, picture or Picture(), camera) as painter:
         painter.option.geomgroup[VISUAL_GROUP] = painter.option.geomgroup[ROBOT_GROUP] = 0
         for i in frames:
             placed = place(solids, motion.skeleton, joint_pos[i], joint_quat[i])
-            yield painter.draw(add=lambda scene, placed=placed: _add_shapes(scene, placed))
+
+            def add(scene: mujoco.MjvScene, placed: list[Placed] = placed) -> None:
+                _add_shapes(scene, placed)
+                _add_goals(scene, motion.wrist_goal_w)
+
+            yield painter.draw(qpos[i], add)
+
+
+def with_object(model: mujoco.MjModel, motion: HumanMotion | RobotMotion) -> np.ndarray:
+    """(T, nq) positions at which the model starts, but for its object, which goes the way that it goes in a clip."""
+    qpos = np.tile(model.qpos0, (motion.frames, 1))
+    joint = int(model.body(OBJECT_BODY).jntadr[0])
+    if len(motion.object_pos_w) and joint >= 0:
+        free = int(model.jnt_qposadr[joint])
+        qpos[:, free : free + 3], qpos[:, free + 3 : free + 7] = motion.object_pos_w, motion.object_quat_w
+    return qpos
 
 
 def frame_all(obj: SceneObject, root_pos_w: np.ndarray, aspect: float = 1.6, height: float = 1.8, reach: float = 0.4) -> Camera:
@@ -229,3 +251,8 @@ def _add_shapes(scene: mujoco.MjvScene, placed: list[Placed]) -> None:
         geom.category = mujoco.mjtCatBit.mjCAT_DYNAMIC  # decoration would cast no shadow
         geom.specular, geom.shininess = 0.15, 0.2
         scene.ngeom += 1
+
+
+def _add_goals(scene: mujoco.MjvScene, goals_w: np.ndarray | None) -> None:
+    solid = Solid("", "ellipsoid", _GOAL_COLOR, (_GOAL_RADIUS, _GOAL_RADIUS, _GOAL_RADIUS), (0.0, 0.0, 0.0))
+    _add_shapes(scene, [Placed(solid, goal, goal, rot.IDENTITY) for goal in (() if goals_w is None else goals_w)])

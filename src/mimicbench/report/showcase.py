@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import mujoco
@@ -13,12 +13,12 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.objects.shape import SceneObject
-from mimicbench.report.render import Camera, Picture, frame_all, human_frames, robot_frames
+from mimicbench.report.render import Camera, Picture, frame_all, human_frames, robot_frames, with_object
 from mimicbench.report.video import strip, write_jpeg, write_video
 from mimicbench.robot.description import load_robot
 from mimicbench.sim.scene import build_model
 
-VERSION = 1
+VERSION = 2
 """Of the drawing; raising it makes all pictures again."""
 MAX_SECONDS = 20.0
 """Longest video."""
@@ -31,6 +31,8 @@ class Recording:
     qpos: np.ndarray
     """(T, nq) simulator positions of the robot's scene."""
     fps: float
+    wrist_goal_w: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    """(2, 3) where left and right wrist were to go [m]; empty if the task has no such goal."""
 
 
 @dataclass(frozen=True)
@@ -126,18 +128,19 @@ class _Track:
 
 
 def _track(motion: HumanMotion | RobotMotion | Recording, model: mujoco.MjModel) -> _Track:
+    goals = motion.wrist_goal_w
     if isinstance(motion, HumanMotion):
-        content = np.concatenate([motion.root_pos_w, motion.local_quat.reshape(motion.frames, -1)], 1)
+        content = np.concatenate([part.ravel() for part in (motion.root_pos_w, motion.local_quat, motion.object_pos_w, motion.object_quat_w, goals)])
         return _Track(motion.fps, motion.root_pos_w, motion.local_quat[:, motion.skeleton.parents.index(-1)], None, content)
     if isinstance(motion, RobotMotion):
-        motion = Recording(positions(motion, model), motion.fps)
+        motion = Recording(positions(motion, model), motion.fps, goals)
     root = int(model.joint("root").qposadr[0])
-    return _Track(motion.fps, motion.qpos[:, root : root + 3], motion.qpos[:, root + 3 : root + 7], motion.qpos, motion.qpos)
+    return _Track(motion.fps, motion.qpos[:, root : root + 3], motion.qpos[:, root + 3 : root + 7], motion.qpos, np.append(motion.qpos, goals))
 
 
 def positions(motion: RobotMotion, model: mujoco.MjModel) -> np.ndarray:
-    """(T, nq) a robot clip as positions of a scene's model; what else can move stays where it starts."""
-    qpos = np.tile(model.qpos0, (motion.frames, 1))
+    """(T, nq) a robot clip and its object as positions of a scene's model."""
+    qpos = with_object(model, motion)
     root = int(model.joint("root").qposadr[0])
     qpos[:, root : root + 3], qpos[:, root + 3 : root + 7] = motion.root_pos_w, motion.root_quat_w
     for j, name in enumerate(motion.joint_names):
@@ -155,7 +158,7 @@ def _frames(
         return human_frames(model, motion, times, camera, picture)
     assert track.qpos is not None
     index = np.clip(np.round(times * track.fps).astype(int), 0, len(track.qpos) - 1)
-    return robot_frames(model, track.qpos[index], camera, picture)
+    return robot_frames(model, track.qpos[index], camera, picture, motion.wrist_goal_w)
 
 
 def _digest(obj: SceneObject, track: _Track, cameras: Sequence[Camera], config: ShowConfig) -> str:
