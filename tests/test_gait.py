@@ -14,7 +14,8 @@ from mimicbench.references.gait import Gait, Route, around_box
 from mimicbench.references.limbs import ease
 from mimicbench.references.posing import Trunk, pose
 from mimicbench.references.quality import bearing_points, stance_slides
-from mimicbench.references.replan import BodyState, in_stride, state_of_motion, state_of_walk, walk_from
+from mimicbench.references.replan import in_stride, walk_from
+from mimicbench.references.states import BodyState, state_of_motion, state_of_walk
 from mimicbench.references.walking import FPS, Walk, walk
 
 BODIES = (unihsi_body(1.08), roam_body(1.0), core4d_body(1.0))

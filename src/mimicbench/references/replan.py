@@ -1,112 +1,26 @@
-"""Planning a walk from the midst of any motion: what the body does at one moment, and the walk that goes on from there.
+"""Planning a walk from the midst of any motion.
 
 The swinging foot lands first, from where it is and as fast as it is; the pelvis goes on from its place and velocity.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.errors import BadMotion
-from mimicbench.core.motion import HumanMotion, forward_kinematics
-from mimicbench.references.body import Body, body_of
-from mimicbench.references.feet import FeetStart, rolled
+from mimicbench.references.body import Body
+from mimicbench.references.feet import rolled
 from mimicbench.references.gait import Footsteps, Gait, Route, ahead_of, body_places, first_side, place_feet
 from mimicbench.references.limbs import ease, minimum_jerk, smooth_below
+from mimicbench.references.states import BodyState, state_of_walk
 from mimicbench.references.walking import FPS, Walk, follow, highest_pelvis, standing_height, walk
 
-LONG_AGO = 10.0
-"""Since when a foot stands that has not moved yet [s]."""
 MOVES = 0.12
 """A pelvis that is faster walks [m/s]."""
 JOINS = 0.6
 """Within so many seconds the pelvis joins the plan."""
 FARTHEST = 0.998
 """Share of its length to which a leg may be stretched meanwhile."""
-
-
-@dataclass(frozen=True)
-class BodyState:
-    """A body in motion at one moment; axis 0 of what concerns the feet is left, right."""
-
-    feet: FeetStart
-    since: np.ndarray
-    """(2,) for how long each foot has borne, or swung [s]."""
-    pelvis_pos_w: np.ndarray
-    """(3,) [m]."""
-    pelvis_vel_w: np.ndarray
-    """(3,) [m/s]"""
-    yaw: float
-    """Heading of the pelvis [rad]."""
-    yaw_rate: float
-    """[rad/s]"""
-    roll: float
-    """List of the pelvis, left side up positive [rad]."""
-    roll_rate: float
-    """[rad/s]"""
-    look: float
-    """Turn of the head relative to the pelvis [rad]."""
-    look_rate: float
-    """[rad/s]"""
-
-    @property
-    def place(self) -> np.ndarray:
-        """(2,) where a route from here begins [m]: as far as the pelvis is, in the middle between the feet."""
-        middle, forward = self.feet.pos_w[:, :2].mean(0), ahead_of(self.yaw)
-        return middle + ((self.pelvis_pos_w[:2] - middle) @ forward) * forward
-
-    def moved(self, xy: np.ndarray, yaw: float) -> "BodyState":
-        """The same state with its `place` at (2,) [m] and its heading `yaw` [rad]."""
-        turn = rot.from_yaw(np.array(yaw - self.yaw))
-        here = np.append(self.place, 0.0)
-
-        def put(points: np.ndarray) -> np.ndarray:
-            return rot.rotate(turn, points - here) + np.append(xy, 0.0)
-
-        feet = replace(self.feet, pos_w=put(self.feet.pos_w), vel_w=rot.rotate(turn, self.feet.vel_w), yaw=self.feet.yaw + yaw - self.yaw)
-        return replace(self, feet=feet, pelvis_pos_w=put(self.pelvis_pos_w), pelvis_vel_w=rot.rotate(turn, self.pelvis_vel_w), yaw=yaw)
-
-
-def state_of_walk(way: Walk, frame: int) -> BodyState:
-    """What the body does at a frame of a walk."""
-    now, steps = way.time[frame], way.steps
-    since = np.full(2, LONG_AGO)
-    for side in (0, 1):
-        events = np.concatenate([steps.lift_off[steps.side == side], steps.touch_down[steps.side == side]])
-        past = now - events[events <= now + 1e-9]
-        since[side] = past.min(initial=LONG_AGO)
-    feet = way.feet
-    tracks = _rates((feet.pos_w, feet.yaw, feet.pitch, way.pelvis_pos_w, way.yaw + way.twist, way.list, way.look), frame, FPS)
-    return _state(tracks, feet.contact[frame], since)
-
-
-def state_of_motion(motion: HumanMotion, frame: int) -> BodyState:
-    """What the body does at a frame of any clip whose feet have contact labels. Raises BadMotion without labels or with a single frame."""
-    names = [name for name in ("left_foot", "right_foot") if name in motion.contact_names]
-    if len(names) < 2 or motion.frames < 2:
-        raise BadMotion(f"{motion.id}: planning from a frame needs two frames or more and contact labels of both feet; detect contacts first")
-    body = body_of(motion.skeleton)
-    first = max(0, frame - 1)
-    near = slice(first, frame + 2)
-    pos, quat = forward_kinematics(motion.skeleton, motion.root_pos_w[near], motion.local_quat[near])
-    ankles = [leg.end for leg in body.legs]
-    pelvis, foot = quat[:, body.pelvis], quat[:, ankles]
-    pitch = np.arcsin(np.clip(-rot.rotate(foot, np.array([1.0, 0.0, 0.0]))[..., 2], -1, 1))
-    yaw = np.unwrap(rot.yaw_of(pelvis))
-    w, x, y, z = np.moveaxis(pelvis, -1, 0)
-    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x**2 + y**2))
-    look = rot.wrap_angle(rot.yaw_of(quat[:, body.head]) - yaw)
-    # headings of the feet are given near that of the pelvis, so that none is a turn away
-    heading = yaw[:, None] + rot.wrap_angle(rot.yaw_of(foot) - yaw[:, None])
-    tracks = _rates((pos[:, ankles], heading, pitch, pos[:, body.pelvis], yaw, roll, look), frame - first, motion.fps)
-    bears = motion.contacts[:, [motion.contact_names.index(name) for name in names]].astype(bool)
-    since = np.full(2, LONG_AGO)
-    for side in (0, 1):
-        changes = np.flatnonzero(np.diff(bears[: frame + 1, side]))
-        if len(changes):
-            since[side] = (frame - changes[-1] - 0.5) / motion.fps
-    return _state(tracks, bears[frame], since)
 
 
 def in_stride(body: Body, xy: np.ndarray, yaw: float, gait: Gait, phase: float) -> BodyState:
@@ -227,16 +141,3 @@ def _needed(foot_xy: np.ndarray, foot_yaw: np.ndarray, sides: np.ndarray, xy: np
 
 def _near(angle: float) -> float:
     return float(rot.wrap_angle(angle))
-
-
-def _rates(tracks: tuple[np.ndarray, ...], frame: int, fps: float) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Values of tracks (T, ...) at a frame, and how fast they change there."""
-    before, behind = max(0, frame - 1), min(len(tracks[0]) - 1, frame + 1)
-    return [(track[frame], (track[behind] - track[before]) * fps / max(1, behind - before)) for track in tracks]
-
-
-def _state(tracks: list[tuple[np.ndarray, np.ndarray]], bears: np.ndarray, since: np.ndarray) -> BodyState:
-    ankles, foot_yaw, foot_pitch, pelvis, yaw, roll, look = tracks
-    # what bears is still, whatever the differences across its landing say
-    feet = FeetStart(*ankles, *foot_yaw, *foot_pitch, bears)
-    return BodyState(feet, since, *pelvis, float(yaw[0]), float(yaw[1]), float(roll[0]), float(roll[1]), float(look[0]), float(look[1]))
