@@ -118,14 +118,14 @@ def _bounded_step(band: np.ndarray, gradient: np.ndarray, damping: float, limits
 def _solve_with(band: np.ndarray, right: np.ndarray, held: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Solve the banded system for the free variables while the held ones keep their values."""
     if held.any():
-        known, free = np.where(held, values, 0.0), ~held
-        reduced, right = np.zeros_like(band), right - band[0] * known
-        reduced[0] = np.where(held, 1.0, band[0])
-        for k in range(1, len(band)):
-            right[k:] -= band[k, :-k] * known[:-k]
-            right[:-k] -= band[k, :-k] * known[k:]
-            reduced[k, :-k] = band[k, :-k] * (free[k:] & free[:-k])
-        band, right = reduced, np.where(held, values, right)
+        # few are held: their rows and columns leave the matrix, and what they pull at goes to the right
+        j, k = np.flatnonzero(held), np.arange(1, len(band))[:, None]
+        reduced, right = band.copy(), right.copy()
+        for pull, other, inside in ((band[1:, j], j + k, j + k < len(held)), (band[k, j - k], j - k, j >= k)):
+            np.subtract.at(right, other[inside], (pull * values[j])[inside])
+        reduced[np.broadcast_to(k, (len(k), len(j)))[j >= k], (j - k)[j >= k]] = 0.0
+        reduced[1:, j], reduced[0, j], right[j] = 0.0, 1.0, values[j]
+        band = reduced
     return solveh_banded(band, right, lower=True, check_finite=False)
 
 
