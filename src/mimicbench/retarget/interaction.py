@@ -48,7 +48,7 @@ class InteractionConfig:
     """The same where it rests on the object [m]."""
     foot_turn: tuple[float, float] = (0.03, 0.3)
     """The same of its orientation [rad]."""
-    hand: tuple[float, float] = (0.003, 0.3)
+    hand: tuple[float, float] = (0.008, 0.3)
     """Of a wrist from its anchor, in contact and far from any [m]."""
     contact: float = 0.004
     """Of a bearing part from the surface [m]."""
