@@ -223,7 +223,7 @@ def test_without_mink_the_message_says_what_to_install(monkeypatch: pytest.Monke
 
 
 def test_verdict_by_hand() -> None:
-    good = dict.fromkeys(MEASURES, 0.0)
+    good: dict[str, float] = {name: 0.0 for name in MEASURES}
     assert unsolved(good, Limits()) == [] == unsolved({**good, "depth": 0.2, "velocity_ratio": 1.0}, Limits())
     assert unsolved({**good, "depth": 0.2}, PROMISED) == ["depth"]
     assert unsolved({**good, "goal_error": 0.11, "position_error": 0.3}, Limits()) == ["position_error", "goal_error"]
@@ -318,7 +318,7 @@ def test_comparison_by_hand(tmp_path: Path) -> None:
         return MethodResult("sit-chair", method, "paper", told, 1234.6)
 
     found = Comparison((result("copy-rotation", 0.3, 0.1), result("omnih2o", 0.2, 0.2), result("optimization", 0.1, 0.05)))
-    assert found.ordering() == {"sit-chair": {"wrist": True, "pelvis": False, "position": False}}
+    assert found.ordering() == {"sit-chair": {"wrist": (True, True), "pelvis": (True, False), "position": (False, False), "k": (True, True)}}
     places = found.tables()[0]
     assert [row[4] for row in places.rows] == [30.0, 20.0, 10.0] and places.rows[0][-1] == 1235
     assert str(places.rows[0][2]).startswith("75.0 %") and [getattr(row[8], "percent", None) for row in places.rows] == [66, 83, 92]

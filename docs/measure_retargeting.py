@@ -1,0 +1,78 @@
+"""Measures the tables of docs/retargeting.md and draws its pictures: `python docs/measure_retargeting.py [workdir]`.
+
+Objects and clips are made in the workdir unless they are there. Pictures need OpenGL.
+"""
+
+import re
+import shutil
+import sys
+from pathlib import Path
+
+from mimicbench.bench.retargeting import ClipsConfig, bench, speed_table
+from mimicbench.objects.make import ObjectsConfig
+from mimicbench.pipelines import compare_retargeting
+from mimicbench.references.make import ReferencesConfig
+from mimicbench.report.provenance import this_machine
+from mimicbench.report.tables import Table, to_markdown
+from mimicbench.retarget.bench import RetargetBenchConfig
+from mimicbench.tasks.registry import TASKS
+from mimicbench.workspace import Workspace, objects_stage, references_stage
+
+PAGE = Path(__file__).parent / "retargeting.md"
+OBJECTS, CLIPS = 32, 16
+"""Of each task."""
+
+
+def main() -> None:
+    """Measure, and write the tables into the page."""
+    workdir = Path(sys.argv[1] if len(sys.argv) > 1 else "work/retargeting")
+    for task in TASKS:
+        ws = Workspace(workdir, task)
+        objects_stage(ws, ObjectsConfig(OBJECTS))
+        references_stage(ws, ReferencesConfig(CLIPS))
+    tables: list[Table] = []
+    for preset in ("paper", "improved"):
+        found = compare_retargeting(workdir, list(TASKS), CLIPS, preset, workdir / f"retarget-{preset}", preset == "paper", 0, 0, False, say)
+        # times are told once, by the bench
+        tables += [renamed(without(table, "Frames/s of a core"), preset) for table in found.tables()]
+    for picture in (workdir / "retarget-paper").glob("*.jpg"):
+        shutil.copyfile(picture, PAGE.parent / "images" / picture.name)
+    measured = bench(ClipsConfig(tuple(TASKS)), RetargetBenchConfig(), say)
+    tables.append(speed_table(measured, tuple(TASKS)))
+    text = PAGE.read_text()
+    for table in tables:
+        text = put(text, table.name, to_markdown(table))
+    machine = this_machine()
+    text = put(text, "machine", f"Measured on {machine['cores']} cores of {machine['processor']}; {CLIPS} clips of each task on {OBJECTS} objects, seed 0.\n")
+    PAGE.write_text(text)
+
+
+def without(table: Table, column: str) -> Table:
+    """The table without one of its columns."""
+    if column not in table.columns:
+        return table
+    at = table.columns.index(column)
+    rows = tuple((*row[:at], *row[at + 1 :]) for row in table.rows)
+    return Table(table.name, table.title, (*table.columns[:at], *table.columns[at + 1 :]), rows, table.note, table.source)
+
+
+def renamed(table: Table, preset: str) -> Table:
+    """The table with the preset in its name and title."""
+    return Table(f"{table.name}-{preset}", f"{table.title} ({preset})", table.columns, table.rows, table.note, table.source)
+
+
+def put(text: str, name: str, words: str) -> str:
+    """The page with what stands between the two marks of a name replaced."""
+    pattern = re.compile(rf"(<!-- {re.escape(name)} -->\n).*?(<!-- end -->)", re.S)
+    if not pattern.search(text):
+        raise SystemExit(f"{PAGE.name} has no place for {name}")
+    return pattern.sub(lambda match: match[1] + words + match[2], text, count=1)
+
+
+def say(line: str) -> None:
+    """Progress."""
+    print(line, file=sys.stderr, flush=True)
+
+
+if __name__ == "__main__":
+    main()
