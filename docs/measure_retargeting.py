@@ -1,6 +1,7 @@
-"""Measures the tables of docs/retargeting.md and draws its pictures: `python docs/measure_retargeting.py [workdir]`.
+"""Measures the tables of docs/retargeting.md and draws its pictures: `python docs/measure_retargeting.py [workdir [workdir of real clips]]`.
 
-Objects and clips are made in the workdir unless they are there. Pictures need OpenGL.
+Objects and clips are made in the workdir unless they are there. Real clips are those that `mimicbench import` made; without them their tables stay
+as they are in the file. Pictures need OpenGL.
 """
 
 import re
@@ -21,6 +22,7 @@ from mimicbench.workspace import Workspace, objects_stage, references_stage
 PAGE = Path(__file__).parent / "retargeting.md"
 OBJECTS, CLIPS = 32, 16
 """Of each task."""
+MOST_REAL = 1000
 
 
 def main() -> None:
@@ -35,8 +37,15 @@ def main() -> None:
         found = compare_retargeting(workdir, list(TASKS), CLIPS, preset, workdir / f"retarget-{preset}", preset == "paper", 0, 0, False, say)
         # times are told once, by the bench
         tables += [renamed(without(table, "Frames/s of a core"), preset) for table in found.tables()]
-    for picture in (workdir / "retarget-paper").glob("*.jpg"):
-        shutil.copyfile(picture, PAGE.parent / "images" / picture.name)
+    pictures = [(picture, picture.name) for picture in (workdir / "retarget-paper").glob("*.jpg")]
+    if len(sys.argv) > 2:
+        real = Path(sys.argv[2])
+        tasks = [task for task in TASKS if any((real / task / "references").glob("*.npz"))]
+        found = compare_retargeting(real, tasks, MOST_REAL, "paper", real / "retarget-paper", True, 0, 0, False, say)
+        tables += [renamed(without(table, "Frames/s of a core"), "real") for table in found.tables()[:2]]
+        pictures += [(picture, picture.name.replace("-", "-real-", 1)) for picture in (real / "retarget-paper").glob("*.jpg")]
+    for picture, name in pictures:
+        shutil.copyfile(picture, PAGE.parent / "images" / name)
     measured = bench(ClipsConfig(tuple(TASKS)), RetargetBenchConfig(), say)
     tables.append(speed_table(measured, tuple(TASKS)))
     text = PAGE.read_text()

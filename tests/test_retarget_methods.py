@@ -1,6 +1,7 @@
 """The retargeting methods as a user meets them: the paper's tables, what every method promises, what is kept out and why, and the comparison."""
 
 import json
+import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -305,6 +306,24 @@ def test_a_wild_clip_is_marked_and_not_passed_on(tmp_path: Path) -> None:
     told = made.header["summary"]
     assert not RobotMotion.load(made.folder / "wild.npz").success and told["rejected_for"] and told["kept"] < 2
     assert "Infinity" not in (made.folder / "header.json").read_text()
+
+
+def test_command_line(tmp_path: Path) -> None:
+    box = make_box(0, 0)
+    held = reach(UNIHSI, 8, box)
+    stage = stage_of(tmp_path / "work" / "lift-box", [replace(held, wrist_goal_w=np.zeros((0, 3)), object_pos_w=held.object_pos_w + [0.0, 0.0, 5.0])], box)
+    objects = open_stage(tmp_path / "work" / "lift-box" / "objects", "objects", "lift-box", 0, {}).finish(count=1)
+    assert objects.complete and stage.complete
+
+    def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", "mimicbench.cli", "retarget", "--task", "lift-box", "--workers", "1", *arguments]
+        return subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=120, check=False)
+
+    wrong = run("--method", "guess")
+    assert wrong.returncode == 2 and "unknown retargeting method 'guess'" in wrong.stderr and not (tmp_path / "work" / "lift-box" / "retarget").exists()
+    beside = run("--method", "copy-rotation", "--preset", "paper", "--beside", "--json")  # the box is in the air, far from the hands
+    assert beside.returncode == 2 and "none of 1 clips" in beside.stderr and "K 1" in beside.stderr
+    assert (tmp_path / "work" / "lift-box" / "retarget-copy-rotation-paper" / f"{held.id}.npz").exists()
 
 
 # --- side by side
