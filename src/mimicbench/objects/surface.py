@@ -9,7 +9,7 @@ _STEP = 1e-3
 """[m] Beyond a face there is a way out if so far in front of it there is no other box, nor the floor."""
 
 
-def signed_distance(obj: SceneObject, points: np.ndarray, up: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+def signed_distance(obj: SceneObject, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """How far points are from the object's surface, negative inside, and the unit normal there.
 
     Inside it is the shortest way along a box's axes that leads out of all boxes, and not into the floor: a mattress is left upwards,
@@ -18,7 +18,6 @@ def signed_distance(obj: SceneObject, points: np.ndarray, up: float = 1.0) -> tu
     Args:
         obj: the object; imported ones are taken for their boxes.
         points: (M, 3) in the object's frame [m].
-        up: how much shorter any other way must be to be taken rather than the one upwards: what lies on furniture leaves it that way.
 
     Returns:
         Distances (M,) [m] and normals (M, 3), the gradient of the distance, in the object's frame.
@@ -39,15 +38,14 @@ def signed_distance(obj: SceneObject, points: np.ndarray, up: float = 1.0) -> tu
     normal = np.einsum("mij,mj->mi", turn, way)
     inside = np.flatnonzero(best < 1e-9)
     if len(inside):
-        best[inside], normal[inside] = _way_out(obj, turns, points[inside], up)
+        best[inside], normal[inside] = _way_out(obj, turns, points[inside])
     return best, normal
 
 
-def _way_out(obj: SceneObject, turns: np.ndarray, points: np.ndarray, up: float) -> tuple[np.ndarray, np.ndarray]:
+def _way_out(obj: SceneObject, turns: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Distances (M,), not positive, and normals (M, 3) of points inside the object."""
-    free, blocked = np.full(len(points), -np.inf), np.full(len(points), -np.inf)  # depths times what their way costs
+    free, blocked = np.full(len(points), -np.inf), np.full(len(points), -np.inf)
     free_way, blocked_way = np.zeros((len(points), 3)), np.zeros((len(points), 3))
-    free_depth, blocked_depth = np.zeros(len(points)), np.zeros(len(points))
     for center, turn, half in zip(obj.box_pos, turns, obj.box_half, strict=True):
         local = (points - center) @ turn
         within = np.flatnonzero((np.abs(local) <= half + 1e-9).all(-1))
@@ -61,9 +59,8 @@ def _way_out(obj: SceneObject, turns: np.ndarray, points: np.ndarray, up: float)
                 closed = out[:, 2] < 0
                 for other, other_turn, other_half in zip(obj.box_pos, turns, obj.box_half, strict=True):
                     closed |= (np.abs((out - other) @ other_turn) <= other_half).all(-1)
-                cost = depth * (1.0 if way[2] > 0.7 else up)
-                for best, depths, ways, take in ((free, free_depth, free_way, ~closed), (blocked, blocked_depth, blocked_way, closed)):
-                    take = take & (cost > best[within])
-                    best[within[take]], depths[within[take]], ways[within[take]] = cost[take], depth[take], way
+                for best, ways, take in ((free, free_way, ~closed), (blocked, blocked_way, closed)):
+                    take = take & (depth > best[within])
+                    best[within[take]], ways[within[take]] = depth[take], way
     nowhere = ~np.isfinite(free)
-    return np.where(nowhere, blocked_depth, free_depth), np.where(nowhere[:, None], blocked_way, free_way)
+    return np.where(nowhere, blocked, free), np.where(nowhere[:, None], blocked_way, free_way)

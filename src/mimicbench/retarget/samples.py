@@ -69,13 +69,11 @@ class Scene:
     """(T, 3) of the object [m], or empty if it stays at the origin."""
     quat_w: np.ndarray
     """(T, 4), or empty."""
-    up: float = 1.0
-    """As `surface.signed_distance` has it."""
 
     @staticmethod
-    def of(motion: HumanMotion, obj: SceneObject, up: float = 1.0) -> "Scene":
+    def of(motion: HumanMotion, obj: SceneObject) -> "Scene":
         """The scene of a clip."""
-        return Scene(obj, motion.object_pos_w, motion.object_quat_w, up)
+        return Scene(obj, motion.object_pos_w, motion.object_quat_w)
 
     def object_distance(self, frame: np.ndarray, points_w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Signed distances (M,) [m] of points (M, 3) in frames (M,) from the object, and world normals (M, 3); infinite beyond FAR of its bounds."""
@@ -86,7 +84,7 @@ class Scene:
         near = np.flatnonzero(((points > low - FAR) & (points < high + FAR)).all(-1))
         distance, normal = np.full(len(points), np.inf), np.zeros((len(points), 3))
         if len(near):
-            distance[near], normal[near] = signed_distance(self.obj, points[near], self.up)
+            distance[near], normal[near] = signed_distance(self.obj, points[near])
             if len(self.pos_w):
                 normal[near] = rot.rotate(self.quat_w[frame[near]], normal[near])
         return distance, normal

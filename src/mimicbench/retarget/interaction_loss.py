@@ -1,0 +1,247 @@
+"""The loss of `interaction` retargeting.
+
+Half the sum of (residual / tolerance)^2 over bodies, feet, hands, contacts, clearance, balance and smoothness, as interaction.py lists them.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from mimicbench.core import rotations as rot
+from mimicbench.retarget.kinematics import Jacobian, Links, Pose, Tree
+from mimicbench.retarget.samples import Balls, Masses, Scene, point_rows
+from mimicbench.retarget.solver import Model
+
+_CHUNK = 256  # frames whose Jacobians are held at a time
+
+
+@dataclass(frozen=True)
+class InteractionConfig:
+    """How large each residual may be; half as large counts four times as much."""
+
+    position: float = 0.06
+    """Of a link from the point that it follows [m]."""
+    orientation: float = 0.25
+    """Of a limb from the human's [rad]."""
+    foot: tuple[float, float] = (0.002, 0.02)
+    """Of a foot from its anchor, standing and swinging [m]."""
+    foot_rest: float = 0.015
+    """The same where it rests on the object [m]."""
+    foot_turn: tuple[float, float] = (0.03, 0.3)
+    """The same of its orientation [rad]."""
+    hand: tuple[float, float] = (0.008, 0.3)
+    """Of a wrist from its anchor, in contact and far from any [m]."""
+    contact: float = 0.004
+    """Of a bearing part from the surface [m]."""
+    clearance: float = 0.002
+    """Depth in floor or object [m]."""
+    margin: float = 0.003
+    """Shapes keep this far away from floor and object [m]; what bears, and soles, may touch."""
+    balance: float = 0.01
+    """Of the center of mass from where it is in balance [m]."""
+    support: tuple[float, float] = (-0.03, 0.12)
+    """Where that is: behind and in front of the middle of the ankles [m]."""
+    before_sitting: float = 0.4
+    """[s] Before the pelvis bears, balance no longer counts: people let themselves fall the last bit."""
+    acceleration: float = 12.0
+    """Of a joint [rad/s^2]."""
+    root_acceleration: float = 3.0
+    """[m/s^2]"""
+    velocity_share: float = 0.8
+    """Share of a joint's velocity limit that it may use."""
+    velocity: float = 0.2
+    """Beyond that share [rad/s]."""
+    slides: tuple[float, ...] = (0.08, 0.16, 0.24)
+    """How far towards its feet a body is put, one after the other until it rests [m]. On a seat higher than its knees a robot with long thighs
+    lies on the front edge with them and hovers with its buttocks; on a bed of people's length a taller one has its head in the board."""
+    hover: float = 0.02
+    """[m] of buttocks above the seat that is still rest, and of a head in a board that may be mended without that."""
+    iterations: int = 25
+    """Gauss-Newton steps at most."""
+    tolerance: float = 1e-3
+    """Stop when a step lowers the loss by less than this part of it."""
+
+
+Touches = list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]]
+"""Frames (M,) ascending, links (M,), points (M, 3), directions (M, 3) and residuals (M,) over tolerances, of several kinds of contact."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Residuals that only some frames have: M of them."""
+
+    frame: np.ndarray
+    """(M,) ascending."""
+    jacobian: np.ndarray
+    """(M, V)"""
+    residual: np.ndarray
+    """(M,) over its tolerance."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """The loss of one clip."""
+
+    tree: Tree
+    limits: np.ndarray
+    """(N, 2) [rad]."""
+    config: InteractionConfig
+    fps: float
+    point_links: np.ndarray
+    """(P,) links of the points that follow something in every frame: pairs, wrists."""
+    point_offsets: np.ndarray
+    """(P, 3) in the link frame [m]."""
+    point_targets: np.ndarray
+    """(T, P, 3) [m]."""
+    point_weights: np.ndarray
+    """(T, P) 1 / tolerance^2 [1/m^2]."""
+    turn_links: np.ndarray
+    """(Q,)"""
+    turn_targets: np.ndarray
+    """(T, Q, 4)."""
+    turn_weights: np.ndarray
+    """(T, Q) [1/rad^2]."""
+    balls: Balls
+    margins: np.ndarray
+    """(T, S) least clearance of each ball [m]."""
+    bearing: tuple[tuple[np.ndarray, np.ndarray], ...]
+    """Of each part that bears: (T,) when, and (S,) which balls it is made of."""
+    seated: np.ndarray
+    """(T,) whether the root bears and both feet stand on the floor."""
+    lying: np.ndarray
+    """(T,) whether the root bears and no foot stands on the floor."""
+    scene: Scene
+    masses: Masses
+    balanced: np.ndarray
+    """(T,) whether the center of mass must be over the feet."""
+    heading: np.ndarray
+    """(T, 3) mean direction of the feet."""
+    ankles: np.ndarray
+    """(T, 3) middle of both ankles' anchors [m]."""
+    speed_limit: np.ndarray
+    """(N,) [rad/s]."""
+    leg: np.ndarray
+    """(L,) whether a link is part of a leg."""
+    last: list = field(default_factory=list)
+    """The links that were looked at last, and what was found there."""
+
+    def loss(self, pose: Pose, links: Links) -> float:
+        """Half the sum of squared residuals."""
+        errors, turns, _ = self._following(links)
+        total = ((errors**2).sum(-1) * self.point_weights).sum() + ((turns**2).sum(-1) * self.turn_weights).sum()
+        total += sum((residual**2).sum() for *_, residual in self._touching(links))
+        acceleration, excess = self._differences(pose)
+        return 0.5 * float(total + (acceleration**2 * self._smoothness()).sum() + (excess**2).sum() / self.config.velocity**2)
+
+    def model(self, pose: Pose, links: Links) -> Model:
+        """Its Gauss-Newton model."""
+        frames, variables = len(pose.joints), 6 + len(self.limits)
+        errors, turns, points = self._following(links)
+        weights = np.concatenate([np.repeat(self.point_weights, 3, 1), np.repeat(self.turn_weights, 3, 1)], 1)
+        residuals = np.concatenate([errors.reshape(frames, -1), turns.reshape(frames, -1)], 1)
+        blocks, gradient = np.empty((frames, variables, variables)), np.empty((frames, variables))
+        jacobian = Jacobian(self.tree, self.point_links, self.turn_links, min(_CHUNK, frames))
+        for begin in range(0, frames, _CHUNK):
+            part = slice(begin, begin + _CHUNK)
+            rows = jacobian.fill(Links(links.pos[part], links.quat[part]), points[part])
+            weighted = rows * weights[part, :, None]
+            blocks[part] = np.swapaxes(weighted, 1, 2) @ rows
+            gradient[part] = (residuals[part, None] @ weighted)[:, 0]
+        for rows in self._rows(links):
+            if not len(rows.frame):
+                continue
+            first = np.flatnonzero(np.concatenate([[True], np.diff(rows.frame) > 0]))
+            counts = np.diff(np.append(first, len(rows.frame)))
+            # the rows of each frame side by side, so that one batched product adds them up
+            place = np.repeat(np.arange(len(first)), counts), np.arange(len(rows.frame)) - np.repeat(first, counts)
+            beside, residual = np.zeros((len(first), counts.max(), variables)), np.zeros((len(first), 1, counts.max()))
+            beside[place], residual[place[0], 0, place[1]] = rows.jacobian, rows.residual
+            blocks[rows.frame[first]] += np.swapaxes(beside, 1, 2) @ beside
+            gradient[rows.frame[first]] += (residual @ beside)[:, 0]
+        model = Model(blocks, gradient)
+        acceleration, excess = self._differences(pose)
+        if frames > 2:
+            weight = np.broadcast_to(self._smoothness(), acceleration.shape)
+            model.add_differences(np.r_[0:3, 6:variables], np.array([1.0, -2.0, 1.0]) * self.fps**2, acceleration, weight)
+        if excess.any():
+            model.add_differences(np.arange(6, variables), np.array([-1.0, 1.0]) * self.fps, excess, (excess != 0) / self.config.velocity**2)
+        return model
+
+    def misplaced(self, links: Links) -> tuple[bool, bool]:
+        """Whether who ends sitting hovers over the seat, in the median, and whether who ends lying is ever with its head in a board."""
+        distance, _ = self.scene.clearance(self.balls, self.balls.place(links))
+        sits = self.seated[-1] and np.median(distance[self.seated][:, self.balls.link == 0].min(-1)) > self.config.hover
+        lies = self.lying[-1] and np.mean(distance[self.lying].min(-1) < -self.config.hover) > 0.02
+        return bool(sits), bool(lies)
+
+    def stuck(self, links: Links) -> bool:
+        """Whether something is deep in floor or object for long: an elbow that went through a thin board finds no way back."""
+        distance, _ = self.scene.clearance(self.balls, self.balls.place(links))
+        return bool(np.mean(distance.min(-1) < -self.config.hover) > 0.02)
+
+    def filled(self) -> "Problem":
+        """The same with all boxes of the object reaching down to the floor, and for all of the body but the legs."""
+        obj = self.scene.obj
+        upright = np.abs(rot.to_matrix(obj.box_quat)[:, 2, 2]) > 0.99
+        top = obj.box_pos[:, 2] + obj.box_half[:, 2]
+        pos, half = obj.box_pos.copy(), obj.box_half.copy()
+        pos[upright, 2] = half[upright, 2] = 0.5 * top[upright]
+        legs = self.leg[self.balls.link]
+        return replace(self, scene=replace(self.scene, obj=replace(obj, box_pos=pos, box_half=half)), margins=np.where(legs, -np.inf, self.margins), last=[])
+
+    def _following(self, links: Links) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Errors (T, P, 3) [m], rotation vectors (T, Q, 3) from target to link [rad], and the points (T, P, 3)."""
+        points = links.pos[:, self.point_links] + rot.rotate(links.quat[:, self.point_links], self.point_offsets)
+        turns = rot.to_rotvec(rot.multiply(links.quat[:, self.turn_links], rot.conjugate(self.turn_targets)))
+        return points - self.point_targets, turns, points
+
+    def _differences(self, pose: Pose) -> tuple[np.ndarray, np.ndarray]:
+        """Accelerations (T - 2, 3 + N), and joint velocities (T - 1, N) as far as they are beyond what is allowed."""
+        acceleration = np.diff(np.concatenate([pose.root_pos, pose.joints], 1), 2, axis=0) * self.fps**2
+        velocity = np.diff(pose.joints, axis=0) * self.fps
+        return acceleration, velocity - np.clip(velocity, -self.speed_limit, self.speed_limit)
+
+    def _smoothness(self) -> np.ndarray:
+        return np.repeat([self.config.root_acceleration**-2, self.config.acceleration**-2], [3, len(self.limits)])
+
+    def _touching(self, links: Links) -> Touches:
+        """What `_touch` finds; the model is asked for where the loss was last."""
+        if not self.last or self.last[0] is not links:
+            self.last[:] = [links, self._touch(links)]
+        return self.last[1]
+
+    def _touch(self, links: Links) -> Touches:
+        """Clearance, contacts: frames, links, points (M, 3), directions (M, 3), residuals over tolerances; and balance, on link -1."""
+        centers = self.balls.place(links)
+        distance, normal = self.scene.clearance(self.balls, centers)
+        found = []
+        frame, ball = np.nonzero(distance < self.margins)
+        inside = (distance - self.margins)[frame, ball] / self.config.clearance
+        found.append((frame, self.balls.link[ball], centers[frame, ball], normal[frame, ball] / self.config.clearance, inside))
+        for when, which in self.bearing:
+            near = np.where(which, distance, np.inf)
+            ball = near.argmin(-1)
+            frame = np.flatnonzero(when & (near.min(-1) > 0) & np.isfinite(near.min(-1)))
+            ball = ball[frame]
+            away = distance[frame, ball] / self.config.contact
+            found.append((frame, self.balls.link[ball], centers[frame, ball], normal[frame, ball] / self.config.contact, away))
+        frame = np.flatnonzero(self.balanced)
+        if len(frame):
+            ahead = ((self.masses.center(links) - self.ankles)[frame] * self.heading[frame]).sum(-1)
+            outside = ahead - np.clip(ahead, *self.config.support)
+            keep = outside != 0
+            frame = frame[keep]
+            found.append(
+                (frame, np.full(len(frame), -1), np.zeros((len(frame), 3)), self.heading[frame] / self.config.balance, outside[keep] / self.config.balance)
+            )
+        return found
+
+    def _rows(self, links: Links) -> list[Rows]:
+        rows = []
+        for frame, link, points, direction, residual in self._touching(links):
+            if len(frame) and link[0] < 0:
+                part = Links(links.pos[frame], links.quat[frame])
+                rows.append(Rows(frame, self.masses.rows(self.tree, part, direction), residual))
+            else:
+                rows.append(Rows(frame, point_rows(self.tree, links, frame, link, points, direction), residual))
+        return rows
