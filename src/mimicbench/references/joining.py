@@ -30,16 +30,20 @@ def join(body: Body, plan: HumanMotion, state: BodyState, feet_go_on: bool) -> H
     fps, some = plan.fps, min(plan.frames, int(np.ceil(JOINS * plan.fps)) + 1)
     root = ease(plan.root_pos_w, state.pelvis_pos_w, state.pelvis_vel_w, fps, JOINS)
     quat = plan.local_quat.copy()
-    pose = state.pose
+    pose, stands = state.pose, _stands(plan)
     if pose is not None:
         known = np.flatnonzero(pose.known)
         quat[:some, known] = turned(plan.local_quat[:some, known], pose.local_quat[known], pose.rate[known], fps, JOINS)
+        for side, toe in enumerate(body.toes or ()):  # they lie on the floor while their foot is pitched
+            lands = int(np.argmax(stands[:, side])) / fps
+            if pose.known[toe]:
+                quat[:some, toe] = turned(plan.local_quat[:some, toe], pose.local_quat[toe], pose.rate[toe], fps, max(2 / fps, lands) if lands else FLAT)
     ankle, foot = feet_of(body, plan.root_pos_w, plan.local_quat)
     planned = ankle
     if feet_go_on:
-        ankle, foot, stands = ankle.copy(), foot.copy(), _stands(plan)
-        for side in (0, 1):
-            _fade(state, body, ankle, foot, side, fps)
+        ankle, foot = ankle.copy(), foot.copy()
+        for side in np.flatnonzero(~stands[0]):
+            _fade(state, body, ankle, foot, int(side), fps, max(2, int(np.argmax(stands[:, side]))) / fps)
     else:
         ankle, foot, stands = _keep_feet(body, plan, state, ankle, foot)
     # as long as anything differs from the plan
@@ -98,12 +102,12 @@ def _foot_quat(state: BodyState, body: Body, side: int) -> np.ndarray:
     return rot.multiply(rot.from_yaw(state.feet.yaw[side]), about_y(state.feet.pitch[side]))
 
 
-def _fade(state: BodyState, body: Body, ankle: np.ndarray, foot: np.ndarray, side: int, fps: float) -> None:
-    """Let one foot of ankles (T, 2, 3) and feet (T, 2, 4) begin as it is and join the plan."""
+def _fade(state: BodyState, body: Body, ankle: np.ndarray, foot: np.ndarray, side: int, fps: float, lasts: float) -> None:
+    """Let one foot of ankles (T, 2, 3) and feet (T, 2, 4) begin as it is and join the plan within some time [s]."""
     feet = state.feet
-    ankle[:, side] = ease(ankle[:, side], feet.pos_w[side], feet.vel_w[side], fps, JOINS)
+    ankle[:, side] = ease(ankle[:, side], feet.pos_w[side], feet.vel_w[side], fps, lasts)
     rate = np.array([0.0, feet.pitch_rate[side], 0.0]) + rot.rotate_inverse(_foot_quat(state, body, side), np.array([0.0, 0.0, feet.yaw_rate[side]]))
-    foot[:, side] = turned(foot[:, side], _foot_quat(state, body, side), rate, fps, JOINS)
+    foot[:, side] = turned(foot[:, side], _foot_quat(state, body, side), rate, fps, lasts)
 
 
 def _keep_feet(body: Body, plan: HumanMotion, state: BodyState, ankle: np.ndarray, foot: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -111,7 +115,7 @@ def _keep_feet(body: Body, plan: HumanMotion, state: BodyState, ankle: np.ndarra
     ankle, foot, stands, fps, start = ankle.copy(), foot.copy(), _stands(plan), plan.fps, state.feet
     for side in (0, 1):
         if not (start.bears[side] and stands[0, side]):
-            _fade(state, body, ankle, foot, side, fps)
+            _fade(state, body, ankle, foot, side, fps, JOINS)
             if stands[0, side]:  # it has to come down first
                 stands[: round(JOINS * fps), side] = False
             continue
