@@ -1,0 +1,95 @@
+"""`mimicbench bench`: how fast this machine is, and whether the world holds out."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping
+from typing import Annotated
+
+import tyro
+
+from mimicbench.commands.options import Device, Json, Seed, Task, Workers, say
+
+app = tyro.extras.SubcommandApp()
+
+
+@app.command(name="stages", is_default=True)
+def bench(
+    task: Task = "sit-chair",
+    seconds: Annotated[float, tyro.conf.arg(help="how long each part is measured")] = 10.0,
+    workers: Workers = 0,
+    device: Device = "cpu",
+    as_json: Json = False,
+) -> None:
+    """Measure how fast this machine makes clips, retargets, simulates and learns."""
+    from mimicbench.bench.stages import bench as measure
+    from mimicbench.robot.description import load_robot
+    from mimicbench.tasks.registry import get_task
+
+    _measured(measure(load_robot("h1"), get_task(task), workers, seconds, say, device), as_json)
+
+
+@app.command(name="retarget")
+def bench_retarget(
+    tasks: Annotated[tuple[str, ...], tyro.conf.arg(help="whose clips; by default all six")] = (),
+    clips: Annotated[int, tyro.conf.arg(help="clips of each task")] = 2,
+    frames: Annotated[int, tyro.conf.arg(help="frames that Adam and mink get")] = 120,
+    epochs: Annotated[int, tyro.conf.arg(help="of Adam; the paper has 3000")] = 3000,
+    as_json: Json = False,
+) -> None:
+    """Measure every way to retarget on one core, beside the paper's Adam and a per-frame inverse kinematics with mink."""
+    from mimicbench.bench.retargeting import ClipsConfig, bench, speed_table
+    from mimicbench.report.tables import to_terminal
+    from mimicbench.retarget.bench import RetargetBenchConfig
+    from mimicbench.tasks.registry import TASKS, get_task
+
+    chosen = tuple(get_task(task).slug for task in tasks or TASKS)
+    found = bench(ClipsConfig(chosen, clips), RetargetBenchConfig(epochs, frames), say)
+    _measured(found, as_json)
+    if not as_json:
+        print(to_terminal(speed_table(found, chosen)))
+
+
+@app.command(name="world")
+def bench_world_(
+    tasks: Annotated[tuple[str, ...], tyro.conf.arg(help="whose environments; by default all six")] = (),
+    sizes: Annotated[tuple[int, ...], tyro.conf.arg(help="environments at once")] = (64, 512, 4096),
+    seconds: Annotated[float, tyro.conf.arg(help="how long each figure is measured")] = 4.0,
+    maps: Annotated[bool, tyro.conf.arg(help="measure with the elevation map too")] = True,
+    memory: Annotated[bool, tyro.conf.arg(help="measure memory too, in processes of their own")] = True,
+    workers: Workers = 0,
+    device: Device = "cpu",
+    as_json: Json = False,
+) -> None:
+    """Measure the environments of all tasks beside bare physics, their memory, and the senses."""
+    from mimicbench.bench.world import WorldBenchConfig, bench_world
+    from mimicbench.tasks.registry import TASKS, get_task
+
+    chosen = tuple(get_task(task).slug for task in tasks or TASKS)
+    _measured(bench_world(WorldBenchConfig(chosen, sizes, seconds, maps, memory, workers=workers, device=device), say), as_json)
+
+
+@app.command(name="soak")
+def bench_soak(
+    steps: Annotated[int, tyro.conf.arg(help="control steps, all tasks together")] = 10_000_000,
+    objects: Annotated[int | None, tyro.conf.arg(help="objects of each family; by default as many as the paper has, 10.6 thousand")] = None,
+    threads: Annotated[tuple[int, ...], tyro.conf.arg(help="do it once with each of these numbers of threads; the results must be the same")] = (1, 2),
+    seed: Seed = 0,
+    as_json: Json = False,
+) -> None:
+    """Compile every object, and step all tasks at random: nothing may break unreported, and threads may not matter."""
+    from mimicbench.bench.soak import SoakConfig, soak
+
+    found = soak(SoakConfig(steps, threads=threads, objects=objects, seed=seed), say)
+    _measured(found, as_json)
+    if not found["sound"]:
+        sys.exit(1)
+
+
+def _measured(found: Mapping[str, object], as_json: bool) -> None:
+    """Print figures together with the machine they are of."""
+    from mimicbench.report.provenance import this_machine
+
+    if as_json:
+        print(json.dumps({**found, "machine": this_machine()}))
