@@ -119,14 +119,16 @@ def lift_course(obj: SceneObject, style: LiftStyle) -> Course:
     found = _who_lifts(obj, style)
     body, ground = found.body, found.ground
 
+    detour: list[int] = []  # found once, good for all
+
     def act(clip_id: str, way: Walk) -> HumanMotion:
-        return _lift(clip_id, obj, style, found, way)
+        return _lift(clip_id, obj, style, found, way, detour)
 
     after = style.reach_duration - style.overlap + 0.1 + style.lift_duration + HOLD
     return Course(body, STRIDES, ground.middle, ground.yaw, lambda start_xy: Route(np.stack([start_xy, ground.middle])), after, act)
 
 
-def _lift(clip_id: str, obj: SceneObject, style: LiftStyle, found: Lifting, way: Walk) -> HumanMotion:
+def _lift(clip_id: str, obj: SceneObject, style: LiftStyle, found: Lifting, way: Walk, detour: list[int]) -> HumanMotion:
     """The clip that follows from a walk up to the box."""
     clasp, carried, body, _, grip, stand = found
     progress = (way.time - way.end + style.overlap) / style.reach_duration
@@ -137,7 +139,7 @@ def _lift(clip_id: str, obj: SceneObject, style: LiftStyle, found: Lifting, way:
     axis = clasp.mean(0)
     box_pos = axis + up[:, None] * carried - rot.rotate(box_quat, axis)
     trunk = settle(way, body.size, [(grip, minimum_jerk(progress / 0.92)), (stand, up)], np.mean(clasp, 0) + up[:, None] * carried)
-    reaching = reach_past(body, obj, trunk, way.legs(), way.arms(body, style.arm_swing), clasp, SIDES, float(grip.elbow), progress)
+    reaching = reach_past(body, obj, trunk, way.legs(), way.arms(body, style.arm_swing), clasp, SIDES, float(grip.elbow), progress, detour)
     hands = box_pos[:, None] + rot.rotate(box_quat[:, None], clasp)
     holding = reach(body, trunk, hands, elbow_axes(trunk.chest_quat_w, grip.elbow + up * (stand.elbow - grip.elbow)))
     arms = blend(reaching, holding, (progress >= 1.0).astype(float))

@@ -96,11 +96,20 @@ def hands_from_outside(swinging_w: np.ndarray, goal_w: np.ndarray, normals: np.n
 
 
 def reach_past(
-    body: Body, obj: SceneObject, trunk: Trunk, legs: Legs, swinging: Arms, goal_w: np.ndarray, normals: np.ndarray, elbow: float, progress: np.ndarray
+    body: Body,
+    obj: SceneObject,
+    trunk: Trunk,
+    legs: Legs,
+    swinging: Arms,
+    goal_w: np.ndarray,
+    normals: np.ndarray,
+    elbow: float,
+    progress: np.ndarray,
+    found: list[int],
 ) -> Arms:
     """Arms that go from swinging to their goals past an object at the origin, by the first of DETOURS that is free, or else the freest.
 
-    See `hands_from_outside` for the rest.
+    `found` is that one's number, or empty: then it is looked for and put there. See `hands_from_outside` for the rest.
     """
     back = rot.rotate(rot.from_yaw(rot.yaw_of(trunk.chest_quat_w[-1])), np.array([-1.0, 0.0, 0.0]))
     left = np.array([-back[1], back[0], 0.0]) * -1.0
@@ -114,14 +123,16 @@ def reach_past(
         wrists = within_reach(body, part, hands_from_outside(hands[some], goal_w, normals, progress[some], detour))
         return part, blend(frames(swinging, some), reach(body, part, wrists, elbow_axes(part.chest_quat_w, elbows[some])), leave[some])
 
+    if found:
+        return follow(detours[found[0]], slice(None))[1]
     # all detours at once, in every third frame
     tried = np.flatnonzero((progress > 0.05) & (progress < 1.0))[::3]
     every = np.tile(tried, len(detours))
     part, arms = follow(np.repeat(detours, len(tried), 0), every)
     pos, quat = forward_kinematics(body.skeleton, part.pelvis_pos_w, pose(body, part, frames(legs, every), arms))
     deep = depth(body, pos, quat, obj, np.zeros(3), ("hand", "lower_arm", "upper_arm")).reshape(len(detours), -1).max(-1)
-    chosen = int(np.argmax(deep < 0.0)) if (deep < 0.0).any() else int(np.argmin(deep + 0.003 * np.arange(len(deep))))
-    return follow(detours[chosen], slice(None))[1]
+    found.append(int(np.argmax(deep < 0.0)) if (deep < 0.0).any() else int(np.argmin(deep + 0.003 * np.arange(len(deep)))))
+    return follow(detours[found[0]], slice(None))[1]
 
 
 def lay_hands(body: Body, quat: np.ndarray, trunk: Trunk, normals: np.ndarray, share: np.ndarray) -> np.ndarray:

@@ -33,6 +33,9 @@ SLIDE, LEAN_BACK = 1.1, 1.7
 SLUMP = 0.10
 """How far the chest of who leans back is bent forward [rad]."""
 
+Supports = tuple[tuple[np.ndarray | None, ...], "SitStyle"]
+"""Where both wrists go [m], None for a hand that goes nowhere, and the style as it can be done."""
+
 
 @dataclass(frozen=True)
 class SitStyle:
@@ -94,17 +97,23 @@ def sit_course(task: str, body: Body, obj: SceneObject, style: SitStyle, gait: G
     leaning = lean_against(obj, body, place, style.lean_back, 0.05 + SLUMP) if style.against > 0 else None
     after = PAUSE + style.sit_duration + (0.5 + LEAN_BACK if leaning else 1.5)
 
+    supports: list[Supports] = []  # every walk ends in the same pose: the places for the hands that the first finds are good for all
+
     def act(clip_id: str, way: Walk) -> HumanMotion:
-        return _sit(clip_id, task, body, obj, place, leaning, style, way)
+        return _sit(clip_id, task, body, obj, place, leaning, style, way, supports)
 
     return Course(body, gait, place.ankles, 0.0, lambda start_xy: route_to(obj, start_xy, place), after, act)
 
 
-def _sit(clip_id: str, task: str, body: Body, obj: SceneObject, place: Place, leaning: Leaning | None, style: SitStyle, way: Walk) -> HumanMotion:
-    """The clip that follows from a walk to in front of a place."""
+def _sit(
+    clip_id: str, task: str, body: Body, obj: SceneObject, place: Place, leaning: Leaning | None, style: SitStyle, way: Walk, supports: list[Supports]
+) -> HumanMotion:  # fmt: skip
+    """The clip that follows from a walk to in front of a place; finds `supports` unless they are known."""
     clock = way.time - way.end - PAUSE
     trunk, legs = _trunk(way, clock, place, leaning, style), way.legs()
-    hands, style = _supports(obj, body, trunk, replace(style, against=1.0 if leaning else -1.0))
+    if not supports:
+        supports.append(_supports(obj, body, trunk, replace(style, against=1.0 if leaning else -1.0)))
+    hands, style = supports[0]
     arms, bears = _arms(body, way, trunk, legs, clock, hands, style)
     quat = pose(body, trunk, legs, arms)
     _lay_hands(body, quat, trunk, arms, hands, bears)
@@ -158,7 +167,7 @@ def _trunk(way: Walk, clock: np.ndarray, place: Place, leaning: Leaning | None, 
     return Trunk(pelvis_pos, pelvis, chest, head)
 
 
-def _supports(obj: SceneObject, body: Body, trunk: Trunk, style: SitStyle) -> tuple[tuple[np.ndarray | None, ...], SitStyle]:
+def _supports(obj: SceneObject, body: Body, trunk: Trunk, style: SitStyle) -> Supports:
     """Where the wrists of both hands rest on the object [m], None for a hand that stays on the thigh; and the style as it can be done."""
     pelvis = trunk.pelvis_pos_w[-1]
     hands: tuple[np.ndarray | None, ...] = (None, None)

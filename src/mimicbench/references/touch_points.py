@@ -76,22 +76,26 @@ def touch_course(obj: SceneObject, goal: np.ndarray, style: TouchStyle) -> Cours
     """Where to stand before the wrists' places (2, 3) [m], and how to reach for them from there."""
     body, ground, posture = _who_reaches(obj, goal, style.body_scale)
 
+    detour: list[int] = []  # found once, good for all
+
     def act(clip_id: str, way: Walk) -> HumanMotion:
-        return _touch(clip_id, obj, goal, style, body, posture, way)
+        return _touch(clip_id, obj, goal, style, body, posture, way, detour)
 
     return Course(
         body, STRIDES, ground.middle, ground.yaw, lambda start_xy: Route(np.stack([start_xy, ground.middle])), style.reach_duration - style.overlap + HELD, act
     )  # fmt: skip
 
 
-def _touch(clip_id: str, obj: SceneObject, goal: np.ndarray, style: TouchStyle, body: Body, posture: Posture, way: Walk) -> HumanMotion:
+def _touch(
+    clip_id: str, obj: SceneObject, goal: np.ndarray, style: TouchStyle, body: Body, posture: Posture, way: Walk, detour: list[int]
+) -> HumanMotion:  # fmt: skip
     """The clip that follows from a walk up to the object."""
     progress = (way.time - way.end + style.overlap) / style.reach_duration
     share = minimum_jerk(progress / 0.92)
     trunk = settle(way, body.size, [(posture, share)], np.broadcast_to(goal.mean(0), (len(share), 3)))
     swinging = way.arms(body, style.arm_swing)
     normals = obj.touch_normals[[int(np.argmin(((obj.touch_points - wrist) ** 2).sum(-1))) for wrist in goal]]
-    arms = reach_past(body, obj, trunk, way.legs(), swinging, goal, normals, float(posture.elbow), progress)
+    arms = reach_past(body, obj, trunk, way.legs(), swinging, goal, normals, float(posture.elbow), progress, detour)
     quat = lay_hands(body, pose(body, trunk, way.legs(), arms), trunk, normals, minimum_jerk(progress / 0.95))
     contacts = np.concatenate([way.feet.contact, np.repeat((progress >= 0.97)[:, None], 2, 1)], -1)
     return HumanMotion(
