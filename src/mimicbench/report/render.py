@@ -167,7 +167,7 @@ def with_object(model: mujoco.MjModel, motion: HumanMotion | RobotMotion) -> np.
     return qpos
 
 
-def frame_all(obj: SceneObject, root_pos_w: np.ndarray, aspect: float = 1.6, height: float = 1.8, reach: float = 0.4) -> Camera:
+def frame_all(obj: SceneObject, root_pos_w: np.ndarray, aspect: float = 1.6, height: float = 1.8, reach: float = 0.4, azimuth: float | None = None) -> Camera:
     """The nearest camera that sees an object and a whole walk to it, three-quarters from the front.
 
     Args:
@@ -176,9 +176,11 @@ def frame_all(obj: SceneObject, root_pos_w: np.ndarray, aspect: float = 1.6, hei
         aspect: width of the picture over its height.
         height: of the one who walks [m].
         reach: how far a body extends from its root sideways [m].
+        azimuth: heading in which the camera looks [deg]; None for that from the side that the walk does not take, so that
+            who walks does not stand before the object.
     """
-    # from the side that the walk does not take, so that who walks does not stand before the object
-    azimuth = 128.0 if np.mean(root_pos_w[:, 1]) >= 0 else -128.0
+    if azimuth is None:
+        azimuth = 128.0 if np.mean(root_pos_w[:, 1]) >= 0 else -128.0
     path = root_pos_w[:: max(1, len(root_pos_w) // 50), :2]
     around = reach * np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)])
     body = (path[:, None] + around).reshape(-1, 2)
