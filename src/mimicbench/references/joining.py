@@ -15,7 +15,7 @@ JOINS = 0.45
 """Within so many seconds a body joins its plan."""
 FLAT = 0.15
 """Within so many seconds a foot that stands lies down flat."""
-FARTHEST = 0.999
+FARTHEST = 0.995
 """Share of its length to which a leg may be stretched meanwhile."""
 ROLLS = 0.6
 """A foot on the floor that is pitched by more does not roll: it is lying on something [rad]."""
@@ -93,21 +93,23 @@ def _stands(plan: HumanMotion) -> np.ndarray:
     return plan.contacts[:, _feet_columns(plan)].astype(bool)
 
 
-def _foot_quat(state: BodyState, body: Body, side: int) -> np.ndarray:
-    """(4,) of a foot of the state, in the world."""
-    pose = state.pose
-    leg = body.legs[side]
-    if pose is not None and pose.known[list(leg)].all():
-        return feet_of(body, state.pelvis_pos_w, pose.local_quat)[1][side]
-    return rot.multiply(rot.from_yaw(state.feet.yaw[side]), about_y(state.feet.pitch[side]))
+def _foot(state: BodyState, body: Body, side: int) -> tuple[np.ndarray, np.ndarray]:
+    """Orientation (4,) of a foot of the state in the world, and how fast it turns (3,) in its own frame [rad/s]."""
+    pose, feet = state.pose, state.feet
+    if pose is not None and pose.known[[body.pelvis, *body.legs[side]]].all():
+        moment = 1e-3
+        soon = rot.multiply(pose.local_quat, rot.from_rotvec(pose.rate * moment))
+        first, then = (feet_of(body, state.pelvis_pos_w, quat)[1][side] for quat in (pose.local_quat, soon))
+        return first, rot.to_rotvec(rot.multiply(rot.conjugate(first), then)) / moment
+    quat = rot.multiply(rot.from_yaw(feet.yaw[side]), about_y(feet.pitch[side]))
+    return quat, np.array([0.0, feet.pitch_rate[side], 0.0]) + rot.rotate_inverse(quat, np.array([0.0, 0.0, feet.yaw_rate[side]]))
 
 
 def _fade(state: BodyState, body: Body, ankle: np.ndarray, foot: np.ndarray, side: int, fps: float, lasts: float) -> None:
     """Let one foot of ankles (T, 2, 3) and feet (T, 2, 4) begin as it is and join the plan within some time [s]."""
     feet = state.feet
     ankle[:, side] = ease(ankle[:, side], feet.pos_w[side], feet.vel_w[side], fps, lasts)
-    rate = np.array([0.0, feet.pitch_rate[side], 0.0]) + rot.rotate_inverse(_foot_quat(state, body, side), np.array([0.0, 0.0, feet.yaw_rate[side]]))
-    foot[:, side] = turned(foot[:, side], _foot_quat(state, body, side), rate, fps, lasts)
+    foot[:, side] = turned(foot[:, side], *_foot(state, body, side), fps, lasts)
 
 
 def _keep_feet(body: Body, plan: HumanMotion, state: BodyState, ankle: np.ndarray, foot: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -127,7 +129,7 @@ def _keep_feet(body: Body, plan: HumanMotion, state: BodyState, ankle: np.ndarra
             flat = start.pos_w[side] - rolled(body, pitch, start.yaw[side], np.array(float(pitch < 0)))
             places, turns = flat + rolled(body, track, yaw, pivot), rot.multiply(rot.from_yaw(yaw), about_y(track))
         else:
-            off = rot.multiply(rot.conjugate(foot[0, side]), _foot_quat(state, body, side))
+            off = rot.multiply(rot.conjugate(foot[0, side]), _foot(state, body, side)[0])
             places, turns = ankle[:end, side] + start.pos_w[side] - ankle[0, side], rot.multiply(foot[:end, side], off)
         if end < len(stands):
             left = 1.0 - minimum_jerk(np.arange(1, len(stands) - end + 1) / (JOINS * fps))[:, None]

@@ -61,19 +61,20 @@ def plan(
 
 def plan_on(ways: Sequence[Course], state: BodyState, clip_id: str = "plan") -> HumanMotion:
     """The clip from a state to the end of the nearest of some ways to do a task."""
-    found = [_most_alike(way, state) for way in ways]
-    nearest = int(np.argmin([cost for _, cost, _ in found]))
-    moment, _, shift = found[nearest]
+    shift = _shift(ways[0], state)
     here = _shifted(state, shift)
-    if _acts(ways[nearest], here):
-        course = ways[nearest]
-        clip, walks = cut(replace(course.action, id=clip_id), moment, course.action.frames), False
+    begun = [way for way in ways if _acts(way, here)]
+    if begun:
+        alike = [_most_alike(way, here) for way in begun]
+        nearest = int(np.argmin([cost for _, cost in alike]))
+        course, moment = begun[nearest], alike[nearest][0]
+        clip = cut(replace(course.action, id=clip_id), moment, course.action.frames)
     else:
         routes = [_route(way, here) for way in ways]
         shortest = int(np.argmin([route.length for route in routes]))
-        course, walks = ways[shortest], True
+        course = ways[shortest]
         clip = course.act(clip_id, walk_from(course.body, here, routes[shortest], course.stop_xy, course.stop_yaw, course.gait, course.after))
-    return _placed(join(course.body, clip, here, walks), shift)
+    return _placed(join(course.body, clip, here, feet_go_on=not begun), shift)
 
 
 def _acts(course: Course, state: BodyState) -> bool:
@@ -98,21 +99,21 @@ def _route(course: Course, state: BodyState) -> Route:
     return Route(np.stack([place, place + 1e-6])) if near else route
 
 
-def _most_alike(course: Course, state: BodyState) -> tuple[int, float, np.ndarray]:
-    """The moment of the action that is most like the state, how unlike it is [m^2], and where the box was then, as (x, y, yaw).
+def _shift(course: Course, state: BodyState) -> np.ndarray:
+    """(x, y, yaw) where the box was when it was put there, [m] and [rad]: it takes the whole plan with it. Zeros without a box."""
+    box, action = state.box, course.action if state.box is not None else None
+    if box is None or action is None or not len(action.object_pos_w):
+        return np.zeros(3)
+    moment = int(np.argmin(np.abs(action.object_pos_w[:, 2] - box.pos_w[2])))
+    turn = float(rot.wrap_angle(rot.yaw_of(box.quat_w) - rot.yaw_of(action.object_quat_w[moment])))
+    carried = rot.rotate(rot.from_yaw(np.array(turn)), action.object_pos_w[moment])
+    return np.array([*(box.pos_w - carried)[:2], turn])
 
-    A box that stands elsewhere than at the origin takes the whole plan with it.
-    """
-    action, shift, joints = course.action, np.zeros(3), len(course.body.skeleton.joint_names)
+
+def _most_alike(course: Course, state: BodyState) -> tuple[int, float]:
+    """The moment of the action that is most like the state, and how unlike it is [m^2]."""
+    action, joints = course.action, len(course.body.skeleton.joint_names)
     last = action.frames - round(LEAST * action.fps)
-    box = state.box
-    if box is not None and len(action.object_pos_w):
-        height = np.abs(action.object_pos_w[:last, 2] - box.pos_w[2])
-        moment = int(np.argmin(height))
-        turn = float(rot.wrap_angle(rot.yaw_of(box.quat_w) - rot.yaw_of(action.object_quat_w[moment])))
-        rise = rot.rotate(rot.from_yaw(np.array(turn)), action.object_pos_w[moment])
-        shift = np.array([*(box.pos_w - rise)[:2], turn])
-        state = _shifted(state, shift)
     pose = state.pose
     if pose is not None and pose.known.all():
         quat = np.stack([pose.local_quat, rot.multiply(pose.local_quat, rot.from_rotvec(pose.rate / action.fps))])
@@ -127,7 +128,7 @@ def _most_alike(course: Course, state: BodyState) -> tuple[int, float, np.ndarra
     places, velocities = course.marks
     unlike = ((places[:last, used] - seen) ** 2).sum(-1) + AHEAD**2 * ((velocities[:last, used] - rate) ** 2).sum(-1)
     cost = unlike.mean(-1)
-    return int(np.argmin(cost)), float(cost.min()), shift
+    return int(np.argmin(cost)), float(cost.min())
 
 
 def _shifted(state: BodyState, shift: np.ndarray) -> BodyState:
