@@ -190,8 +190,10 @@ def _leg(w: _Wardrobe, leg: Limb, out: float) -> list[Solid]:
     thigh, shin = w.body.length(leg)
     # flesh is as far apart as other people's where the joints are close together
     aside = max(0.0, 0.080 * unit - w.body.hip_half_width) * out
+    # and no thicker below than the hips are above a seat
+    ahead = max(0.0, 0.085 * unit - (w.body.buttock - w.body.hip_drop))
     return [
-        w.ellipsoid(leg.root, TROUSERS, (0.085, 0.082, 0.215), (0.0, 0.8 * aside, -0.26 * thigh)),
+        w.ellipsoid(leg.root, TROUSERS, (0.085, 0.082, 0.215), (ahead, 0.8 * aside, -0.26 * thigh)),
         w.capsule(leg.root, TROUSERS, 0.066, (0.0, 0.7 * aside, -0.19 * thigh), (0.0, 0.1 * aside, -0.985 * thigh)),
         w.ellipsoid(leg.middle, TROUSERS, (0.063, 0.061, 0.185), (-0.008 * unit, 0.0, -0.32 * shin)),
         w.capsule(leg.middle, TROUSERS, 0.051, (0.0, 0.0, -0.05 * shin), (0.0, 0.0, -0.87 * shin)),
