@@ -12,7 +12,7 @@ from mimicbench.references.body import Body
 from mimicbench.references.feet import rolled
 from mimicbench.references.gait import Footsteps, Gait, Route, ahead_of, body_places, first_side, place_feet
 from mimicbench.references.limbs import ease, minimum_jerk, smooth_below
-from mimicbench.references.states import BodyState, state_of_walk
+from mimicbench.references.states import LONG_AGO, BodyState, state_of_walk
 from mimicbench.references.walking import FPS, Walk, follow, highest_pelvis, standing_height, walk
 
 MOVES = 0.12
@@ -58,6 +58,7 @@ def walk_from(body: Body, state: BodyState, route: Route, stop_xy: np.ndarray, s
 
 def continue_footsteps(body: Body, state: BodyState, route: Route, stop_xy: np.ndarray, stop_yaw: float, gait: Gait) -> Footsteps:
     """Footsteps from a state on: first those that brought the feet here, at negative times, then those that are to come."""
+    state = _since_when(body, state, gait)
     feet, swing, scale = state.feet, gait.swing_time, body.size
     forward = ahead_of(state.yaw)
     speed = float(state.pelvis_vel_w[:2] @ forward)
@@ -94,6 +95,21 @@ def continue_footsteps(body: Body, state: BodyState, route: Route, stop_xy: np.n
         first, state.yaw, np.concatenate([came, sides[:count]]), np.concatenate([flat[came, :2], xy[:count]]),
         np.concatenate([heading[came], yaws[:count]]), np.concatenate([landed - swing, touch_down - swing]), np.concatenate([landed, touch_down]), heading,
     )  # fmt: skip
+
+
+def _since_when(body: Body, state: BodyState, gait: Gait) -> BodyState:
+    """The state with what a single moment tells of feet that nobody saw lift off or land: of those that swing their height, else which is in front."""
+    feet, since = state.feet, state.since.copy()
+    flat = feet.pos_w - rolled(body, feet.pitch, feet.yaw, (feet.pitch < 0).astype(float))
+    for side in np.flatnonzero(~feet.bears & (since >= LONG_AGO)):
+        high = float(np.clip((flat[side, 2] - body.sole) / (gait.clearance * body.size), 0.0, 1.0))
+        # of the arc (4 u (1 - u))^3 in `feet`
+        away = 0.5 * np.sqrt(1.0 - high ** (1 / 3))
+        since[side] = gait.swing_time * (0.5 - away if feet.vel_w[side, 2] > 0 else 0.5 + away)
+    forward = ahead_of(state.yaw)
+    if feet.bears.all() and (since >= LONG_AGO).all() and abs(state.pelvis_vel_w[:2] @ forward) > MOVES:
+        since[int(np.argmax(feet.pos_w[:, :2] @ forward * np.sign(state.pelvis_vel_w[:2] @ forward)))] = 0.5 * gait.overlap * gait.period
+    return replace(state, since=since)
 
 
 def _next_swing(state: BodyState, gait: Gait, speed: float) -> tuple[bool, int, float]:

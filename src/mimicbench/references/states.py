@@ -149,7 +149,7 @@ def state_of_points(
         ankle_vel_w: (2, 3) [m/s].
         foot_quat_w: (2, 4), level on the floor at yaw 0 when it is the identity.
         bears: (2,) whether each foot bears.
-        since: (2,) for how long it has borne or swung [s]; long ago where it bears and half a swing where it does not, if not given.
+        since: (2,) for how long it has borne or swung [s]; if not given, long ago, and what swings has done so as its height tells.
         box: The movable object, if there is one.
     """
     yaw = float(rot.yaw_of(pelvis_quat_w))
@@ -159,7 +159,7 @@ def state_of_points(
     quat, rate = np.tile(rot.IDENTITY, (joints, 1)), np.zeros((joints, 3))
     quat[body.pelvis], rate[body.pelvis] = pelvis_quat_w, pelvis_rate
     turning = float(rot.rotate(pelvis_quat_w, pelvis_rate)[2])
-    since = np.where(bears, LONG_AGO, 0.22) if since is None else since
+    since = np.full(2, LONG_AGO) if since is None else since
     pose = Pose(quat, rate, np.arange(joints) == body.pelvis)
     return BodyState(feet, since, pelvis_pos_w, pelvis_vel_w, yaw, turning, float(_roll(pelvis_quat_w)), 0.0, 0.0, 0.0, pose, box)
 
