@@ -181,7 +181,7 @@ def showcase(ws: Workspace, rows: Sequence[EpisodeRow], policy: str) -> Showcase
     clips = (
         Clip("Human", "The reference, made on this object.", human),
         Clip("Retargeted", "The same motion on the H1, before physics.", motion),
-        Clip("Tracked", "The tracker follows it under physics.", Recording(tracked.qpos[0], fps)),
-        Clip("Policy", f"{folder.name} does it from its own senses, without a reference.", Recording(recordings[chosen.episode], fps)),
+        Clip("Tracked", "The tracker follows it under physics.", Recording(tracked.qpos[0], fps, motion.wrist_goal_w)),
+        Clip("Policy", f"{folder.name} does it from its own senses, without a reference.", Recording(recordings[chosen.episode], fps, motion.wrist_goal_w)),
     )
     return Showcase(obj, ws.robot.name, clips)
