@@ -80,7 +80,7 @@ def test_closed_loops_end_in_k(task: str):
         spent.append(time.process_time() - begin)
         parts.append(cut(made, 0, 30))
         made = following
-        if made.frames < 60 and get_task(task).fulfilled_by_human(made, obj):
+        if made.frames < 80 and get_task(task).fulfilled_by_human(made, obj):
             break
     parts.append(made)
     names = ("root_pos_w", "local_quat", "contacts", "object_pos_w", "object_quat_w")
