@@ -43,7 +43,7 @@ def test_gradient_is_that_of_the_loss() -> None:
     # near the seat, so that clearance, contact and balance have something to say, but no two surfaces are equally near
     pose = move(pose, random.normal(size=(8, 25)) * 0.02, WIDE)
     model = problem.model(pose, TREE.place(pose))
-    assert len(problem._touching(TREE.place(pose))[0][0]) > 5
+    assert len(problem._touching(TREE.place(pose))[0].frame) > 5
     found, expected = [], []
     for _ in range(8):
         direction = random.normal(size=(8, 25))

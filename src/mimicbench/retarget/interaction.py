@@ -6,7 +6,7 @@ Plain least squares over the whole clip: half the sum of (residual / tolerance)^
     feet        foot - its anchor: still, flat and on the floor from touch-down to lift-off
     hands       wrist - its anchor: the wrist's goal, or the place on the object that the human's palm holds
     contacts    distance of the bearing part (pelvis, back) from the surface, in frames that label it
-    clearance   depth of every collision shape in floor and object
+    clearance   depth of every collision shape in floor and object, and in the robot's own other parts
     balance     how far the center of mass is in front of or behind both standing feet, while they alone bear
     smoothness  accelerations of root and joints; joint velocities beyond their limit
 
@@ -26,8 +26,12 @@ from mimicbench.retarget.interaction_loss import InteractionConfig, Problem
 from mimicbench.retarget.kinematics import Pose, tree_of
 from mimicbench.retarget.mapping import followed_points
 from mimicbench.retarget.samples import Masses, Scene, balls_of
+from mimicbench.retarget.self_contact import SelfContact
 from mimicbench.retarget.solver import solve
 from mimicbench.robot.description import Robot
+
+EDGE = 0.03
+"""[m] Whoever slides forward on a seat stays so far behind its front."""
 
 
 def interact(clip: Clip, config: InteractionConfig | None = None) -> RobotMotion:
@@ -95,6 +99,7 @@ def make_problem(clip: Clip, config: InteractionConfig, sitting: float = 0.0, ly
     balanced, heading, ankles = _balance(motion.fps, anchors, bearing, config)
     to_feet = (ankles - targets[:, bound.links.tolist().index(0)]) * [1.0, 1.0, 0.0]
     to_feet /= np.maximum(np.linalg.norm(to_feet, axis=-1, keepdims=True), 0.1)
+    sitting = min(sitting, _room(clip, targets[seated, bound.links.tolist().index(0)], to_feet[seated]))
     forward = (sitting * _eased(seated, motion.fps) + lying * _eased(lies, motion.fps))[:, None] * to_feet
     targets[:, ~is_foot] += forward[:, None]
     start = copy_rotations(bound, tree, limits, pos_w, quat_w)
@@ -102,9 +107,16 @@ def make_problem(clip: Clip, config: InteractionConfig, sitting: float = 0.0, ly
     return Problem(
         tree, limits, config, motion.fps, np.concatenate([bound.links, wrist_links]), np.concatenate([np.zeros((len(bound.links), 3)), wrist_points]),
         np.concatenate([targets, anchors.hand_pos_w], 1), np.concatenate([tolerance, hand], 1) ** -2, turns[:, 1], turn_targets, turn_tolerance**-2,
-        balls, margins, tuple(bearing), seated, lies, Scene.of(motion, clip.obj), Masses.of(robot), balanced, heading, ankles,
+        balls, margins, tuple(bearing), seated, lies, Scene.of(motion, clip.obj), SelfContact.of(robot, balls), Masses.of(robot), balanced, heading, ankles,
         config.velocity_share * robot.velocity_limit, _legs(robot, feet),
     ), start  # fmt: skip
+
+
+def _room(clip: Clip, pelvis_w: np.ndarray, way: np.ndarray) -> float:
+    """How far seated pelvises (n, 3) may go along directions (n, 3) and still be over the object, with EDGE to spare [m]."""
+    low, high = clip.obj.bounds()
+    room = np.where(way > 0, high - EDGE - pelvis_w, pelvis_w - low - EDGE) / np.maximum(np.abs(way), 1e-6)
+    return max(0.0, float(room[:, :2].min(initial=np.inf)))
 
 
 def _legs(robot: Robot, feet: list[int]) -> np.ndarray:

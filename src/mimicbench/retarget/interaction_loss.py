@@ -4,12 +4,14 @@ Half the sum of (residual / tolerance)^2 over bodies, feet, hands, contacts, cle
 """
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.retarget.kinematics import Jacobian, Links, Pose, Tree
 from mimicbench.retarget.samples import Balls, Masses, Scene, point_rows
+from mimicbench.retarget.self_contact import SelfContact
 from mimicbench.retarget.solver import Model
 
 _CHUNK = 256  # frames whose Jacobians are held at a time
@@ -35,6 +37,8 @@ class InteractionConfig:
     """Of a bearing part from the surface [m]."""
     clearance: float = 0.002
     """Depth in floor or object [m]."""
+    self_clearance: float = 0.005
+    """Depth in the robot's own other parts [m]."""
     margin: float = 0.003
     """Shapes keep this far away from floor and object [m]; what bears, and soles, may touch."""
     balance: float = 0.01
@@ -62,8 +66,21 @@ class InteractionConfig:
     """Stop when a step lowers the loss by less than this part of it."""
 
 
-Touches = list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]]
-"""Frames (M,) ascending, links (M,), points (M, 3), directions (M, 3) and residuals (M,) over tolerances, of several kinds of contact."""
+class Touch(NamedTuple):
+    """M residuals of one kind of contact."""
+
+    frame: np.ndarray
+    """(M,) ascending."""
+    link: np.ndarray | None
+    """(M,) whose point it is; None for the center of mass."""
+    point_w: np.ndarray
+    """(M, 3) [m]."""
+    direction_w: np.ndarray
+    """(M, 3) along which it should move, over its tolerance [1/m]."""
+    residual: np.ndarray
+    """(M,)"""
+    other: np.ndarray | None = None
+    """(M,) the link that it should move away from, if that is the robot's own."""
 
 
 @dataclass(frozen=True)
@@ -111,6 +128,7 @@ class Problem:
     lying: np.ndarray
     """(T,) whether the root bears and no foot stands on the floor."""
     scene: Scene
+    own: SelfContact
     masses: Masses
     balanced: np.ndarray
     """(T,) whether the center of mass must be over the feet."""
@@ -129,7 +147,7 @@ class Problem:
         """Half the sum of squared residuals."""
         errors, turns, _ = self._following(links)
         total = ((errors**2).sum(-1) * self.point_weights).sum() + ((turns**2).sum(-1) * self.turn_weights).sum()
-        total += sum((residual**2).sum() for *_, residual in self._touching(links))
+        total += sum((touch.residual**2).sum() for touch in self._touching(links))
         acceleration, excess = self._differences(pose)
         return 0.5 * float(total + (acceleration**2 * self._smoothness()).sum() + (excess**2).sum() / self.config.velocity**2)
 
@@ -204,44 +222,45 @@ class Problem:
     def _smoothness(self) -> np.ndarray:
         return np.repeat([self.config.root_acceleration**-2, self.config.acceleration**-2], [3, len(self.limits)])
 
-    def _touching(self, links: Links) -> Touches:
+    def _touching(self, links: Links) -> list[Touch]:
         """What `_touch` finds; the model is asked for where the loss was last."""
         if not self.last or self.last[0] is not links:
             self.last[:] = [links, self._touch(links)]
         return self.last[1]
 
-    def _touch(self, links: Links) -> Touches:
-        """Clearance, contacts: frames, links, points (M, 3), directions (M, 3), residuals over tolerances; and balance, on link -1."""
+    def _touch(self, links: Links) -> list[Touch]:
+        """Clearance, contacts with the object, contacts with itself, and balance."""
         centers = self.balls.place(links)
         distance, normal = self.scene.clearance(self.balls, centers)
-        found = []
         frame, ball = np.nonzero(distance < self.margins)
-        inside = (distance - self.margins)[frame, ball] / self.config.clearance
-        found.append((frame, self.balls.link[ball], centers[frame, ball], normal[frame, ball] / self.config.clearance, inside))
+        found = [self._of_balls(frame, ball, centers, normal, (distance - self.margins)[frame, ball], self.config.clearance)]
         for when, which in self.bearing:
             near = np.where(which, distance, np.inf)
-            ball = near.argmin(-1)
-            frame = np.flatnonzero(when & (near.min(-1) > 0) & np.isfinite(near.min(-1)))
-            ball = ball[frame]
-            away = distance[frame, ball] / self.config.contact
-            found.append((frame, self.balls.link[ball], centers[frame, ball], normal[frame, ball] / self.config.contact, away))
-        frame = np.flatnonzero(self.balanced)
-        if len(frame):
-            ahead = ((self.masses.center(links) - self.ankles)[frame] * self.heading[frame]).sum(-1)
-            outside = ahead - np.clip(ahead, *self.config.support)
-            keep = outside != 0
-            frame = frame[keep]
-            found.append(
-                (frame, np.full(len(frame), -1), np.zeros((len(frame), 3)), self.heading[frame] / self.config.balance, outside[keep] / self.config.balance)
-            )
+            lowest = near.min(-1)
+            frame = np.flatnonzero(when & (lowest > 0) & np.isfinite(lowest))
+            found.append(self._of_balls(frame, near.argmin(-1)[frame], centers, normal, lowest[frame], self.config.contact))
+        own = self.own.overlaps(links, centers)
+        scale = 1 / self.config.self_clearance
+        found.append(Touch(own.frame, own.link, own.point_w, own.normal_w * scale, -own.depth * scale, own.other))
+        ahead = ((self.masses.center(links) - self.ankles) * self.heading).sum(-1)
+        outside = np.where(self.balanced, ahead - np.clip(ahead, *self.config.support), 0.0)
+        frame = np.flatnonzero(outside)
+        scale = 1 / self.config.balance
+        found.append(Touch(frame, None, np.zeros((len(frame), 3)), self.heading[frame] * scale, outside[frame] * scale))
         return found
+
+    def _of_balls(self, frame: np.ndarray, ball: np.ndarray, centers: np.ndarray, normal: np.ndarray, away: np.ndarray, tolerance: float) -> Touch:
+        return Touch(frame, self.balls.link[ball], centers[frame, ball], normal[frame, ball] / tolerance, away / tolerance)
 
     def _rows(self, links: Links) -> list[Rows]:
         rows = []
-        for frame, link, points, direction, residual in self._touching(links):
-            if len(frame) and link[0] < 0:
-                part = Links(links.pos[frame], links.quat[frame])
-                rows.append(Rows(frame, self.masses.rows(self.tree, part, direction), residual))
+        for touch in self._touching(links):
+            if touch.link is None:
+                part = Links(links.pos[touch.frame], links.quat[touch.frame])
+                jacobian = self.masses.rows(self.tree, part, touch.direction_w)
             else:
-                rows.append(Rows(frame, point_rows(self.tree, links, frame, link, points, direction), residual))
+                jacobian = point_rows(self.tree, links, touch.frame, touch.link, touch.point_w, touch.direction_w)
+                if touch.other is not None:
+                    jacobian -= point_rows(self.tree, links, touch.frame, touch.other, touch.point_w, touch.direction_w)
+            rows.append(Rows(touch.frame, jacobian, touch.residual))
         return rows

@@ -9,6 +9,7 @@ from mimicbench.retarget.grounding import FEET, runs, sole_heights
 from mimicbench.retarget.kinematics import Links, Pose
 from mimicbench.retarget.mapping import Bound, Mapping, followed_points
 from mimicbench.retarget.samples import Balls, Masses, Scene, balls_of
+from mimicbench.retarget.self_contact import SelfContact
 from mimicbench.robot.description import Robot
 
 DEEP, CLOSE = 0.01, 0.02
@@ -145,23 +146,9 @@ def _balance(links: Links, robot: Robot, bound: Bound, motion: HumanMotion, stan
 
 
 def _self_depth(robot: Robot, links: Links, balls: Balls, centers: np.ndarray) -> np.ndarray:
-    """(T,) how deep the robot's shapes are in each other, of the pairs of groups that may collide [m]; balls against balls and boxes."""
-    deepest = np.full(len(centers), -np.inf)
-    for first, second in robot.collides:
-        one, other = np.flatnonzero(balls.group == first), np.flatnonzero(balls.group == second)
-        for a in one[balls.radius[one] > 0]:
-            round_ = other[balls.radius[other] > 0]
-            if len(round_):
-                apart = np.linalg.norm(centers[:, a, None] - centers[:, round_], axis=-1) - balls.radius[a] - balls.radius[round_]
-                deepest = np.maximum(deepest, -apart.min(-1))
-        for shape in robot.collision:
-            if shape.type == "box" and shape.group in (first, second):
-                mine = one if shape.group == second else other
-                mine = mine[balls.radius[mine] > 0]
-                local = rot.rotate_inverse(links.quat[:, shape.link, None], centers[:, mine] - links.pos[:, shape.link, None]) - np.array(shape.start)
-                beyond = np.abs(local) - np.array(shape.size)
-                apart = np.linalg.norm(np.maximum(beyond, 0), axis=-1) + np.minimum(beyond.max(-1), 0) - balls.radius[mine]
-                deepest = np.maximum(deepest, -apart.min(-1))
+    """(T,) how deep the robot's shapes are in each other, of the pairs of groups that may collide [m]."""
+    deepest, found = np.zeros(len(centers)), SelfContact.of(robot, balls).overlaps(links, centers)
+    np.maximum.at(deepest, found.frame, found.depth)
     return deepest
 
 
