@@ -30,10 +30,12 @@ class Limits:
     """[m] of a wrist that has a goal: it is out of reach."""
     depth: float = math.inf
     """[m] in floor or object."""
+    step_skate: float = math.inf
+    """[m] that a standing sole moves, in the mean over steps: the body is wedged in somewhere."""
 
 
-PROMISED = Limits(depth=0.06)
-"""Of methods that promise to stay out of things."""
+PROMISED = Limits(depth=0.04, step_skate=0.04)
+"""Of methods that promise to stay out of things and to keep feet still."""
 
 
 def unsolved(measures: Mapping[str, float], limits: Limits) -> list[str]:
