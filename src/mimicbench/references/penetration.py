@@ -1,5 +1,6 @@
 """How deep a person is in an object: capsules against boxes, with bounding spheres first so that only what is near costs time."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,11 @@ from mimicbench.references.body import Body
 
 SOFT = ("bed", "sofa", "couch")
 """Families that have mattresses and upholstery."""
+OWN = ("pelvis", "trunk", "head", "thigh", "shin")
+"""What hands and forearms must not be in."""
+ARM = ("forearm", "palm")
+THICK = (0.028, 0.018)
+"""Radii of the forearm towards the wrist and of wrist and palm, at body size 1 [m]."""
 SAMPLES = 7
 """Along the axis of a capsule."""
 
@@ -71,6 +77,36 @@ def depths(motion: HumanMotion, obj: SceneObject, body: Body, pos: np.ndarray, q
     if not len(frame):
         return nothing
     return _in_boxes(obj, segment[frame, part], radius[part], reach[part], np.array([p.role == "pelvis" for p in parts])[part], moving)
+
+
+def own_depth(body: Body, pos: np.ndarray, quat: np.ndarray, others: Sequence[str] = OWN, points: Sequence[str] = ARM) -> np.ndarray:
+    """(T, 2) how deep either arm is in the body's own parts of some roles [m], negative while it is clear of them.
+
+    `pos` (T, J, 3) and `quat` (T, J, 4) are the joints'; `points` says which of the forearm and the palm count.
+    """
+    return own_gaps(body, pos, quat, others, points)[0].max((2, 3))
+
+
+def own_gaps(body: Body, pos: np.ndarray, quat: np.ndarray, others: Sequence[str], points: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+    """(T, 2, parts, points) how deep points of both arms are in the body's own parts [m], and (..., 3) ways out from the parts' axes."""
+    parts = [part for part in body.parts if part.role in others]
+    joints = [part.joint for part in parts]
+    start, end = (pos[:, joints] + rot.rotate(quat[:, joints], np.array([getattr(part, side) for part in parts])) for side in ("start", "end"))
+    along = (end - start)[:, None, :, None]
+    length, radius = np.maximum(_squared(along), 1e-12), np.array([part.radius for part in parts])[:, None]
+    fore, palm = ("forearm" in points) * (0.3, 0.55, 0.8), ("palm" in points) * (0.0, 1.0)
+    thick = body.size * np.array([THICK[0]] * len(fore) + [THICK[1]] * len(palm))
+    mine = []
+    for arm in body.arms:
+        elbow, wrist = (rot.rotate(quat[:, joint, None], np.array(places).reshape(-1, 3)) + pos[:, joint, None] for joint, places in (
+            (arm.middle, [share * body.skeleton.offsets[arm.end] for share in fore]), (arm.end, [[0.0, 0.0, -share * body.hand] for share in palm]),
+        ))  # fmt: skip
+        mine.append(np.concatenate([elbow, wrist], 1))
+    offset = np.stack(mine, 1)[:, :, None] - start[:, None, :, None]  # (T, 2, parts, points, 3)
+    share = np.clip((offset * along).sum(-1) / length, 0.0, 1.0)
+    away = offset - share[..., None] * along
+    gap = np.sqrt(_squared(away))
+    return radius + thick - gap, away / np.maximum(gap, 1e-9)[..., None]
 
 
 def _in_boxes(obj: SceneObject, segment: np.ndarray, radius: np.ndarray, reach: np.ndarray, pelvis: np.ndarray, moving: bool) -> Depths:

@@ -16,6 +16,7 @@ from mimicbench.objects.touch import distance
 from mimicbench.references.body import Body
 from mimicbench.references.gait import Gait
 from mimicbench.references.limbs import about_y
+from mimicbench.references.penetration import OWN, own_depth
 from mimicbench.references.posing import Legs, Trunk, pose, reach, shoulders, thigh_orientations
 from mimicbench.references.walking import REACH
 
@@ -35,6 +36,8 @@ DROPS = np.array([0.0, 0.05, 0.11, 0.18, 0.26, 0.36])
 """How far the hips may sink [m], at body size 1."""
 ELBOWS = (0.35, 0.8, 0.0, 1.2, -0.5)
 """[rad] how far the elbows may swing out from below the arms; the most natural first."""
+FACE = 0.04
+"""[m] that the arms keep from the head."""
 TRIED = 8
 """Postures within reach that are tested against the object, the easiest first."""
 SEGMENTS = (
@@ -150,7 +153,8 @@ def find_posture(
     easiest = np.tile(np.argsort(effort + 100.0 * out, kind="stable")[:TRIED], len(ELBOWS))
     ranks = np.repeat(np.arange(len(ELBOWS)), TRIED)
     some = replace(every[easiest], elbow=np.array(ELBOWS)[ranks])
-    short = np.maximum(depth(body, *_placed(body, ground, some, wrists), obj, shift, BUT_HANDS) - GIVE, 0.0) + out[easiest]
+    placed = _placed(body, ground, some, wrists)
+    short = np.maximum(depth(body, *placed, obj, shift, BUT_HANDS) - GIVE, 0.0) + np.maximum(in_own_way(body, *placed), 0.0) + out[easiest]
     best = int(np.argmin(effort[easiest] + 0.15 * ranks + 100.0 * short))
     return some[best], float(short[best])
 
@@ -167,6 +171,11 @@ def depth(body: Body, pos: np.ndarray, quat: np.ndarray, obj: SceneObject, shift
     radii = np.repeat([part.radius for part in parts], len(along))
     points = pos[:, joints] + rot.rotate(quat[:, joints], local) - np.reshape(shift, (-1, 1, 3))
     return (radii - distance(obj, points)).max(-1)
+
+
+def in_own_way(body: Body, pos: np.ndarray, quat: np.ndarray) -> np.ndarray:
+    """(T,) how deep the arms are in the body itself, or nearer than FACE to the head [m]; negative if they are clear."""
+    return np.maximum(own_depth(body, pos, quat, OWN), own_depth(body, pos, quat, ("head",)) + FACE).max(-1)
 
 
 def center_of_mass(body: Body, pos: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.angles import Range, joint_angles
 from mimicbench.references.body import Body, body_of
-from mimicbench.references.penetration import Depths, depths
+from mimicbench.references.penetration import OWN, Depths, depths, own_depth
 
 Fulfils = Callable[[HumanMotion, SceneObject], bool]
 """A task's K on a whole human motion (tasks.task.Task.fulfilled_by_human)."""
@@ -34,6 +34,10 @@ class Limits:
     """Deepest that a body part may be in hard parts of the object [m]: flesh gives."""
     soft_depth: float = 0.04
     """Deepest that it may be in mattresses and upholstery [m]."""
+    own_depth: float = 0.02
+    """Deepest that forearms and palms may be in the own head, trunk and shins, and forearms in the own thighs [m]."""
+    lap_depth: float = 0.05
+    """Deepest that palms may be in the own thighs, on which they rest at the end of straight wrists [m]."""
     joint_speed: float = 12.0
     """Fastest turn of a joint [rad/s]."""
     joint_acceleration: float = 180.0
@@ -86,7 +90,7 @@ def check_clip(motion: HumanMotion, obj: SceneObject) -> dict[str, float]:
     body, fps = body_of(motion.skeleton), motion.fps
     pos, quat = motion.forward_kinematics()
     deep = depths(motion, obj, body, pos, quat)
-    measures = {"object_depth": deep.hard, "soft_depth": deep.soft, "seat_depth": deep.seat} | _feet(motion, obj, body, pos, quat, deep)
+    measures = {"object_depth": deep.hard, "soft_depth": deep.soft, "seat_depth": deep.seat} | _own(body, pos, quat) | _feet(motion, obj, body, pos, quat, deep)
     turn = rot.to_rotvec(rot.multiply(rot.conjugate(motion.local_quat[:-1]), motion.local_quat[1:])) * fps
     velocity = np.diff(pos, axis=0) * fps
     measures |= {
@@ -118,6 +122,15 @@ def faults(measures: dict[str, float], limits: Limits | None = None) -> list[str
         elif not measures[name] <= limit:
             found.append(name)
     return found
+
+
+def _own(body: Body, pos: np.ndarray, quat: np.ndarray) -> dict[str, float]:
+    """How deep the arms are in the body itself [m]."""
+    forearms, palms, lap = (
+        max(0.0, float(own_depth(body, pos, quat, others, points).max()))
+        for others, points in ((OWN, ["forearm"]), ([role for role in OWN if role != "thigh"], ["palm"]), (["thigh"], ["palm"]))
+    )
+    return {"own_depth": max(forearms, palms), "lap_depth": lap}
 
 
 def _most(vectors: np.ndarray) -> float:

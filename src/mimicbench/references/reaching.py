@@ -13,7 +13,7 @@ from mimicbench.references.body import Body
 from mimicbench.references.gait import Footsteps, Gait
 from mimicbench.references.limbs import about_y, minimum_jerk
 from mimicbench.references.posing import Arms, Legs, Trunk, blend, pose, reach, shoulders
-from mimicbench.references.postures import NOD, STRETCH, Posture, chest_turn, depth, elbow_axes
+from mimicbench.references.postures import NOD, STRETCH, Posture, chest_turn, depth, elbow_axes, in_own_way
 from mimicbench.references.walking import Walk
 
 Some = TypeVar("Some", Trunk, Legs, Arms)
@@ -130,7 +130,8 @@ def reach_past(
     every = np.tile(tried, len(detours))
     part, arms = follow(np.repeat(detours, len(tried), 0), every)
     pos, quat = forward_kinematics(body.skeleton, part.pelvis_pos_w, pose(body, part, frames(legs, every), arms))
-    deep = depth(body, pos, quat, obj, np.zeros(3), ("hand", "lower_arm", "upper_arm")).reshape(len(detours), -1).max(-1)
+    deep = depth(body, pos, quat, obj, np.zeros(3), ("hand", "lower_arm", "upper_arm"))
+    deep = np.maximum(deep, in_own_way(body, pos, quat)).reshape(len(detours), -1).max(-1)
     found.append(int(np.argmax(deep < 0.0)) if (deep < 0.0).any() else int(np.argmin(deep + 0.003 * np.arange(len(deep)))))
     return follow(detours[found[0]], slice(None))[1]
 

@@ -1,9 +1,10 @@
 """`touch-points`: come a few steps up to a household object, bend or squat, and hold both wrists at their places on it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mimicbench.core import rotations as rot
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
@@ -11,18 +12,24 @@ from mimicbench.objects.touch import stance_before, touch_pair
 from mimicbench.references.body import Body, core4d_body
 from mimicbench.references.course import Course
 from mimicbench.references.gait import Gait, Route
-from mimicbench.references.limbs import minimum_jerk
+from mimicbench.references.limbs import about_y, glide, minimum_jerk
 from mimicbench.references.posing import pose
-from mimicbench.references.postures import Ground, Posture, find_posture
+from mimicbench.references.postures import Ground, Posture, chest_turn, find_posture
 from mimicbench.references.reaching import SIZES, cut, draw_approach, lay_hands, reach_past, settle, steps_up_to
 from mimicbench.references.walking import FPS, Walk, follow
 
-STRIDES = Gait(speed=0.58, step_time=0.58, stand=0.5, clearance=0.055)
+STRIDES = Gait(speed=0.62, step_time=0.68, stand=0.5, clearance=0.055)
 """Short steps."""
 CLOSER = ((0.0, 0.0), (0.05, 0.0), (0.05, 0.4), (0.14, 0.2), (0.0, 0.5), (0.1, 0.7))
 """How much nearer to the object than usual to stand [m], and how far to round the back [rad]; the first with which the hands arrive is taken."""
 HELD = 1.2
 """[s] for which the hands stay, at least."""
+BENDS = 1.80
+"""[rad/s] how fast the trunk bends, at most, where there is time."""
+ARRIVES = 0.95
+"""Share of the reach in which the trunk gets there."""
+RAMPS = 0.36
+"""Shares of the bend in which it gathers speed and loses it."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +72,9 @@ def make_touch_points(clip_id: str, obj: SceneObject, goal: np.ndarray, start_xy
 
     The point between the ankles comes from `start_xy` (2,) [m] with heading `start_yaw` [rad]. Who is too small for the object grows.
     """
-    course = touch_course(obj, goal, style)
+    found = _who_reaches(obj, goal, style.body_scale)
+    style = unhurried(style, found[2])
+    course = _course(obj, goal, style, *found)
     steps = steps_up_to(start_xy, start_yaw, course.stop_xy, course.stop_yaw, STRIDES, course.body.size)
     skipped = max(0, round((steps.end - style.walking) * FPS))
     way = follow(course.body, steps, STRIDES, 0.5, skipped / FPS + style.duration)
@@ -75,7 +84,20 @@ def make_touch_points(clip_id: str, obj: SceneObject, goal: np.ndarray, start_xy
 def touch_course(obj: SceneObject, goal: np.ndarray, style: TouchStyle) -> Course:
     """Where to stand before the wrists' places (2, 3) [m], and how to reach for them from there."""
     body, ground, posture = _who_reaches(obj, goal, style.body_scale)
+    return _course(obj, goal, unhurried(style, posture), body, ground, posture)
 
+
+def unhurried(style: TouchStyle, posture: Posture) -> TouchStyle:
+    """Who bends far takes longer for it, and begins while the feet still go."""
+    far = float(rot.angle_between(rot.IDENTITY, rot.multiply(about_y(posture.pitch), chest_turn(posture.pitch, posture.twist, posture.bend))))
+    reach_duration = max(style.reach_duration, far / (BENDS * (1.0 - RAMPS) * ARRIVES))
+    overlap = max(style.overlap, 0.55 * (reach_duration - 0.75))
+    walking = max(min(style.walking, style.duration - reach_duration + overlap - HELD), 0.3)
+    overlap = min(overlap, walking)
+    return replace(style, reach_duration=min(reach_duration, style.duration - HELD - walking + overlap), walking=walking, overlap=overlap)
+
+
+def _course(obj: SceneObject, goal: np.ndarray, style: TouchStyle, body: Body, ground: Ground, posture: Posture) -> Course:
     detour: list[int] = []  # found once, good for all
 
     def act(clip_id: str, way: Walk) -> HumanMotion:
@@ -91,7 +113,7 @@ def _touch(
 ) -> HumanMotion:  # fmt: skip
     """The clip that follows from a walk up to the object."""
     progress = (way.time - way.end + style.overlap) / style.reach_duration
-    share = minimum_jerk(progress / 0.92)
+    share = glide(progress / ARRIVES, RAMPS, RAMPS)
     trunk = settle(way, body.size, [(posture, share)], np.broadcast_to(goal.mean(0), (len(share), 3)))
     swinging = way.arms(body, style.arm_swing)
     normals = obj.touch_normals[[int(np.argmin(((obj.touch_points - wrist) ** 2).sum(-1))) for wrist in goal]]
