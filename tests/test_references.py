@@ -98,11 +98,11 @@ def test_footsteps_keep_step_turn_and_width(start_yaw: float, azimuth: float, di
     feet, yaws = steps.first_xy.copy(), np.full(2, steps.first_yaw)
     for side, xy, yaw in zip(steps.side, steps.xy, steps.yaw, strict=True):
         sideways = (1 - 2 * side) * (xy - feet[1 - side]) @ np.array([-np.sin(yaws[1 - side]), np.cos(yaws[1 - side])])
-        assert sideways >= 0.185 * scale - 1e-9  # legs never cross
-        assert np.linalg.norm(xy - feet[side]) < 0.95
+        assert sideways >= 0.8 * gait.width * scale - 1e-9  # legs never cross
+        assert np.linalg.norm(xy - feet[side]) < 2.5 * gait.speed * gait.period
         feet[side], yaws[side] = xy, yaw
-    assert feet.mean(0) == pytest.approx(goal, abs=0.02) and np.cos(yaws) == pytest.approx(1)
-    assert np.linalg.norm(feet[0] - feet[1]) == pytest.approx(gait.width * scale, abs=0.03)
+    assert feet.mean(0) == pytest.approx(goal, abs=0.03) and np.cos(yaws) == pytest.approx(1)
+    assert np.linalg.norm(feet[0] - feet[1]) == pytest.approx(gait.width * scale, abs=0.045)
 
 
 def test_pendulum_is_balanced_over_the_feet():
@@ -118,7 +118,7 @@ def test_pendulum_is_balanced_over_the_feet():
     for side in (0, 1):  # while one foot swings, the support is by the other
         swings = ~feet.contact[:, side]
         away = np.linalg.norm(support[swings] - feet.pos_w[swings, 1 - side, :2], axis=-1)
-        assert away.max() == pytest.approx(np.hypot(gait.forefoot, gait.outward), abs=1e-6)
+        assert away.max() == pytest.approx(np.hypot(gait.forefoot, gait.outward), abs=2e-4)  # the heel begins to rise
         assert feet.pos_w[swings, side, 2].max() >= body.sole + 0.05
 
 

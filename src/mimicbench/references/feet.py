@@ -6,14 +6,20 @@ import numpy as np
 
 from mimicbench.references.body import Body
 from mimicbench.references.gait import Footsteps, Gait, left_of
-from mimicbench.references.limbs import ease, minimum_jerk, smooth
+from mimicbench.references.limbs import ease, glide, minimum_jerk, smooth
 
-LONG = 1.1
-"""A stride for which the feet roll by `Gait.heel_strike` and `Gait.heel_off` [m at size 1]; in proportion for others, up to 1.3 times."""
+LONG = 0.95
+"""A stride for which the feet roll by `Gait.heel_strike` and `Gait.heel_off` [m at size 1]; in proportion for others, up to 1.15 times."""
 LOADING = 0.12
 """The foot is flat after this share of the gait cycle (loading response, Perry & Burnfield 2010)."""
 RISING = 0.05
 """The heel leaves the floor this share of the cycle before the other foot lands, at 40 % of the cycle when walking slowly (ibid.)."""
+
+GATHERS, BRAKES = 0.26, 0.22
+"""Shares of a swing in which a rolling foot gathers speed and loses it, up to 0.8 m/s; more of the shorter swings of who walks faster."""
+
+EARLY = 0.8
+"""A rolling foot is highest before the middle of its swing, as the knee bends most at 72 % of the cycle (ibid.): at 0.5 to the power of 1 / EARLY."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +74,7 @@ def swing_feet(steps: Footsteps, time: np.ndarray, gait: Gait, body: Body, start
     for side, xy, heading, lift, land in zip(steps.side, steps.xy, steps.yaw, steps.lift_off, steps.touch_down, strict=True):
         u = (time - lift) / (land - lift)
         swinging, after = (u > 0) & (u < 1), u >= 1
-        share = minimum_jerk(u[swinging])
+        share = swing_share(u[swinging], gait)
         sign = 1.0 - 2.0 * side
         sideways = left_of(float(foot_yaw[1 - side]))
         path = foot_xy[side] + share[:, None] * (xy - foot_xy[side])
@@ -76,18 +82,14 @@ def swing_feet(steps: Footsteps, time: np.ndarray, gait: Gait, body: Body, start
         middle = sign * (0.5 * (foot_xy[side] + xy) - foot_xy[1 - side]) @ sideways
         path = path + sign * max(0.0, min(0.20, 0.9 * gait.width) * scale - middle) * _bump(u[swinging])[:, None] * sideways
         base[swinging, side, :2], base[after, side, :2] = path, xy
-        base[swinging, side, 2] = body.sole + gait.clearance * scale * _bump(u[swinging])
+        base[swinging, side, 2] = body.sole + gait.clearance * scale * _bump(u[swinging] ** EARLY if gait.rolls else u[swinging])
         yaw[swinging, side] = foot_yaw[side] + share * (heading - foot_yaw[side])
         yaw[after, side] = heading
         if gait.rolls:
             forward = float((xy - foot_xy[side]) @ np.array([np.cos(heading), np.sin(heading)]))
-            amount = float(np.clip(forward / (LONG * scale), 0.0, 1.3))
+            amount = float(np.clip(forward / (LONG * scale), 0.0, 1.15))
             if amount > 0:
                 pitch[:, side] += amount * _roll(time, lift, land, gait)
-            # feet that roll gather speed as soon as they leave the floor and lose the last of it as they land: no faster than they must be
-            v = u[swinging]
-            early = min(amount, 1.0) * v**2 * (1 - v) ** 2 * (4.0 * (1 - v) - 1.5 * v)
-            base[swinging, side, :2] += early[:, None] * (xy - foot_xy[side])
             pivot[swinging, side], pivot[after, side] = minimum_jerk((u[swinging] - 0.25) / 0.55), 1.0
             loose[swinging, side] = minimum_jerk((u[swinging] - 0.10) / 0.45)
         else:
@@ -106,6 +108,18 @@ def swing_feet(steps: Footsteps, time: np.ndarray, gait: Gait, body: Body, start
     pivot = np.where(contact, pitch < 0, pivot)
     bend = np.maximum(pitch, 0.0) * (1.0 - np.where(contact, 0.0, loose))
     return Feet(base + rolled(body, pitch, yaw, pivot), yaw, pitch, contact, bend)
+
+
+def swing_share(u: np.ndarray | float, gait: Gait) -> np.ndarray:
+    """How much of its way a foot has gone after a share u of its swing.
+
+    Feet that roll gather speed as they leave the floor and lose it as they land, so they are no faster than they must be, and strike
+    while they are in front of the body as far as they come.
+    """
+    if not gait.rolls:
+        return minimum_jerk(np.asarray(u))
+    more = 0.3 * min(max(gait.speed - 0.8, 0.0), 0.5)
+    return glide(np.asarray(u), GATHERS + more, BRAKES + more)
 
 
 def rolled(body: Body, pitch: np.ndarray, yaw: np.ndarray, pivot: np.ndarray) -> np.ndarray:

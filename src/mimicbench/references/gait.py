@@ -6,22 +6,29 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 
+LONGEST = 0.64
+"""Between the ankles at a touch-down, at most, unless the usual step is almost as long [m]."""
+
 
 @dataclass(frozen=True)
 class Gait:
     """How a person walks. Lengths are for body size 1 and grow with it."""
 
-    speed: float = 0.6
+    speed: float = 0.75
     """Forward speed on a straight way [m/s], not scaled."""
-    step_time: float = 0.64
+    step_time: float = 0.78
     """From one touch-down to the next while walking slowly [s]; see `period`."""
-    double_support: float = 0.26
+    double_support: float = 0.20
     """Share of the step time with both feet on the floor while walking slowly; see `overlap`."""
-    width: float = 0.235
+    width: float = 0.185
     """Between the ankles [m]."""
-    max_turn: float = 0.59
+    max_turn: float = 0.65
     """Change of heading per step [rad]."""
-    clearance: float = 0.062
+    first_step: float = 0.75
+    """Length of the first step, as a share of the usual."""
+    stretch: float = 0.05
+    """The steps to the end of the way may all be longer than usual, to be one fewer, if the last would be shorter than this share of one."""
+    clearance: float = 0.075
     """Height of the sole at mid swing [m]."""
     forefoot: float = 0.035
     """The support point lies this far in front of the ankle [m]."""
@@ -32,7 +39,7 @@ class Gait:
     """Time before the first swing, in which the weight shifts [s]."""
     heel_strike: float = 0.30
     """Pitch of the foot as its heel lands after a long stride [rad]. Without heel_strike and heel_off the feet stay flat in stance."""
-    heel_off: float = 0.75
+    heel_off: float = 0.85
     """Pitch of the foot as its toes leave the floor before a long stride [rad]."""
     sway: float = 1.0
     """Share of the usual lean and list of the trunk while walking, beyond what balance asks for, and of the head's steadiness."""
@@ -41,14 +48,15 @@ class Gait:
     def period(self) -> float:
         """From one touch-down to the next [s]: at higher speeds cadence and step length both grow with the root of the speed.
 
-        That is 0.52 s at 1.3 m/s (Boulic et al. 1990 with a leg of 0.8 m: 0.53 s; Perry & Burnfield 2010: 0.51 to 0.54 s).
+        That is 0.55 s at 1.3 m/s (Boulic et al. 1990 with a leg of 0.8 m: 0.53 s; Perry & Burnfield 2010: 0.51 to 0.57 s), and 0.78 s
+        at 0.65 m/s (seven people on their way to a seat or bed: 0.81 s).
         """
-        return min(self.step_time, 0.52 * (1.3 / max(self.speed, 1e-3)) ** 0.5)
+        return min(self.step_time, 0.55 * (1.3 / max(self.speed, 1e-3)) ** 0.5)
 
     @property
     def overlap(self) -> float:
         """Share of the step time with both feet on the floor: less at higher speeds, 20 % at 1.3 m/s (Perry & Burnfield 2010)."""
-        return self.double_support - 0.10 * min(max(self.speed - 0.7, 0.0), 0.6)
+        return self.double_support - max(self.double_support - 0.20, 0.0) * min(max(self.speed - 0.7, 0.0), 0.6) / 0.6
 
     @property
     def swing_time(self) -> float:
@@ -222,6 +230,7 @@ def place_feet(
         scale: Body size.
     """
     half, apart = 0.5 * gait.width * scale, min(0.185, 0.8 * gait.width) * scale
+    longest = max(LONGEST, 1.15 * gait.speed * gait.period)
     foot_xy, foot_yaw = foot_xy.copy(), list(foot_yaw)
     sides, landed = [], []
     for center, yaw in zip(centers, yaws, strict=True):
@@ -231,6 +240,10 @@ def place_feet(
         # a turn towards the stance foot must not cross the legs: keep to one's own side of it
         sideways = sign * ((place - stance_xy) @ left_of(stance_yaw))
         place = place + sign * max(0.0, apart - sideways) * left_of(stance_yaw)
+        # after such a turn the next step would be a lunge
+        between = float(np.linalg.norm(place - stance_xy))
+        if between > longest:
+            place = stance_xy + longest / between * (place - stance_xy)
         foot_xy[side], foot_yaw[side] = place, yaw
         landed.append(place)
         sides.append(side)
@@ -245,8 +258,11 @@ def last_turn(steps: Footsteps) -> float:
     return 1.0 if not len(turns) or turns[-1] > 0 else -1.0
 
 
-def body_places(start_yaw: float, route: Route, goal_xy: np.ndarray, goal_yaw: float, gait: Gait, pace: float = 0.6) -> tuple[list[np.ndarray], list[float]]:
-    """Place and heading of the body at every touch-down, at first with steps `pace` times as long as later."""
+def body_places(
+    start_yaw: float, route: Route, goal_xy: np.ndarray, goal_yaw: float, gait: Gait, pace: float | None = None
+) -> tuple[list[np.ndarray], list[float]]:  # fmt: skip
+    """Place and heading of the body at every touch-down, at first with steps `pace` times as long as later, or `gait.first_step` times."""
+    pace = gait.first_step if pace is None else pace
     centers: list[np.ndarray] = []
     yaws: list[float] = []
     yaw, gone, total = start_yaw, 0.0, route.length
@@ -258,7 +274,7 @@ def body_places(start_yaw: float, route: Route, goal_xy: np.ndarray, goal_yaw: f
         still = abs(error - turn)
         if still < 1.0:
             step = pace * longest * np.cos(still) ** 2 * (1.0 - 0.6 * abs(turn) / gait.max_turn)
-            gone += (total - gone) / max(1.0, np.ceil((total - gone) / step - 0.15))
+            gone += (total - gone) / max(1.0, np.ceil((total - gone) / step - gait.stretch))
             pace = min(1.0, pace + 0.25)
         if total - gone <= 0.05:  # begin to turn while arriving
             yaw += float(np.clip(rot.wrap_angle(goal_yaw - yaw), -0.5 * gait.max_turn, 0.5 * gait.max_turn)) * (abs(turn) < 0.5 * gait.max_turn)

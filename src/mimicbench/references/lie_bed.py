@@ -46,8 +46,8 @@ def make_lie_bed(clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_yaw
 
 
 def gait_of(style: LieStyle) -> Gait:
-    """With flat feet, as a robot of flat feet learns it soonest."""
-    return Gait(speed=style.speed, heel_strike=0.0, heel_off=0.0, sway=0.0)
+    """As people walk who are in no hurry."""
+    return Gait(speed=style.speed)
 
 
 def lie_bed_courses(obj: SceneObject, style: LieStyle) -> tuple[Course, ...]:

@@ -62,8 +62,8 @@ def lie_sofa_courses(obj: SceneObject, style: LieStyle) -> tuple[Course, ...]:
 
 
 def gait_of(style: LieStyle) -> Gait:
-    """This skeleton's legs are a tenth shorter than those that the gait's defaults are for: quicker, lower steps and shorter turns."""
-    return Gait(speed=style.speed, step_time=0.57, double_support=0.22, max_turn=0.54, clearance=0.045, stand=0.6)
+    """This skeleton's legs are a tenth shorter than those that the gait's defaults are for: quicker steps and shorter turns."""
+    return Gait(speed=style.speed, step_time=0.74, max_turn=0.60, stand=0.6)
 
 
 def _plan(obj: SceneObject, start_xy: np.ndarray, style: LieStyle) -> tuple[Body, Berth, Route]:

@@ -18,7 +18,7 @@ from mimicbench.references.postures import Ground, Posture, elbow_axes, find_pos
 from mimicbench.references.reaching import SIZES, cut, draw_approach, lay_hands, reach_past, settle, steps_up_to
 from mimicbench.references.walking import FPS, Walk, follow
 
-STRIDES = Gait(speed=0.58, step_time=0.58, stand=0.5, clearance=0.055)
+STRIDES = Gait(speed=0.62, step_time=0.68, stand=0.5, clearance=0.055)
 """Short steps."""
 SIDES = np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
 """(2, 3) out of the box, where the left and the right hand clasp it."""

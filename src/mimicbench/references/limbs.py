@@ -11,6 +11,15 @@ def minimum_jerk(u: np.ndarray) -> np.ndarray:
     return u**3 * (10 - 15 * u + 6 * u**2)
 
 
+def glide(u: np.ndarray, start: float, end: float) -> np.ndarray:
+    """From 0 to 1 for u in [0, 1], constant outside: speed grows over a share `start` of the time, stays, and is lost over a share `end`."""
+    u = np.clip(u, 0.0, 1.0)
+    first, last = np.minimum(u / start, 1.0), np.minimum((1.0 - u) / end, 1.0)
+    gathered = start * (first**3 - first**4 / 2) + np.maximum(u - start, 0.0)  # both ramps of speed are 3 x^2 - 2 x^3
+    lost = np.maximum(u - 1.0 + end, 0.0) - end * (0.5 - last**3 + last**4 / 2)
+    return (gathered - lost) / (1.0 - 0.5 * (start + end))
+
+
 def about_x(angle: np.ndarray) -> np.ndarray:
     """Quaternions (..., 4) that turn about x by angle (...) [rad]."""
     zero = np.zeros_like(angle)

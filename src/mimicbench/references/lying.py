@@ -65,7 +65,7 @@ def draw_style(random: np.random.Generator, body_scale: float, duration: float, 
     """The free choices of a clip, given the body's size, the clip's duration [s] and the range of its pace; who is quicker walks faster, too."""
     quick = pace[1] < 0.9
     return LieStyle(
-        body_scale=body_scale, speed=random.uniform(0.62, 0.70) if quick else random.uniform(0.57, 0.63),
+        body_scale=body_scale, speed=random.uniform(0.70, 0.82),
         sit_duration=random.uniform(1.15, 1.3) if quick else random.uniform(1.6, 1.9), pace=random.uniform(*pace),
         lean=random.uniform(0.52, 0.62), stagger=random.uniform(0.06, 0.18), stretch=random.uniform(0.89, 0.985),
         knee=float(random.choice([0, 0, 0, 1, -1])), side=0.0, hands=float(random.integers(2)), arm_swing=random.uniform(0.7, 1.2), duration=duration,

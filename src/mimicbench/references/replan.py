@@ -9,7 +9,7 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.references.body import Body
-from mimicbench.references.feet import rolled
+from mimicbench.references.feet import rolled, swing_share
 from mimicbench.references.gait import Footsteps, Gait, Route, ahead_of, body_places, first_side, place_feet
 from mimicbench.references.limbs import ease, minimum_jerk, smooth_below
 from mimicbench.references.states import LONG_AGO, BodyState, state_of_walk
@@ -87,7 +87,7 @@ def continue_footsteps(body: Body, state: BodyState, route: Route, stop_xy: np.n
     for _, foot in past:
         first[foot] -= stride
     if not feet.bears[side] and count:
-        gone = min(float(minimum_jerk(np.array(-lift / swing))), 0.75)
+        gone = min(float(swing_share(-lift / swing, gait)), 0.75)
         first[side] += (first[side] - xy[0]) * gone / (1 - gone)
     came = np.array([foot for _, foot in past], int)
     landed = -np.array([since for since, _ in past])

@@ -32,7 +32,7 @@ def draw_style(random: np.random.Generator, obj: SceneObject, start_xy: np.ndarr
     hands = str(random.choice(["free", "on_thighs", "on_seat", "on_arms"], p=[0.4, 0.15, 0.2, 0.25]))
     slow, drops, leans = random.uniform(size=3) < (0.15, 0.15, 0.7)
     style = SitStyle(
-        body_scale=random.uniform(shortest, 1.15), speed=random.uniform(0.62, 0.70), sit_duration=random.uniform(1.6, 2.0),
+        body_scale=random.uniform(shortest, 1.15), speed=random.uniform(0.68, 0.82), sit_duration=random.uniform(1.6, 2.0),
         lean=random.uniform(0.54, 0.64), recline=random.uniform(0.0, 0.12), seat_x=random.uniform(-0.02, 0.02), seat_y=place + random.uniform(-0.03, 0.03),
         arm_swing=random.uniform(0.7, 1.2), duration=12.1 + 0.05 * float(np.clip(random.standard_normal(), -2, 2)), against=1.0 if leans else -1.0,
         lean_back=random.uniform(0.25, 0.40), lead=random.uniform(0.0, 1.4), look=random.uniform(-0.5, 0.5),
@@ -70,8 +70,8 @@ def sit_sofa_courses(obj: SceneObject, style: SitStyle) -> tuple[Course, ...]:
 
 
 def gait_of(style: SitStyle) -> Gait:
-    """This skeleton's legs are a tenth shorter than those that the gait's defaults are for: quicker, lower steps and shorter turns."""
-    return Gait(speed=style.speed, step_time=0.57, double_support=0.22, max_turn=0.50, clearance=0.045)
+    """This skeleton's legs are a tenth shorter than those that the gait's defaults are for: quicker steps and shorter turns."""
+    return Gait(speed=style.speed, step_time=0.74, max_turn=0.60)
 
 
 def arrival(obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: SitStyle) -> float:

@@ -17,9 +17,9 @@ FPS = 30.0
 """Frame rate of synthetic clips."""
 REACH = 0.985
 """Share of its full length to which the leg of a person with flat feet may be stretched."""
-ROLLING_REACH = 0.992
-"""The same with feet that roll, which is reached as the heel strikes: the knee stays bent by some 14 degrees."""
-SOFT = 0.17
+ROLLING_REACH = 0.994
+"""The same with feet that roll, which is reached as the heel strikes: the knee stays bent by some 12 degrees."""
+SOFT = 0.15
 """The pelvis follows the arcs of the legs smoothed over so many seconds to either side: 2 to 5 cm up and down (Perry & Burnfield 2010)."""
 
 
