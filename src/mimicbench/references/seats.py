@@ -81,6 +81,14 @@ def lean_against(obj: SceneObject, body: Body, place: Place, pitch: float, bend:
     return None
 
 
+def feet_allowed(obj: SceneObject, body: Body, place: Place, leaning: Leaning | None, forward: float) -> float:
+    """Share of `forward` [m] by which a foot of who sits may come forward with the thigh above the seat's front edge."""
+    seated = place.pelvis if leaning is None else leaning.pelvis
+    shares = (1.0, 0.8, 0.6, 0.4, 0.2)
+    there = (Place(place.ankles + [share * forward, 0.0], seated) for share in shares)
+    return next((share for share, at in zip(shares, there, strict=True) if _knees_clear(obj, body, at, np.zeros((1, 3)))), 0.0)
+
+
 def _knees_clear(obj: SceneObject, body: Body, place: Place, back: np.ndarray) -> int:
     """How many of these shifts (N, 3) [m] of the pelvis, ever farther back, leave the knees in front of the seat and the thighs above it."""
     hips = place.pelvis + back + [0.0, 0.0, -body.hip_drop]

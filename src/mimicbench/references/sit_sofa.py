@@ -12,7 +12,7 @@ from mimicbench.references.body import roam_body
 from mimicbench.references.course import Course
 from mimicbench.references.gait import Gait, plan_footsteps
 from mimicbench.references.seats import place_at, places
-from mimicbench.references.sitting import LEAN_BACK, PAUSE, UPRIGHT, SitStyle, route_to, sit_course, sit_down
+from mimicbench.references.sitting import LEAN_BACK, PAUSE, UPRIGHT, LoungeStyle, SitStyle, route_to, sit_course, sit_down
 from mimicbench.references.walking import draw_start
 
 REST = 0.6
@@ -21,7 +21,7 @@ TRIES = 60
 """Starts that are drawn to find one from which there is time enough."""
 
 
-def draw_style(random: np.random.Generator, obj: SceneObject, start_xy: np.ndarray) -> SitStyle:
+def draw_style(random: np.random.Generator, obj: SceneObject, start_xy: np.ndarray) -> LoungeStyle:
     """The free choices of a clip: people of any size, on the place that is nearest to where they start (2,) [m].
 
     The shortest people stay away from the highest seats, where their feet would hang.
@@ -31,14 +31,16 @@ def draw_style(random: np.random.Generator, obj: SceneObject, start_xy: np.ndarr
     place = every[np.argmin(np.abs(every - start_xy[1]))] - (obj.seat_polygon[:, 1].min() + obj.seat_polygon[:, 1].max()) / 2
     hands = str(random.choice(["free", "on_thighs", "on_seat", "on_arms"], p=[0.4, 0.15, 0.2, 0.25]))
     slow, drops, leans = random.uniform(size=3) < (0.15, 0.15, 0.7)
-    style = SitStyle(
-        body_scale=random.uniform(shortest, 1.15), speed=random.uniform(0.68, 0.82), sit_duration=random.uniform(1.6, 2.0),
-        lean=random.uniform(0.54, 0.64), recline=random.uniform(0.0, 0.12), seat_x=random.uniform(-0.02, 0.02), seat_y=place + random.uniform(-0.03, 0.03),
+    out, ahead = random.uniform(0.0, 0.20), random.uniform(-0.11, 0.11)
+    style = LoungeStyle(
+        body_scale=random.uniform(shortest, 1.15), speed=random.uniform(0.68, 0.82), sit_duration=random.uniform(2.4, 2.9),
+        lean=random.uniform(0.54, 0.64), recline=random.uniform(-0.04, 0.14), seat_x=random.uniform(-0.02, 0.02), seat_y=place + random.uniform(-0.035, 0.035),
         arm_swing=random.uniform(0.7, 1.2), duration=12.1 + 0.05 * float(np.clip(random.standard_normal(), -2, 2)), against=1.0 if leans else -1.0,
-        lean_back=random.uniform(0.25, 0.40), lead=random.uniform(0.0, 1.4), look=random.uniform(-0.5, 0.5),
+        lean_back=random.uniform(0.15, 0.50), lead=random.uniform(0.0, 1.4), look=random.uniform(-0.5, 0.5),
+        left_foot=max(0.0, out + ahead), right_foot=max(0.0, out - ahead), apart=random.uniform(-0.02, 0.18), hands_back=random.uniform(0.0, 0.30),
     )  # fmt: skip
     if slow:
-        style = replace(style, sit_duration=random.uniform(2.4, 3.0))
+        style = replace(style, sit_duration=random.uniform(3.1, 3.5))
     elif drops:
         style = replace(style, drop=random.uniform(0.04, 0.06))
     return style if hands == "free" else replace(style, **{hands: 1.0})

@@ -16,7 +16,7 @@ from mimicbench.references.course import Course
 from mimicbench.references.gait import Gait, Route, around_box, last_turn
 from mimicbench.references.limbs import about_y, minimum_jerk
 from mimicbench.references.posing import Arms, Legs, Trunk, blend, pose, reach, shoulders, thigh_orientations
-from mimicbench.references.seats import Leaning, Place, armrest, beside_thigh, lean_against, place_at
+from mimicbench.references.seats import Leaning, Place, armrest, beside_thigh, feet_allowed, lean_against, place_at
 from mimicbench.references.walking import FPS, Walk, walk
 
 CONTACTS = ("left_foot", "right_foot", "pelvis", "back", "left_hand", "right_hand")
@@ -30,6 +30,10 @@ NEAR = 0.012
 """A hand bears when its wrist is so near to where it goes [m]."""
 SLIDE, LEAN_BACK = 1.1, 1.7
 """Time to slide back on the seat, and to lean against its back [s]."""
+FEET_COME_OUT = (1.02, 1.30)
+"""When the left and the right foot of who gets comfortable leave the floor, in durations of the way to the seat."""
+FOOT_LIFTS = 0.03
+"""How high they are lifted [m]."""
 SLUMP = 0.10
 """How far the chest of who leans back is bent forward [rad]."""
 
@@ -77,6 +81,20 @@ class SitStyle:
     """How far the head turns to look around at rest [rad], to the left."""
 
 
+@dataclass(frozen=True)
+class LoungeStyle(SitStyle):
+    """Of who gets comfortable once the seat bears: the feet come out, one after the other, as far as the thighs clear the seat's edge."""
+
+    left_foot: float = 0.0
+    """How far the left foot goes forward [m], at most."""
+    right_foot: float = 0.0
+    """And the right one."""
+    apart: float = 0.0
+    """How much farther apart they come [m]."""
+    hands_back: float = 0.0
+    """How much nearer to the hips than to the knees hands rest on the thighs, as a share of the thigh."""
+
+
 def sit_down(
     clip_id: str, task: str, body: Body, obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: SitStyle, gait: Gait
 ) -> HumanMotion:  # fmt: skip
@@ -110,7 +128,8 @@ def _sit(
 ) -> HumanMotion:  # fmt: skip
     """The clip that follows from a walk to in front of a place; finds `supports` unless they are known."""
     clock = way.time - way.end - PAUSE
-    trunk, legs = _trunk(way, clock, place, leaning, style), way.legs()
+    trunk = _trunk(way, clock, place, leaning, style)
+    legs, stands = _legs(body, obj, way, clock, place, leaning, style)
     if not supports:
         supports.append(_supports(obj, body, trunk, replace(style, against=1.0 if leaning else -1.0)))
     hands, style = supports[0]
@@ -121,7 +140,7 @@ def _sit(
     rests = clock >= style.sit_duration + 0.3 + 0.85 * LEAN_BACK
     at = _wrists(body, trunk, arms)
     touching = [np.zeros_like(seated) if hand is None else np.linalg.norm(at[:, side] - hand, axis=-1) < NEAR for side, hand in enumerate(hands)]
-    contacts = np.stack([*way.feet.contact.T, seated, rests & (leaning is not None), *touching], -1)
+    contacts = np.stack([*stands.T, seated, rests & (leaning is not None), *touching], -1)
     return HumanMotion(
         clip_id, task, body.skeleton, FPS, trunk.pelvis_pos_w, quat, obj.id, CONTACTS, contacts,
         {**{name: float(value) for name, value in vars(style).items()}, "turn": last_turn(way.steps)},
@@ -167,6 +186,24 @@ def _trunk(way: Walk, clock: np.ndarray, place: Place, leaning: Leaning | None, 
     return Trunk(pelvis_pos, pelvis, chest, head)
 
 
+def _legs(
+    body: Body, obj: SceneObject, way: Walk, clock: np.ndarray, place: Place, leaning: Leaning | None, style: SitStyle
+) -> tuple[Legs, np.ndarray]:  # fmt: skip
+    """The legs, and (T, 2) where each foot stands."""
+    legs, stands = way.legs(), way.feet.contact
+    if not isinstance(style, LoungeStyle):
+        return legs, stands
+    ankle, stands = legs.ankle_pos_w.copy(), stands.copy()
+    for side, (forward, begins) in enumerate(zip((style.left_foot, style.right_foot), FEET_COME_OUT, strict=True)):
+        u = (clock / style.sit_duration - begins) / (FEET_COME_OUT[1] - FEET_COME_OUT[0])
+        share = minimum_jerk(u)
+        there = np.array([forward * feet_allowed(obj, body, place, leaning, forward), (0.5 - side) * style.apart, 0.0])
+        ankle[:, side] += share[:, None] * there
+        ankle[:, side, 2] += FOOT_LIFTS * 16 * share**2 * (1 - share) ** 2
+        stands[:, side] &= (u <= 0) | (u >= 1)
+    return replace(legs, ankle_pos_w=ankle), stands
+
+
 def _supports(obj: SceneObject, body: Body, trunk: Trunk, style: SitStyle) -> Supports:
     """Where the wrists of both hands rest on the object [m], None for a hand that stays on the thigh; and the style as it can be done."""
     pelvis = trunk.pelvis_pos_w[-1]
@@ -188,7 +225,7 @@ def _arms(body: Body, way: Walk, trunk: Trunk, legs: Legs, clock: np.ndarray, ha
     swinging = way.arms(body, style.arm_swing)
     moving = Arms(rot.multiply(about_y(-1.15 * forward)[:, None], swinging.upper), rot.multiply(swinging.elbow, about_y(-0.25 * forward)[:, None]))
     free = _wrists(body, trunk, moving)
-    goals = _on_thighs(body, trunk, legs)
+    goals = _on_thighs(body, trunk, legs, 0.69 - style.hands_back if isinstance(style, LoungeStyle) else 0.69)
     side_w = rot.rotate(trunk.chest_quat_w[:, None], np.array([[0.30, 1.0, 0.0], [-0.30, 1.0, 0.0]]))
     share = np.stack([minimum_jerk(progress / 0.55 if style.on_thighs > 0 else (progress - 0.70) / 0.85)] * 2, -1)
     turned = share.copy()
@@ -224,14 +261,14 @@ def _within_reach(body: Body, trunk: Trunk, wrists: np.ndarray) -> np.ndarray:
     return at + away * drawn / length
 
 
-def _on_thighs(body: Body, trunk: Trunk, legs: Legs) -> np.ndarray:
-    """(T, 2, 3) wrists of hands that lie on the thighs [m], as far towards the knees as the arms reach in the end."""
+def _on_thighs(body: Body, trunk: Trunk, legs: Legs, farthest: float) -> np.ndarray:
+    """(T, 2, 3) wrists of hands that lie on the thighs [m], as far towards the knees, up to a share of the thigh, as the arms reach in the end."""
     thigh = thigh_orientations(body, trunk, legs)
     hips = trunk.pelvis_pos_w[:, None] + rot.rotate(trunk.pelvis_quat_w[:, None], body.skeleton.offsets[[leg.root for leg in body.legs]])
     above = np.array([[0.09, 0.03, 0.0], [0.09, -0.03, 0.0]]) * body.size
     along = np.array([0.0, 0.0, -body.length(body.legs[0])[0]])
     last = shoulders(body, _last(trunk))[0]
-    shares = np.arange(0.69, 0.2, -0.04)
+    shares = np.arange(farthest, 0.2, -0.04)
     places = hips[-1] + rot.rotate(thigh[-1], above + shares[:, None, None] * along)  # (S, 2, 3)
     near = (np.linalg.norm(places - last, axis=-1) < 0.98 * sum(body.length(body.arms[0]))).all(-1)
     share = shares[np.argmax(near)] if near.any() else shares[-1]

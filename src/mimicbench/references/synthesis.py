@@ -17,7 +17,7 @@ from mimicbench.references.lift_box import LiftStyle, lift_course, synthesize_li
 from mimicbench.references.lying import LieStyle
 from mimicbench.references.sit_chair import sit_chair_courses, synthesize_sit_chair
 from mimicbench.references.sit_sofa import sit_sofa_courses, synthesize_sit_sofa
-from mimicbench.references.sitting import SitStyle
+from mimicbench.references.sitting import LoungeStyle, SitStyle
 from mimicbench.references.touch_points import TouchStyle, synthesize_touch_points, touch_course
 
 TASKS: dict[str, Callable[[str, SceneObject, int], HumanMotion]] = {
@@ -42,7 +42,7 @@ class Courses(NamedTuple):
 
 COURSES: dict[str, Courses] = {
     "sit-chair": Courses(SitStyle, lambda obj, style, _: sit_chair_courses(obj, style)),
-    "sit-sofa": Courses(SitStyle, lambda obj, style, _: sit_sofa_courses(obj, style)),
+    "sit-sofa": Courses(LoungeStyle, lambda obj, style, _: sit_sofa_courses(obj, style)),
     "lie-bed": Courses(LieStyle, lambda obj, style, _: lie_bed_courses(obj, style)),
     "lie-sofa": Courses(LieStyle, lambda obj, style, _: lie_sofa_courses(obj, style)),
     "lift-box": Courses(LiftStyle, lambda obj, style, _: (lift_course(obj, style),)),
