@@ -95,7 +95,7 @@ def test_feet_that_come_to_rest_lie_still_on_the_object(bed_clips: list[Pair], s
             ankle = pos[:, body.legs[side].end]
             lifted = bears & (ankle[:, 2] > obj.require_seat())
             moved = np.linalg.norm(np.diff(ankle, axis=0), axis=-1)
-            assert bears[0] and lifted.any() and not bears.all()
+            assert lifted.any() and not bears.all()
             assert moved[lifted[1:] & lifted[:-1]].max() < 1e-6
 
 

@@ -38,7 +38,7 @@ def synthesize_lie_sofa(clip_id: str, obj: SceneObject, seed: int) -> HumanMotio
         start_xy, start_yaw = draw_start(random, obj)
         body, berth, route = _plan(obj, start_xy, style)
         plans.append((body, berth, route, start_yaw))
-        ends.append(plan_footsteps(start_yaw, route, berth.stop_xy, 0.0, gait_of(style), body.size).end + needed_time(style))
+        ends.append(plan_footsteps(start_yaw, route, berth.stop_xy, 0.0, gait_of(style), body.size).end - style.lead + needed_time(style))
         if ends[-1] <= duration:
             break
     body, berth, route, start_yaw = plans[int(np.argmin(ends))]

@@ -59,6 +59,14 @@ class LieStyle:
     """Swing of the arms while walking, as a share of the usual."""
     duration: float
     """Of the whole clip, if walking and lying down leave something of it for the rest [s]."""
+    lead: float = 0.0
+    """How much of the walk is left out, so that the clip begins in motion [s]."""
+    hands_up: float = 0.12
+    """How far above the hips hands rest that are on the belly, at body size 1 [m]."""
+    hands_uneven: float = 0.0
+    """How much farther up the left one is, at body size 1 [m]."""
+    apart: float = 0.0
+    """How much farther apart than the hips the feet rest where there is room, each, at body size 1 [m]."""
 
 
 def draw_style(random: np.random.Generator, body_scale: float, duration: float, pace: tuple[float, float]) -> LieStyle:
@@ -66,9 +74,11 @@ def draw_style(random: np.random.Generator, body_scale: float, duration: float, 
     quick = pace[1] < 0.9
     return LieStyle(
         body_scale=body_scale, speed=random.uniform(0.70, 0.82),
-        sit_duration=random.uniform(1.15, 1.3) if quick else random.uniform(1.6, 1.9), pace=random.uniform(*pace),
-        lean=random.uniform(0.52, 0.62), stagger=random.uniform(0.06, 0.18), stretch=random.uniform(0.89, 0.985),
-        knee=float(random.choice([0, 0, 0, 1, -1])), side=0.0, hands=float(random.integers(2)), arm_swing=random.uniform(0.7, 1.2), duration=duration,
+        sit_duration=random.uniform(2.2, 2.5) if quick else random.uniform(2.8, 3.3), pace=random.uniform(*pace),
+        lean=random.uniform(0.52, 0.62), stagger=random.uniform(0.06, 0.18), stretch=random.uniform(0.66, 0.985),
+        knee=float(random.choice([0, 0, 1, -1])), side=0.0, hands=float(random.integers(2)), arm_swing=random.uniform(0.7, 1.2), duration=duration,
+        lead=random.uniform(0.3, 1.5) if quick else 0.0, hands_up=random.uniform(0.05, 0.18), hands_uneven=random.uniform(-0.12, 0.12),
+        apart=random.uniform(0.0, 0.07),
     )  # fmt: skip
 
 
@@ -82,7 +92,7 @@ def lie_down(
 ) -> HumanMotion:  # fmt: skip
     """The whole clip: walk along the route from heading `start_yaw` [rad], sit down on the berth's edge, lie down, rest."""
     course = lie_course(task, obj, body, berth, lambda _: route, gait, style)
-    way = walk(body, route, start_yaw, course.stop_xy, course.stop_yaw, gait, course.after, style.duration)
+    way = walk(body, route, start_yaw, course.stop_xy, course.stop_yaw, gait, course.after, style.duration, style.lead)
     return course.act(clip_id, way)
 
 
@@ -174,6 +184,7 @@ def _legs(body: Body, berth: Berth, way: Walk, trunk: Trunk, clock: np.ndarray, 
     # from above: distance and side of the ankle as seen from a pelvis that faces it, and its height
     half = body.hip_half_width
     final, final_pitch = resting_foot(body, berth, style.stretch)
+    final = final + [0.0, style.apart * body.size * berth.wide, 0.0]
     knees_up, landed_pitch = resting_foot(body, berth, min(0.62, style.stretch))
     aloft = lifted_share(body, berth)
     lifted = np.array([aloft * full, half + 0.03, berth.height + body.sole + (0.10 + 0.40 * (0.66 - aloft)) * body.size])
@@ -234,8 +245,9 @@ def _arms(body: Body, berth: Berth, way: Walk, trunk: Trunk, legs: Legs, sitting
     on_thigh = hips + rot.rotate(thigh, np.array([[0.10, 0.03, -0.25], [0.10, -0.03, -0.25]]) * size)
     seated = reach(body, trunk, _within_reach(body, trunk, on_thigh), rot.rotate(quat, np.array([[0.30, 1.0, 0.0], [-0.30, 1.0, 0.0]])))
     if style.hands > 0.5:
-        spot = np.array([[0.135, 0.09, 0.0], [0.135, -0.09, 0.0]]) * size
-        place = trunk.pelvis_pos_w[:, None] + rot.rotate(trunk.pelvis_quat_w[:, None], spot + np.array([0.0, 0.0, 0.12 * size]))
+        left, right = style.hands_up + 0.5 * style.hands_uneven, style.hands_up - 0.5 * style.hands_uneven
+        spot = np.array([[0.135, 0.09, left], [0.135, -0.09, right]]) * size
+        place = trunk.pelvis_pos_w[:, None] + rot.rotate(trunk.pelvis_quat_w[:, None], spot)
         resting = reach(body, trunk, place, rot.rotate(quat, np.array([[0.8, 0.7, 0.5], [-0.8, 0.7, -0.5]])))
     else:
         resting = support
