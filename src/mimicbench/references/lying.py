@@ -18,6 +18,7 @@ from mimicbench.references.berths import SINK, Berth, lifted_share, resting_foot
 from mimicbench.references.body import Body
 from mimicbench.references.course import Course
 from mimicbench.references.gait import Gait, Route, last_turn
+from mimicbench.references.hands import keep_off, lay_on_body, point_hands
 from mimicbench.references.limbs import about_y, minimum_jerk, two_link
 from mimicbench.references.posing import Arms, Legs, Trunk, blend, pose, reach, shoulders, thigh_orientations
 from mimicbench.references.walking import FPS, Walk, walk
@@ -27,6 +28,12 @@ PAUSE = 0.35
 """Between the last step and the first bend [s]."""
 RECLINED = np.pi / 2 - 0.05
 """How far a lying trunk is tilted: the chest rests a little higher than the pelvis [rad]."""
+BREATH = 0.016
+"""How far the chest of who lies rises and falls [rad]."""
+LOOK = 0.26
+"""How far the head turns at rest [rad]."""
+LOWER = 0.07
+"""The second leg swings up so much less high [m], at body size 1."""
 LYING_TIME = 5.6
 """From the seat to rest at pace 1 [s]."""
 
@@ -75,7 +82,7 @@ def draw_style(random: np.random.Generator, body_scale: float, duration: float, 
     return LieStyle(
         body_scale=body_scale, speed=random.uniform(0.70, 0.82),
         sit_duration=random.uniform(2.2, 2.5) if quick else random.uniform(2.8, 3.3), pace=random.uniform(*pace),
-        lean=random.uniform(0.52, 0.62), stagger=random.uniform(0.06, 0.18), stretch=random.uniform(0.66, 0.985),
+        lean=random.uniform(0.52, 0.62), stagger=random.uniform(0.28, 0.40), stretch=random.uniform(0.66, 0.985),
         knee=float(random.choice([0, 0, 1, -1])), side=0.0, hands=float(random.integers(2)), arm_swing=random.uniform(0.7, 1.2), duration=duration,
         lead=random.uniform(0.3, 1.5) if quick else 0.0, hands_up=random.uniform(0.05, 0.18), hands_uneven=random.uniform(-0.12, 0.12),
         apart=random.uniform(0.0, 0.07),
@@ -123,10 +130,34 @@ def _lie(clip_id: str, task: str, obj: SceneObject, body: Body, berth: Berth, st
         still[:, 1 - below] &= clock < on_side.BEGIN - 0.3
         hands &= clock[:, None] < on_side.BEGIN
     contacts = np.concatenate([still, np.stack([sitting >= 0.9, on_back], -1), hands], -1)
+    arms = keep_off(body, trunk, legs, arms)
+    quat = _hands(body, berth, trunk, pose(body, trunk, legs, arms), clock, style)
     return HumanMotion(
-        clip_id, task, body.skeleton, FPS, trunk.pelvis_pos_w, pose(body, trunk, legs, arms), obj.id, CONTACT_NAMES, contacts,
+        clip_id, task, body.skeleton, FPS, trunk.pelvis_pos_w, quat, obj.id, CONTACT_NAMES, contacts,
         {**{name: float(value) for name, value in vars(style).items()}, "turn": last_turn(way.steps)},
     )  # fmt: skip
+
+
+def _hands(body: Body, berth: Berth, trunk: Trunk, quat: np.ndarray, clock: np.ndarray, style: LieStyle) -> np.ndarray:
+    """Local rotations (T, J, 4) with hands that lie flat: on the thighs, on the belly, and in the end on the bed in front of who lies on the side."""
+    quat = lay_on_body(body, trunk, quat)
+    if style.hands > 0.5:
+        # over the belly, and a little down to the sides
+        across = rot.rotate(trunk.pelvis_quat_w[:, None], np.array([[-0.25, -0.75, -0.6], [-0.25, 0.75, -0.6]]))
+        flat = point_hands(body, trunk, quat, across / np.linalg.norm(across, axis=-1, keepdims=True), np.ones((len(clock), 2)))
+        quat = _blended(body, quat, flat, _ease(clock, 4.0, 5.2))
+    if style.side > 0.5:
+        front, head = np.array([*berth.out, 0.0]), np.array([*berth.head, 0.0])
+        flat = point_hands(body, trunk, quat, 0.8 * front + 0.6 * head, np.ones((len(clock), 2)))
+        quat = _blended(body, quat, flat, _ease(clock, on_side.BEGIN + 0.8, on_side.END))
+    return quat
+
+
+def _blended(body: Body, quat: np.ndarray, other: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Local rotations (T, J, 4) with hands that turn to those of other ones with share (T,)."""
+    quat, ends = quat.copy(), [arm.end for arm in body.arms]
+    quat[:, ends] = rot.slerp(quat[:, ends], other[:, ends], share[:, None])
+    return quat
 
 
 def _ease(clock: np.ndarray, start: float, end: float) -> np.ndarray:
@@ -154,11 +185,13 @@ def _trunk(body: Body, berth: Berth, way: Walk, sitting: np.ndarray, clock: np.n
 
     rest = _ease(clock, 4.6, 6.0)
     curl = 0.16 * (_ease(clock, 0.2, 1.4) - _ease(clock, 3.4, 4.8))
-    breath = 0.010 * rest * np.sin(2 * np.pi * 0.23 * way.time)
+    breath = BREATH * rest * np.sin(2 * np.pi * 0.23 * way.time)
     chest = rot.multiply(pelvis, way.chest_turn(0.02 + 0.10 * lean - 0.11 * upright + curl + breath))
     on_pillow = _nod_on_pillow(body, berth, pelvis_pos[-1], rot.normalize(pelvis[-1]), chest[-1])
     nod = 0.12 - 0.30 * lean + 0.20 * upright + 0.25 * (_ease(clock, 0.6, 2.2)) + (on_pillow - 0.27) * _ease(clock, 3.3, 4.9)
-    look = 0.10 * rest * (np.sin(2 * np.pi * 0.061 * way.time) + 0.5 * np.sin(2 * np.pi * 0.113 * way.time))
+    # a look around, first to the free side
+    since = style.pace * (clock - (on_side.END if style.side > 0.5 else 4.6))
+    look = -np.sign(berth.turn) * LOOK * (minimum_jerk((since - 0.3) / 1.6) - 1.8 * minimum_jerk((since - 3.2) / 2.2) + 0.8 * minimum_jerk((since - 7.0) / 1.8))
     head = rot.multiply(chest, rot.multiply(way.head_turn(nod), rot.from_yaw(look)))
     return Trunk(pelvis_pos, pelvis, chest, head)
 
@@ -198,9 +231,11 @@ def _legs(body: Body, berth: Berth, way: Walk, trunk: Trunk, clock: np.ndarray, 
             _ease(clock, 1.75 + late, 2.8 + late),
             _ease(clock, 3.4 + late, 5.1 + late) * (style.knee != sign),
         )
+        # and the second one, for which the pelvis already leans back, less high
+        high = lifted - [0.0, 0.0, LOWER * body.size * (late > 0)]
         standing = walking.ankle_pos_w[-1, side]
         first = np.array([(standing[:2] - berth.seat_xy) @ berth.out, sign * ((standing[:2] - berth.seat_xy) @ left), standing[2]])
-        r, across, z = (first + lift[:, None] * (lifted - first) + land[:, None] * (knees_up - lifted) + stretch[:, None] * (final - knees_up)).T
+        r, across, z = (first + lift[:, None] * (high - first) + land[:, None] * (knees_up - high) + stretch[:, None] * (final - knees_up)).T
         yaw = berth.turn * _ease(clock, 0.45 + late, 2.3 + late)
         forward = np.stack([r, sign * across, np.zeros_like(r)], -1)
         swung = np.concatenate([base, z[:, None]], -1) + rot.rotate(rot.from_yaw(yaw + np.arctan2(berth.out[1], berth.out[0])), forward)

@@ -5,7 +5,8 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.references.body import Body
 from mimicbench.references.limbs import about_x, about_y, minimum_jerk, two_link
-from mimicbench.references.posing import Arms, Legs, Trunk, blend, reach
+from mimicbench.references.posing import Arms, Legs, Trunk, reach, shoulders
+from mimicbench.references.reaching import within_reach, wrists_of
 
 ROLL = 1.25
 """How far the body turns over [rad]: a little less than onto its shoulder."""
@@ -13,8 +14,10 @@ BEGIN, END = 5.4, 8.2
 """On the clock of `lying`, at pace 1 [s]."""
 THIGH, SHIN = 0.85, -0.55
 """How far thighs and shins point forward in the end [rad]."""
-FRONT = ((0.30, 0.17, 0.27), (0.25, -0.06, 0.10))
-"""Where the lower and the upper wrist go, from the chest's joint to the front, down and to the head, at body size 1 [m]."""
+FRONT = ((0.27, -0.22, 0.055), (0.25, 0.0, 0.08))
+"""Where the lower and the upper wrist lie, from their shoulders to the front and to the head, and above the bed, at body size 1 [m]."""
+LEAVE = ((0.05, 0.80), (0.25, 1.0))
+"""Between which parts of the turn the lower and the upper hand go there."""
 
 
 def turn_over(body: Body, height: float, out: np.ndarray, side: int, clock: np.ndarray, trunk: Trunk, legs: Legs, arms: Arms) -> tuple[Trunk, Legs, Arms]:
@@ -46,7 +49,7 @@ def turn_over(body: Body, height: float, out: np.ndarray, side: int, clock: np.n
     return (
         rolled,
         _knees_drawn_up(body, height, side, minimum_jerk((clock - BEGIN + 0.3) / (END - BEGIN - 0.2)), rolled, legs),
-        _hands_in_front(body, side, rolled, arms, share),
+        _hands_in_front(body, height, out, side, rolled, arms, (clock - BEGIN) / (END - BEGIN)),
     )
 
 
@@ -70,11 +73,22 @@ def _knees_drawn_up(body: Body, height: float, side: int, share: np.ndarray, tru
     return Legs(np.stack(ankle, 1), np.stack(foot, 1), blended, legs.toe_bend)
 
 
-def _hands_in_front(body: Body, side: int, trunk: Trunk, arms: Arms, share: np.ndarray) -> Arms:
-    """The lower hand goes beside the pillow, the upper one in front of the chest."""
-    sign = 1.0 - 2.0 * side
-    spots = np.array(FRONT if side == 0 else FRONT[::-1]) * [1.0, sign, 1.0] * body.size
-    hips = trunk.pelvis_pos_w + rot.rotate(trunk.pelvis_quat_w, np.array([0.0, 0.0, float(body.skeleton.offsets[list(body.spine), 2].sum())]))
-    wrists = hips[:, None] + rot.rotate(trunk.chest_quat_w[:, None], spots)
-    left = np.broadcast_to(rot.rotate(trunk.chest_quat_w, np.array([0.0, 1.0, 0.0]))[:, None], wrists.shape)
-    return blend(arms, reach(body, trunk, wrists, left), share)
+def _hands_in_front(body: Body, height: float, out: np.ndarray, side: int, trunk: Trunk, arms: Arms, progress: np.ndarray) -> Arms:
+    """Both hands come down onto the bed in front of the chest, close to the body all the way."""
+    chest = rot.rotate(trunk.chest_quat_w, np.array([0.0, 0.0, 1.0]))[-1]
+    front, head = np.array([*out, 0.0]), np.array([*chest[:2], 0.0]) / np.hypot(*chest[:2])
+    up, offset = np.array([0.0, 0.0, 1.0]), body.skeleton.offsets[[arm.middle for arm in body.arms]]
+    wrists, roots = wrists_of(body, trunk, arms), shoulders(body, trunk)
+    poles = roots + rot.rotate(rot.multiply(trunk.chest_quat_w[:, None], arms.upper), offset) - 0.5 * (roots + wrists)
+    poles /= np.linalg.norm(poles, axis=-1, keepdims=True)
+    for i in range(2):
+        (ahead, along, above), (begin, end) = (part[int(i != side)] for part in (FRONT, LEAVE))
+        goal = roots[-1, i] + body.size * (ahead * front + along * head)
+        goal[2] = height + above * body.size
+        share = minimum_jerk((progress - begin) / (end - begin))[:, None]
+        wrists[:, i] += share * (goal - wrists[:, i])
+        # the lower elbow stays where it lies, and is on the front's side in the end
+        turned, pole = (minimum_jerk((progress + 0.35) / 0.35)[:, None], front + 0.3 * head + 0.3 * up) if i == side else (share, -head)
+        poles[:, i] += turned * (pole / np.linalg.norm(pole) - poles[:, i])
+    wrists = within_reach(body, trunk, wrists)
+    return reach(body, trunk, wrists, np.cross(wrists - roots, poles))

@@ -82,7 +82,7 @@ def depths(motion: HumanMotion, obj: SceneObject, body: Body, pos: np.ndarray, q
 def own_depth(body: Body, pos: np.ndarray, quat: np.ndarray, others: Sequence[str] = OWN, points: Sequence[str] = ARM) -> np.ndarray:
     """(T, 2) how deep either arm is in the body's own parts of some roles [m], negative while it is clear of them.
 
-    `pos` (T, J, 3) and `quat` (T, J, 4) are the joints'; `points` says which of the forearm and the palm count.
+    `pos` (T, J, 3) and `quat` (T, J, 4) are the joints'; `points` says which of forearm, palm and fingers count.
     """
     return own_gaps(body, pos, quat, others, points)[0].max((2, 3))
 
@@ -94,7 +94,7 @@ def own_gaps(body: Body, pos: np.ndarray, quat: np.ndarray, others: Sequence[str
     start, end = (pos[:, joints] + rot.rotate(quat[:, joints], np.array([getattr(part, side) for part in parts])) for side in ("start", "end"))
     along = (end - start)[:, None, :, None]
     length, radius = np.maximum(_squared(along), 1e-12), np.array([part.radius for part in parts])[:, None]
-    fore, palm = ("forearm" in points) * (0.3, 0.55, 0.8), ("palm" in points) * (0.0, 1.0)
+    fore, palm = ("forearm" in points) * (0.3, 0.55, 0.8), ("palm" in points) * (0.0, 1.0) + ("fingers" in points) * (1.6,)
     thick = body.size * np.array([THICK[0]] * len(fore) + [THICK[1]] * len(palm))
     mine = []
     for arm in body.arms:
