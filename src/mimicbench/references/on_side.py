@@ -82,7 +82,7 @@ def _hands_in_front(body: Body, height: float, out: np.ndarray, side: int, trunk
     poles = roots + rot.rotate(rot.multiply(trunk.chest_quat_w[:, None], arms.upper), offset) - 0.5 * (roots + wrists)
     poles /= np.linalg.norm(poles, axis=-1, keepdims=True)
     for i in range(2):
-        (ahead, along, above), (begin, end) = (part[int(i != side)] for part in (FRONT, LEAVE))
+        (ahead, along, above), (begin, end) = FRONT[int(i != side)], LEAVE[int(i != side)]
         goal = roots[-1, i] + body.size * (ahead * front + along * head)
         goal[2] = height + above * body.size
         share = minimum_jerk((progress - begin) / (end - begin))[:, None]

@@ -63,12 +63,12 @@ def make_sit_sofa(clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_ya
 
     The point between the ankles starts at `start_xy` (2,) [m] with heading `start_yaw` [rad].
     """
-    return sit_down(clip_id, "sit-sofa", roam_body(style.body_scale), obj, start_xy, start_yaw, style, gait_of(style))
+    return sit_down(clip_id, "sit-sofa", roam_body(style.body_scale), obj, start_xy, start_yaw, style, gait_of(style), True)
 
 
 def sit_sofa_courses(obj: SceneObject, style: SitStyle) -> tuple[Course, ...]:
     """The one way to sit down on a sofa in a style."""
-    return (sit_course("sit-sofa", roam_body(style.body_scale), obj, style, gait_of(style)),)
+    return (sit_course("sit-sofa", roam_body(style.body_scale), obj, style, gait_of(style), True),)
 
 
 def gait_of(style: SitStyle) -> Gait:

@@ -14,6 +14,7 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body import Body
 from mimicbench.references.course import Course
 from mimicbench.references.gait import Gait, Route, around_box, last_turn
+from mimicbench.references.hands import keep_off, lay_on_body
 from mimicbench.references.limbs import about_y, minimum_jerk
 from mimicbench.references.posing import Arms, Legs, Trunk, blend, pose, reach, shoulders, thigh_orientations
 from mimicbench.references.seats import Leaning, Place, armrest, beside_thigh, feet_allowed, lean_against, place_at
@@ -96,20 +97,21 @@ class LoungeStyle(SitStyle):
 
 
 def sit_down(
-    clip_id: str, task: str, body: Body, obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: SitStyle, gait: Gait
+    clip_id: str, task: str, body: Body, obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: SitStyle, gait: Gait,
+    clear: bool = False,
 ) -> HumanMotion:  # fmt: skip
     """The clip that follows from a start, a seat and a style, in closed form. Raises BadObject if there is no seat.
 
     The point between the ankles starts at `start_xy` (2,) [m] with heading `start_yaw` [rad]. A support that is out of reach is not
-    used, and the style that is stored with the clip says so.
+    used, and the style that is stored with the clip says so. Hands that keep `clear` never are in the thighs.
     """
-    course = sit_course(task, body, obj, style, gait)
+    course = sit_course(task, body, obj, style, gait, clear)
     way = walk(body, course.route(start_xy), start_yaw, course.stop_xy, 0.0, gait, course.after, style.duration, style.lead)
     return course.act(clip_id, way)
 
 
-def sit_course(task: str, body: Body, obj: SceneObject, style: SitStyle, gait: Gait) -> Course:
-    """Where to stand before a seat, and how to sit down from there. Raises BadObject if there is no seat."""
+def sit_course(task: str, body: Body, obj: SceneObject, style: SitStyle, gait: Gait, clear: bool = False) -> Course:
+    """Where to stand before a seat, and how to sit down from there, with hands that keep `clear` of the thighs if so wished. Raises BadObject if there is no seat."""
     middle = float(obj.seat_polygon[:, 1].min() + obj.seat_polygon[:, 1].max()) / 2 if len(obj.seat_polygon) else 0.0
     place = place_at(obj, body, middle + style.seat_y, style.seat_x)
     leaning = lean_against(obj, body, place, style.lean_back, 0.05 + SLUMP) if style.against > 0 else None
@@ -118,13 +120,14 @@ def sit_course(task: str, body: Body, obj: SceneObject, style: SitStyle, gait: G
     supports: list[Supports] = []  # every walk ends in the same pose: the places for the hands that the first finds are good for all
 
     def act(clip_id: str, way: Walk) -> HumanMotion:
-        return _sit(clip_id, task, body, obj, place, leaning, style, way, supports)
+        return _sit(clip_id, task, body, obj, place, leaning, style, way, supports, clear)
 
     return Course(body, gait, place.ankles, 0.0, lambda start_xy: route_to(obj, start_xy, place), after, act)
 
 
 def _sit(
-    clip_id: str, task: str, body: Body, obj: SceneObject, place: Place, leaning: Leaning | None, style: SitStyle, way: Walk, supports: list[Supports]
+    clip_id: str, task: str, body: Body, obj: SceneObject, place: Place, leaning: Leaning | None, style: SitStyle, way: Walk, supports: list[Supports],
+    clear: bool,
 ) -> HumanMotion:  # fmt: skip
     """The clip that follows from a walk to in front of a place; finds `supports` unless they are known."""
     clock = way.time - way.end - PAUSE
@@ -134,7 +137,11 @@ def _sit(
         supports.append(_supports(obj, body, trunk, replace(style, against=1.0 if leaning else -1.0)))
     hands, style = supports[0]
     arms, bears = _arms(body, way, trunk, legs, clock, hands, style)
+    if clear:
+        arms = keep_off(body, trunk, legs, arms, np.array([float(hand is None) for hand in hands]))
     quat = pose(body, trunk, legs, arms)
+    if clear:
+        quat = lay_on_body(body, trunk, quat)
     _lay_hands(body, quat, trunk, arms, hands, bears)
     seated = clock >= 0.9 * style.sit_duration
     rests = clock >= style.sit_duration + 0.3 + 0.85 * LEAN_BACK
