@@ -111,7 +111,7 @@ def sit_down(
 
 
 def sit_course(task: str, body: Body, obj: SceneObject, style: SitStyle, gait: Gait, clear: bool = False) -> Course:
-    """Where to stand before a seat, and how to sit down from there, with hands that keep `clear` of the thighs if so wished. Raises BadObject if there is no seat."""
+    """Where to stand before a seat, and how to sit down from there, perhaps with hands `clear` of the thighs. Raises BadObject if there is no seat."""
     middle = float(obj.seat_polygon[:, 1].min() + obj.seat_polygon[:, 1].max()) / 2 if len(obj.seat_polygon) else 0.0
     place = place_at(obj, body, middle + style.seat_y, style.seat_x)
     leaning = lean_against(obj, body, place, style.lean_back, 0.05 + SLUMP) if style.against > 0 else None
