@@ -210,6 +210,6 @@ def cut(motion: HumanMotion, frames: int) -> dict[str, np.ndarray]:
 @pytest.mark.parametrize("body", BODIES, ids=lambda body: body.skeleton.name)
 def test_arms_in_the_own_body_are_named(body: Body):
     still = standing(body)
-    assert check_clip(still, FAR)["own_depth"] == check_clip(still, FAR)["lap_depth"] == 0
+    assert check_clip(still, FAR)["own_depth"] == 0 and check_clip(still, FAR)["lap_depth"] < 0.02
     inward = turned(turned(still, body.arms[0].root, about_x(np.array(-0.5))), body.arms[1].root, about_x(np.array(0.5)))
     assert {"own_depth", "lap_depth"} & set(faults(check_clip(inward, FAR)))
