@@ -44,6 +44,8 @@ def interact(clip: Clip, config: InteractionConfig | None = None) -> RobotMotion
         if not (sits or lies):
             break
         problem, moved = make_problem(clip, config, slide * sits, slide * lies)
+        if np.abs(moved.root_pos - start.root_pos).max() < 1e-3:
+            break  # at the edge
         pose = pose._replace(root_pos=pose.root_pos + moved.root_pos - start.root_pos)  # a head must get past the board
         pose, losses = solve(problem, pose, config.iterations, config.tolerance)
         start = moved

@@ -58,16 +58,20 @@ class SelfContact:
 
     def _in_balls(self, centers: np.ndarray, one: np.ndarray, other: np.ndarray) -> Overlaps:
         radius = self.balls.radius
-        away = centers[:, one, None] - centers[:, None, other]  # (T, A, B, 3)
-        apart = np.sqrt((away**2).sum(-1)) - radius[one, None] - radius[other]
+        a, b, touch = centers[:, one], centers[:, other], radius[one, None] + radius[other]
+        # |a - b|^2 by one product; only the few frames in which something overlaps are looked at more closely
+        squared = (a**2).sum(-1)[:, :, None] + (b**2).sum(-1)[:, None] - 2 * a @ np.swapaxes(b, 1, 2)
+        frames = np.flatnonzero((squared < touch**2).any((1, 2)))
+        away = a[frames, :, None] - b[frames, None]
+        apart = np.linalg.norm(away, axis=-1) - touch
         nearest = apart.argmin(-1)
         distance = np.take_along_axis(apart, nearest[..., None], -1)[..., 0]
-        frame, ball = np.nonzero(distance < 0)
-        partner = nearest[frame, ball]
-        way = away[frame, ball, partner]
+        row, ball = np.nonzero(distance < 0)
+        partner = nearest[row, ball]
+        way = away[row, ball, partner]
         way = way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-9)
         mine = one[ball]
-        return Overlaps(frame, self.balls.link[mine], self.balls.link[other[partner]], centers[frame, mine], way, -distance[frame, ball])
+        return Overlaps(frames[row], self.balls.link[mine], self.balls.link[other[partner]], centers[frames[row], mine], way, -distance[row, ball])
 
     def _in_box(self, links: Links, centers: np.ndarray, shape: Shape, balls: np.ndarray) -> Overlaps:
         local = rot.rotate_inverse(links.quat[:, shape.link, None], centers[:, balls] - links.pos[:, shape.link, None]) - np.array(shape.start)
