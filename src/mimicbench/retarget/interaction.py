@@ -30,7 +30,7 @@ from mimicbench.retarget.self_contact import SelfContact
 from mimicbench.retarget.solver import solve
 from mimicbench.robot.description import Robot
 
-EDGE = 0.03
+EDGE = 0.015
 """[m] Whoever slides forward on a seat stays so far behind its front."""
 
 

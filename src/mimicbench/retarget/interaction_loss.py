@@ -62,7 +62,7 @@ class InteractionConfig:
     """[m] of buttocks above the seat that is still rest, and of a head in a board that may be mended without that."""
     iterations: int = 25
     """Gauss-Newton steps at most."""
-    tolerance: float = 1e-3
+    tolerance: float = 3e-3
     """Stop when a step lowers the loss by less than this part of it."""
 
 
