@@ -39,8 +39,9 @@ def interact(clip: Clip, config: InteractionConfig | None = None) -> RobotMotion
     config = config or InteractionConfig()
     problem, start = make_problem(clip, config)
     pose, losses = solve(problem, start, config.iterations, config.tolerance)
+    distance = problem.clearance(pose)
     for slide in config.slides:
-        sits, lies = problem.misplaced(problem.tree.place(pose))
+        sits, lies = problem.misplaced(distance)
         if not (sits or lies):
             break
         problem, moved = make_problem(clip, config, slide * sits, slide * lies)
@@ -48,8 +49,8 @@ def interact(clip: Clip, config: InteractionConfig | None = None) -> RobotMotion
             break  # at the edge
         pose = pose._replace(root_pos=pose.root_pos + moved.root_pos - start.root_pos)  # a head must get past the board
         pose, losses = solve(problem, pose, config.iterations, config.tolerance)
-        start = moved
-    if problem.stuck(problem.tree.place(pose)):
+        start, distance = moved, problem.clearance(pose)
+    if problem.stuck(distance):
         around, _ = solve(problem.filled(), start, config.iterations, config.tolerance)
         other, again = solve(problem, around, config.iterations, config.tolerance)
         pose, losses = (other, again) if again[-1] < losses[-1] else (pose, losses)

@@ -185,16 +185,18 @@ class Problem:
             model.add_differences(np.arange(6, variables), np.array([-1.0, 1.0]) * self.fps, excess, (excess != 0) / self.config.velocity**2)
         return model
 
-    def misplaced(self, links: Links) -> tuple[bool, bool]:
+    def clearance(self, pose: Pose) -> np.ndarray:
+        """(T, S) distance of all balls from floor and object [m]."""
+        return self.scene.clearance(self.balls, self.balls.place(self.tree.place(pose)))[0]
+
+    def misplaced(self, distance: np.ndarray) -> tuple[bool, bool]:
         """Whether who ends sitting hovers over the seat, in the median, and whether who ends lying is ever with its head in a board."""
-        distance, _ = self.scene.clearance(self.balls, self.balls.place(links))
         sits = self.seated[-1] and np.median(distance[self.seated][:, self.balls.link == 0].min(-1)) > self.config.hover
         lies = self.lying[-1] and np.mean(distance[self.lying].min(-1) < -self.config.hover) > 0.02
         return bool(sits), bool(lies)
 
-    def stuck(self, links: Links) -> bool:
+    def stuck(self, distance: np.ndarray) -> bool:
         """Whether something is deep in floor or object for long: an elbow that went through a thin board finds no way back."""
-        distance, _ = self.scene.clearance(self.balls, self.balls.place(links))
         return bool(np.mean(distance.min(-1) < -self.config.hover) > 0.02)
 
     def filled(self) -> "Problem":
