@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mimicbench.core import rotations as rot
+from mimicbench.core.curves import minimum_jerk, smooth_below
 from mimicbench.core.errors import BadObject, UnknownName
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.chairs import make_chair
@@ -15,7 +16,7 @@ from mimicbench.references.balance import balance, support_point
 from mimicbench.references.body import unihsi_body
 from mimicbench.references.feet import swing_feet
 from mimicbench.references.gait import Gait, around_box, plan_footsteps
-from mimicbench.references.limbs import minimum_jerk, smooth_below, two_link
+from mimicbench.references.limbs import two_link
 from mimicbench.references.quality import Limits, check_clip, faults, is_good
 from mimicbench.references.sitting import SitStyle
 from mimicbench.references.synthesis import synthesize

@@ -20,9 +20,10 @@ from mimicbench.retarget.bench import frames_per_second
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.copy_rotation import copy_rotations
 from mimicbench.retarget.grounding import ground, sole_heights, stance
-from mimicbench.retarget.h1_tables import UNIHSI_H1, find_mapping
+from mimicbench.retarget.h1_tables import UNIHSI_H1
 from mimicbench.retarget.kinematics import Jacobian, Links, Pose, tree_of
 from mimicbench.retarget.mapping import Bound, bind
+from mimicbench.retarget.mappings import find_mapping
 from mimicbench.retarget.methods import METHODS
 from mimicbench.retarget.optimization import PAPER, OptimizationConfig, optimize
 from mimicbench.retarget.solver import _solve_with, move, solve

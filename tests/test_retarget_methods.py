@@ -25,10 +25,11 @@ from mimicbench.retarget.adam import adam
 from mimicbench.retarget.bench import RetargetBenchConfig, bench_retargeting
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.copy_rotation import copy_rotations
-from mimicbench.retarget.h1_tables import CORE4D_H1, ROAM_H1, UNIHSI_H1, find_mapping
+from mimicbench.retarget.h1_tables import CORE4D_H1, ROAM_H1, UNIHSI_H1
 from mimicbench.retarget.kinematics import Pose, tree_of
 from mimicbench.retarget.make import RetargetConfig, make_retargeted, read_retargeted
 from mimicbench.retarget.mapping import bind
+from mimicbench.retarget.mappings import find_mapping
 from mimicbench.retarget.methods import METHODS, get_method
 from mimicbench.retarget.mink_ik import solve_frames
 from mimicbench.retarget.optimization import PAPER

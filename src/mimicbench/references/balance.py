@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.linalg import solve_banded
 
+from mimicbench.core.curves import minimum_jerk
 from mimicbench.references.gait import Footsteps, Gait, left_of
-from mimicbench.references.limbs import minimum_jerk
 
 GRAVITY = 9.81
 

@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mimicbench.core.curves import minimum_jerk, smooth
 from mimicbench.references.body import Body
 from mimicbench.references.gait import Footsteps, Gait, left_of
-from mimicbench.references.limbs import ease, glide, minimum_jerk, smooth
+from mimicbench.references.limbs import ease, glide
 
 LONG = 0.95
 """A stride for which the feet roll by `Gait.heel_strike` and `Gait.heel_off` [m at size 1]; in proportion for others, up to 1.15 times."""

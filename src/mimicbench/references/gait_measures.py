@@ -11,11 +11,11 @@ import numpy as np
 from scipy.signal import find_peaks
 
 from mimicbench.core import rotations as rot
+from mimicbench.core.curves import smooth
 from mimicbench.core.motion import HumanMotion, forward_kinematics
 from mimicbench.references.angles import joint_angles
 from mimicbench.references.body import Body, body_of
 from mimicbench.references.contacts import sole_points
-from mimicbench.references.limbs import smooth
 
 
 @dataclass(frozen=True)

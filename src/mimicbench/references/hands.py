@@ -3,9 +3,9 @@
 import numpy as np
 
 from mimicbench.core import rotations as rot
+from mimicbench.core.curves import smooth
 from mimicbench.core.motion import forward_kinematics
 from mimicbench.references.body import Body
-from mimicbench.references.limbs import smooth
 from mimicbench.references.penetration import ARM, own_gaps
 from mimicbench.references.posing import Arms, Legs, Trunk, pose, reach
 from mimicbench.references.reaching import WRIST, wrists_of

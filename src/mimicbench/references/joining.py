@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from mimicbench.core import rotations as rot
+from mimicbench.core.curves import minimum_jerk, smooth_below
 from mimicbench.core.motion import HumanMotion
 from mimicbench.references.body import Body
 from mimicbench.references.feet import rolled
-from mimicbench.references.limbs import about_y, ease, minimum_jerk, smooth_below, two_link
+from mimicbench.references.limbs import about_y, ease, two_link
 from mimicbench.references.states import BodyState
 
 JOINS = 0.45

@@ -6,13 +6,14 @@ from typing import NamedTuple
 import numpy as np
 
 from mimicbench.core import rotations as rot
+from mimicbench.core.curves import minimum_jerk
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body import Body, core4d_body
 from mimicbench.references.course import Course
 from mimicbench.references.gait import Gait, Route
-from mimicbench.references.limbs import about_y, minimum_jerk
+from mimicbench.references.limbs import about_y
 from mimicbench.references.posing import blend, pose, reach
 from mimicbench.references.postures import Ground, Posture, elbow_axes, find_posture
 from mimicbench.references.reaching import SIZES, cut, draw_approach, lay_hands, reach_past, settle, steps_up_to

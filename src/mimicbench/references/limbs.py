@@ -5,12 +5,6 @@ import numpy as np
 from mimicbench.core import rotations as rot
 
 
-def minimum_jerk(u: np.ndarray) -> np.ndarray:
-    """10 u^3 - 15 u^4 + 6 u^5 for u in [0, 1], constant outside: from 0 to 1 with rest at both ends."""
-    u = np.clip(u, 0.0, 1.0)
-    return u**3 * (10 - 15 * u + 6 * u**2)
-
-
 def glide(u: np.ndarray, start: float, end: float) -> np.ndarray:
     """From 0 to 1 for u in [0, 1], constant outside: speed grows over a share `start` of the time, stays, and is lost over a share `end`."""
     u = np.clip(u, 0.0, 1.0)
@@ -61,21 +55,6 @@ def two_link(
     sign = 1.0 if backward else -1.0
     upper_quat = rot.multiply(plane, about_y(-sign * at_root))
     return upper_quat, rot.multiply(upper_quat, about_y(sign * hinge)), sign * hinge
-
-
-def smooth(values: np.ndarray, half_width: int) -> np.ndarray:
-    """Hann-weighted moving average over 2 half_width + 1 frames of (T, ...); the ends are held."""
-    kernel = np.hanning(2 * half_width + 3)[1:-1]
-    padded = np.concatenate([np.repeat(values[:1], half_width, 0), values, np.repeat(values[-1:], half_width, 0)])
-    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * half_width + 1, 0)
-    return windows @ (kernel / kernel.sum())
-
-
-def smooth_below(limit: np.ndarray, half_width: int) -> np.ndarray:
-    """A smooth curve (T,) that is nowhere above `limit` (T,): the moving minimum, then the moving average of equal width."""
-    padded = np.pad(limit, half_width, mode="edge")
-    lowest = np.lib.stride_tricks.sliding_window_view(padded, 2 * half_width + 1).min(-1)
-    return smooth(lowest, half_width)
 
 
 def ease(values: np.ndarray, first: np.ndarray | float, rate: np.ndarray | float, fps: float, lasts: float, forward: bool = False) -> np.ndarray:

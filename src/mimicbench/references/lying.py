@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mimicbench.core import rotations as rot
+from mimicbench.core.curves import minimum_jerk
 from mimicbench.core.motion import HumanMotion, forward_kinematics
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references import on_side
@@ -19,7 +20,7 @@ from mimicbench.references.body import Body
 from mimicbench.references.course import Course
 from mimicbench.references.gait import Gait, Route, last_turn
 from mimicbench.references.hands import keep_off, lay_on_body, point_hands
-from mimicbench.references.limbs import about_y, minimum_jerk, two_link
+from mimicbench.references.limbs import about_y, two_link
 from mimicbench.references.posing import Arms, Legs, Trunk, blend, pose, reach, shoulders, thigh_orientations
 from mimicbench.references.walking import FPS, Walk, walk
 

@@ -3,8 +3,9 @@
 import numpy as np
 
 from mimicbench.core import rotations as rot
+from mimicbench.core.curves import minimum_jerk
 from mimicbench.references.body import Body
-from mimicbench.references.limbs import about_x, about_y, minimum_jerk, two_link
+from mimicbench.references.limbs import about_x, about_y, two_link
 from mimicbench.references.posing import Arms, Legs, Trunk, reach, shoulders
 from mimicbench.references.reaching import within_reach, wrists_of
 

@@ -7,11 +7,12 @@ from typing import TypeVar
 import numpy as np
 
 from mimicbench.core import rotations as rot
+from mimicbench.core.curves import minimum_jerk
 from mimicbench.core.motion import HumanMotion, forward_kinematics
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body import Body
 from mimicbench.references.gait import Footsteps, Gait
-from mimicbench.references.limbs import about_y, minimum_jerk
+from mimicbench.references.limbs import about_y
 from mimicbench.references.posing import Arms, Legs, Trunk, blend, pose, reach, shoulders
 from mimicbench.references.postures import NOD, STRETCH, Posture, chest_turn, depth, elbow_axes, in_own_way
 from mimicbench.references.walking import Walk

@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from mimicbench.core import rotations as rot
+from mimicbench.core.curves import minimum_jerk, smooth_below
 from mimicbench.references.body import Body
 from mimicbench.references.feet import rolled, swing_share
 from mimicbench.references.gait import Footsteps, Gait, Route, ahead_of, body_places, first_side, place_feet
-from mimicbench.references.limbs import ease, minimum_jerk, smooth_below
+from mimicbench.references.limbs import ease
 from mimicbench.references.states import LONG_AGO, BodyState, state_of_walk
 from mimicbench.references.walking import FPS, Walk, follow, highest_pelvis, standing_height, walk
 

@@ -9,13 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mimicbench.core import rotations as rot
+from mimicbench.core.curves import minimum_jerk
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body import Body
 from mimicbench.references.course import Course
 from mimicbench.references.gait import Gait, Route, around_box, last_turn
 from mimicbench.references.hands import keep_off, lay_on_body
-from mimicbench.references.limbs import about_y, minimum_jerk
+from mimicbench.references.limbs import about_y
 from mimicbench.references.posing import Arms, Legs, Trunk, blend, pose, reach, shoulders, thigh_orientations
 from mimicbench.references.seats import Leaning, Place, armrest, beside_thigh, feet_allowed, lean_against, place_at
 from mimicbench.references.walking import FPS, Walk, walk

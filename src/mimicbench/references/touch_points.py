@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mimicbench.core import rotations as rot
+from mimicbench.core.curves import minimum_jerk
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
@@ -12,7 +13,7 @@ from mimicbench.objects.touch import stance_before, touch_pair
 from mimicbench.references.body import Body, core4d_body
 from mimicbench.references.course import Course
 from mimicbench.references.gait import Gait, Route
-from mimicbench.references.limbs import about_y, glide, minimum_jerk
+from mimicbench.references.limbs import about_y, glide
 from mimicbench.references.posing import pose
 from mimicbench.references.postures import Ground, Posture, chest_turn, find_posture
 from mimicbench.references.reaching import SIZES, cut, draw_approach, lay_hands, reach_past, settle, steps_up_to

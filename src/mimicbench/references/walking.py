@@ -5,12 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mimicbench.core import rotations as rot
+from mimicbench.core.curves import smooth, smooth_below
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.balance import balance
 from mimicbench.references.body import Body
 from mimicbench.references.feet import Feet, FeetStart, body_yaw, stride_difference, swing_feet
 from mimicbench.references.gait import Footsteps, Gait, Route, plan_footsteps
-from mimicbench.references.limbs import about_x, about_y, smooth, smooth_below
+from mimicbench.references.limbs import about_x, about_y
 from mimicbench.references.posing import Arms, Legs
 
 FPS = 30.0

@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from mimicbench.core import rotations as rot
+from mimicbench.core.curves import minimum_jerk, smooth_above
 from mimicbench.core.motion import HumanMotion
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.grounding import FEET, runs
@@ -76,11 +77,6 @@ def _label(motion: HumanMotion, name: str) -> np.ndarray:
     return motion.contacts[:, motion.contact_names.index(name)].astype(bool)
 
 
-def _ease(u: np.ndarray) -> np.ndarray:
-    u = np.clip(u, 0.0, 1.0)
-    return u**3 * (10 - 15 * u + 6 * u**2)
-
-
 def _foot(
     fps: float,
     bears: np.ndarray,
@@ -118,7 +114,7 @@ def _foot(
         before = moved[start - 1] if start > 0 else (moved[end] if end < frames else np.zeros(3))
         after = moved[end] if end < frames else before
         u = (np.arange(start, end) - start + 1.0) / (end - start + 1.0)
-        place[start:end] = followed[start:end] + before + _ease(u)[:, None] * (after - before)
+        place[start:end] = followed[start:end] + before + minimum_jerk(u)[:, None] * (after - before)
         # the foot leaves and arrives flat
         free = np.minimum(1.0, np.minimum(u, 1 - u) * (end - start + 1.0) / fps / 0.12)
         turn[start:end] = rot.slerp(level[start:end], human[start:end], free)
@@ -166,7 +162,7 @@ def _hand(clip: Clip, mapping: Mapping, bound: Bound, side: int, pos_w: np.ndarr
             frames = edge + step * np.arange(1, reach + 1)
             frames = frames[(frames >= 0) & (frames < len(holds))]
             frames = frames[~holds[frames]]
-            share = 1.0 - _ease(np.abs(frames - edge) / (reach + 1.0))
+            share = 1.0 - minimum_jerk(np.abs(frames - edge) / (reach + 1.0))
             closer = share > near[frames]
             frames, share = frames[closer], share[closer]
             target[frames] = pos_w[frames, wrist] + share[:, None] * (target[edge] - pos_w[edge, wrist])
@@ -209,8 +205,4 @@ def _lowering(clip: Clip, bound: Bound, followed: np.ndarray, quat_w: np.ndarray
         away = ((at[:, :2] - feet[:, foot, :2]) ** 2).sum(-1)
         highest = feet[:, foot, 2] + np.sqrt(np.maximum(leg**2 - away, 0.25 * leg**2))
         need = np.maximum(need, np.where(on_floor[:, foot], at[:, 2] - highest, 0.0))
-    half = max(1, round(0.2 * clip.motion.fps))
-    padded = np.pad(need, 2 * half, mode="edge")
-    most = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1).max(-1)
-    kernel = np.hanning(2 * half + 3)[1:-1]
-    return np.lib.stride_tricks.sliding_window_view(most, 2 * half + 1) @ (kernel / kernel.sum())
+    return smooth_above(need, max(1, round(0.2 * clip.motion.fps)))

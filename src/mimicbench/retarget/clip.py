@@ -8,9 +8,9 @@ import numpy as np
 from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.objects.shape import SceneObject
 from mimicbench.retarget.grounding import ground, stance
-from mimicbench.retarget.h1_tables import find_mapping
 from mimicbench.retarget.kinematics import Pose, Tree
 from mimicbench.retarget.mapping import Bound, Preset, bind
+from mimicbench.retarget.mappings import find_mapping
 from mimicbench.retarget.measures import measure, measure_scene
 from mimicbench.robot.description import Robot
 

@@ -1,9 +1,7 @@
 """The tables between the human skeletons and the H1 (appendix B.1), and what we add to them in `improved`."""
 
-from collections.abc import Mapping as Dictionary
 from dataclasses import dataclass
 
-from mimicbench.core.errors import UnknownName
 from mimicbench.retarget.mapping import Mapping, Pair
 
 # Standing feet of an H1 are 0.406 m apart, those of the human 0.170 m. With no ankle roll, feet put where the human's are would tilt by
@@ -110,12 +108,3 @@ def _to_h1(names: Names, shoulder: str) -> Mapping:
 UNIHSI_H1 = _to_h1(UNIHSI, "shoulder_roll_link")
 ROAM_H1 = _to_h1(ROAM, "shoulder_pitch_link")
 CORE4D_H1 = _to_h1(CORE4D, "shoulder_pitch_link")
-
-MAPPINGS: Dictionary[tuple[str, str], Mapping] = {(m.skeleton, m.robot): m for m in (UNIHSI_H1, ROAM_H1, CORE4D_H1)}
-
-
-def find_mapping(skeleton: str, robot: str) -> Mapping:
-    """The table between a human skeleton and a robot. Raises UnknownName."""
-    if (skeleton, robot) not in MAPPINGS:
-        raise UnknownName("retargeting from skeleton to robot", f"{skeleton} -> {robot}", [f"{s} -> {r}" for s, r in MAPPINGS])
-    return MAPPINGS[skeleton, robot]

@@ -17,14 +17,15 @@ with joint limits exact. The literature finds that contacts and penetration deci
 import numpy as np
 
 from mimicbench.core import rotations as rot
+from mimicbench.core.curves import smooth_above
 from mimicbench.core.motion import RobotMotion
 from mimicbench.retarget.anchors import Anchors, anchors_of
 from mimicbench.retarget.clip import Clip, storable
 from mimicbench.retarget.copy_rotation import copy_rotations
-from mimicbench.retarget.h1_tables import find_mapping
 from mimicbench.retarget.interaction_loss import InteractionConfig, Problem
 from mimicbench.retarget.kinematics import Pose, tree_of
 from mimicbench.retarget.mapping import followed_points
+from mimicbench.retarget.mappings import find_mapping
 from mimicbench.retarget.samples import Masses, Scene, balls_of
 from mimicbench.retarget.self_contact import SelfContact
 from mimicbench.retarget.solver import solve
@@ -133,10 +134,7 @@ def _legs(robot: Robot, feet: list[int]) -> np.ndarray:
 
 def _eased(when: np.ndarray, fps: float) -> np.ndarray:
     """(T,) 1 in the frames `when` (T,), rising to it in the second before them and falling in the second after."""
-    half = max(1, round(0.5 * fps))
-    most = np.lib.stride_tricks.sliding_window_view(np.pad(when.astype(float), 2 * half, mode="edge"), 2 * half + 1).max(-1)
-    kernel = np.hanning(2 * half + 3)[1:-1]
-    return np.lib.stride_tricks.sliding_window_view(most, 2 * half + 1) @ (kernel / kernel.sum())
+    return smooth_above(when.astype(float), max(1, round(0.5 * fps)))
 
 
 def _balance(

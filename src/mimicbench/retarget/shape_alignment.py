@@ -13,8 +13,8 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import RobotMotion, Skeleton, forward_kinematics
 from mimicbench.retarget.clip import Clip
-from mimicbench.retarget.h1_tables import find_mapping
 from mimicbench.retarget.mapping import Mapping
+from mimicbench.retarget.mappings import find_mapping
 from mimicbench.retarget.optimization import OptimizationConfig, optimize_towards
 from mimicbench.robot.description import Robot
 
