@@ -59,9 +59,11 @@ class SelfContact:
     def _in_balls(self, centers: np.ndarray, one: np.ndarray, other: np.ndarray) -> Overlaps:
         radius = self.balls.radius
         a, b, touch = centers[:, one], centers[:, other], radius[one, None] + radius[other]
-        # |a - b|^2 by one product; only the few frames in which something overlaps are looked at more closely
-        squared = (a**2).sum(-1)[:, :, None] + (b**2).sum(-1)[:, None] - 2 * a @ np.swapaxes(b, 1, 2)
-        frames = np.flatnonzero((squared < touch**2).any((1, 2)))
+        # |a - b|^2 - (r_a + r_b)^2 of all pairs by one product; only the few frames in which something overlaps are looked at more closely
+        size, far, ones = radius[one], radius[other], np.ones((len(centers), 1))
+        left = np.stack([*np.moveaxis(a, -1, 0), (a**2).sum(-1) - size**2, ones * np.ones(len(one)), ones * size], -1)
+        right = np.stack([*np.moveaxis(-2 * b, -1, 0), ones * np.ones(len(other)), (b**2).sum(-1) - far**2, ones * (-2 * far)], 1)
+        frames = np.flatnonzero((left @ right).reshape(len(centers), -1).min(-1) < 0)
         away = a[frames, :, None] - b[frames, None]
         apart = np.linalg.norm(away, axis=-1) - touch
         nearest = apart.argmin(-1)

@@ -14,6 +14,9 @@ from scipy.linalg import LinAlgError, solveh_banded
 from mimicbench.core import rotations as rot
 from mimicbench.retarget.kinematics import Links, Pose, Tree
 
+_START_DAMPING, _MOST_DAMPING = 1e-4, 1e6
+"""Of a step, as a share of the matrix' diagonal. It follows how much of what the quadratic promises a step gains (Marquardt 1963)."""
+
 
 class Objective(Protocol):
     """What is minimized."""
@@ -72,21 +75,28 @@ def solve(objective: Objective, start: Pose, iterations: int, tolerance: float) 
     limits, variables = objective.limits, 6 + len(objective.limits)
     pose = start._replace(joints=np.clip(start.joints, limits[:, 0], limits[:, 1]))
     links = objective.tree.place(pose)
-    losses, damping = [objective.loss(pose, links)], 1e-4
+    losses, damping = [objective.loss(pose, links)], _START_DAMPING
     for _ in range(iterations):
         model = objective.model(pose, links)
         band, gradient = model.band.reshape(len(model.band), -1), model.gradient.ravel()
+        rejected = False
         while True:
             step = _bounded_step(band, gradient, damping, limits, pose.joints)
+            promised = -0.5 * float(gradient @ step)  # what the quadratic says that the step gains
+            if rejected and promised < tolerance * losses[-1]:
+                return pose, losses
             moved = move(pose, step.reshape(-1, variables), limits)
             moved_links = objective.tree.place(moved)
             value = objective.loss(moved, moved_links)
-            if value < losses[-1] or damping > 1e6:
+            if value < losses[-1]:
                 break
-            damping *= 10.0
-        if not value < losses[-1]:  # nor if it is NaN
-            break
-        pose, links, damping = moved, moved_links, max(damping * 0.2, 1e-7)
+            if not damping <= _MOST_DAMPING:
+                return pose, losses  # so too if the value is NaN
+            rejected = True
+            damping = max(damping * (10.0 if value < 1.5 * losses[-1] else 100.0), _START_DAMPING)
+        gained = (losses[-1] - value) / max(promised, 1e-300)
+        damping = max(damping * (0.1 if gained > 0.75 else 0.5 if gained > 0.25 else 4.0), 1e-7)
+        pose, links = moved, moved_links
         losses.append(value)
         if losses[-2] - value < tolerance * value:
             break
