@@ -1,5 +1,6 @@
 """The command `mimicbench`: which commands there are."""
 
+import faulthandler
 import sys
 
 import tyro
@@ -23,6 +24,8 @@ app.command(bench.app, name="bench", help="Measure how fast this machine is, and
 
 def main() -> None:
     """Run the command line; errors that the user can mend are printed in one sentence."""
+    if sys.__stderr__ is not None:
+        faulthandler.enable(sys.__stderr__)  # native code that crashes is to tell where
     try:
         app.cli(prog="mimicbench", description="Humanoid-scene interaction learned by mimicking humans.")
     except MimicbenchError as error:

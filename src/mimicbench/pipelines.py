@@ -121,19 +121,19 @@ def report_stage(ws: Workspace, rows: Sequence[EpisodeRow], policy: str, say: Sa
     curves = [read_curve(path, name) for name in ("track", "imitate/planner") if (path := ws.folder(name) / "metrics.jsonl").exists()]
     provenance = Provenance(ws.seed, (" ".join(["mimicbench", *sys.argv[1:]]),), config, made_from, package_versions(), this_machine())
     inputs = ReportInputs(ws.slug, tuple(rows), provenance, tuple(curves), showcase(ws, rows, policy))
-    return write_report(ws.folder("report"), inputs, say)
+    return write_report(ws.folder("report"), inputs, say, ws.workers, ws.quiet)
 
 
 def compare_retargeting(
     workdir: Path, tasks: Sequence[str], clips: int, preset: Preset, folder: Path, pictures: bool, seed: int, workers: int, quiet: bool, say: Say
 ) -> Comparison:
     """The first `clips` clips of each task by every method, with a page in `folder`."""
-    from mimicbench.report.retargeting import Comparison, MethodResult, side_by_side, write_comparison
+    from mimicbench.report.retargeting import Comparison, MethodResult, SideBySide, draw_side_by_side, write_comparison
     from mimicbench.retarget.bench import frames_per_second
     from mimicbench.retarget.clip import Clip
-    from mimicbench.sense.opengl import NoPictures
+    from mimicbench.sense.opengl import NoPictures, draw_apart
 
-    results, drawn = [], {}
+    results, sides = [], {}
     configs = [RetargetConfig(method=method.name, preset=preset if preset in method.presets else None) for method in METHODS.values()]
     for slug in tasks:
         ws = Workspace(workdir, slug, seed, workers, quiet)
@@ -147,16 +147,15 @@ def compare_retargeting(
             rate = frames_per_second([Clip(human, obj, ws.robot)], method, used)
             results.append(MethodResult(slug, method.name, used, stage.header["summary"], rate))
             shown[f"{method.title} ({used})"] = RobotMotion.load(stage.folder / name, ws.robot.name)
-        if not pictures:
-            continue
-        say(f"drawing {slug}")
+        sides[slug] = SideBySide(obj, human, shown)
+    drawn = {}
+    if pictures:
         try:
-            drawn[slug] = (f"{human.id} on {obj.id} ({obj.kind}): from the top the human, {', '.join(shown)}.", side_by_side(obj, human, shown))
+            drawn = dict(zip(sides, draw_apart(draw_side_by_side, list(sides.values()), workers, "drawing", quiet), strict=True))
         except NoPictures as error:
             say(str(error))
-            pictures = False
     found = Comparison(tuple(results))
-    write_comparison(folder, found, drawn)
+    write_comparison(folder, found, {slug: (sides[slug].caption(), picture) for slug, picture in drawn.items()})
     return found
 
 

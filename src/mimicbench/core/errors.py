@@ -24,4 +24,12 @@ class UnknownName(MimicbenchError):
     """A task, policy, robot or family that does not exist. The message lists those that do."""
 
     def __init__(self, what: str, name: str, known: list[str]) -> None:
-        super().__init__(f"unknown {what} {name!r}; known are: {', '.join(sorted(known))}")
+        super().__init__(what, name, known)  # as they are, so that the error can be sent from one process to another
+
+    def __str__(self) -> str:
+        what, name, known = self.args
+        return f"unknown {what} {name!r}; known are: {', '.join(sorted(known))}"
+
+
+class WorkerDied(MimicbenchError):
+    """A worker process was ended by the system or by a crash of native code."""

@@ -1,11 +1,15 @@
 """Run one function over many items on several processes, with a progress bar. Results come back in order."""
 
+import faulthandler
 import multiprocessing
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from typing import TypeVar
+
+from mimicbench.core.errors import WorkerDied
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -16,18 +20,24 @@ def cpu_count() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
 
 
-def map_items(function: Callable[[Item], Result], items: Sequence[Item], workers: int, label: str, quiet: bool = False) -> list[Result]:
+def map_items(function: Callable[[Item], Result], items: Sequence[Item], workers: int, label: str, quiet: bool = False, isolated: bool = False) -> list[Result]:
     """[function(item) for item in items] on `workers` processes (0: all processors).
 
     `function` must be importable by name (or a functools.partial of such), for it is sent to fresh processes: forking a
-    process that has already started threads is unsafe.
+    process that has already started threads is unsafe. A single worker is this very process, unless the work must be
+    `isolated` from it. Raises WorkerDied when the system or native code ends a worker.
     """
     workers = min(workers or cpu_count(), max(1, len(items)))
-    if workers == 1:
+    if workers == 1 and not isolated:
         return list(progress(map(function, items), len(items), label, quiet))
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_one_thread) as pool:
-        return list(progress(pool.map(function, items, chunksize=max(1, min(8, len(items) // (4 * workers)))), len(items), label, quiet))
+    try:
+        with ProcessPoolExecutor(workers, mp_context=context, initializer=_start_worker) as pool:
+            return list(progress(pool.map(function, items, chunksize=max(1, min(8, len(items) // (4 * workers)))), len(items), label, quiet))
+    except BrokenProcessPool:
+        raise WorkerDied(
+            f"{label}: a worker process was killed, most likely for want of memory; the same command goes on from here, and fewer --workers need less"
+        ) from None
 
 
 def progress(items: Iterable[Item], total: int, label: str, quiet: bool = False) -> Iterator[Item]:
@@ -53,7 +63,8 @@ def counter(total: int, label: str, quiet: bool = False) -> Iterator[Callable[[i
         yield lambda count: bar.advance(task, count)
 
 
-def _one_thread() -> None:
-    """Each worker process uses one thread: the processes already fill the processors."""
+def _start_worker() -> None:
+    """Each worker process uses one thread: the processes already fill the processors. A crash of native code tells where it was."""
+    faulthandler.enable()
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[name] = "1"

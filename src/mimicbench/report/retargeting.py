@@ -148,8 +148,23 @@ def measures_table(task: str, measures: Mapping[str, Mapping[str, float]]) -> Ta
     return Table("retargeting", f"Retargeted clips of {task}", ("Measure", "Unit", "Mean", "Worst clip"), rows)
 
 
-def side_by_side(obj: SceneObject, human: HumanMotion, robots: Mapping[str, RobotMotion], count: int = MOMENTS, still: Picture = STILL) -> np.ndarray:
+@dataclass(frozen=True)
+class SideBySide:
+    """One human clip, and robot motions made of it."""
+
+    obj: SceneObject
+    human: HumanMotion
+    robots: Mapping[str, RobotMotion]
+    """By what is written beside them."""
+
+    def caption(self) -> str:
+        """One sentence under the picture."""
+        return f"{self.human.id} on {self.obj.id} ({self.obj.kind}): from the top the human, {', '.join(self.robots)}."
+
+
+def draw_side_by_side(sides: SideBySide, count: int = MOMENTS, still: Picture = STILL) -> np.ndarray:
     """One picture (H, W, 3): the human's moments in the first row, each robot motion's at the same times below. Raises NoPictures without OpenGL."""
+    obj, human, robots = sides.obj, sides.human, sides.robots
     first = next(iter(robots.values()), None)
     if first is None:
         raise MimicbenchError("there is no robot motion to draw")

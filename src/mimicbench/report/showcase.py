@@ -2,8 +2,9 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 
 import mujoco
@@ -16,6 +17,7 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.report.render import Camera, Picture, frame_all, human_frames, robot_frames, with_object
 from mimicbench.report.video import strip, write_jpeg, write_video
 from mimicbench.robot.description import load_robot
+from mimicbench.sense.opengl import draw_apart
 from mimicbench.sim.scene import build_model
 
 VERSION = 2
@@ -81,29 +83,37 @@ class Shown:
     seconds: float
 
 
-def draw(showcase: Showcase, folder: Path, config: ShowConfig | None = None, say: Callable[[str], None] | None = None) -> list[Shown]:
+def draw(showcase: Showcase, folder: Path, config: ShowConfig | None = None, workers: int = 0, quiet: bool = True) -> list[Shown]:
     """Draw what is not there yet into `folder`; the names of the files tell what they show. Raises NoPictures without OpenGL."""
     config = config or ShowConfig()
+    _, tracks, cameras = _prepared(showcase, config)
+    shown = []
+    for i, (clip, track) in enumerate(zip(showcase.clips, tracks, strict=True)):
+        stem = f"{i}-{_slug(clip.title)}-{_digest(showcase.obj, track, cameras, config)}"
+        seconds = min(MAX_SECONDS, (len(track.root_pos_w) - 1) / track.fps)
+        shown.append(Shown(clip, folder / f"{stem}.jpg", folder / f"{stem}.mp4", seconds))
+    missing = [i for i, each in enumerate(shown) if not (each.strip.exists() and each.video.exists())]
+    if missing:
+        draw_apart(partial(_draw_clip, showcase, config, shown), missing, workers, "drawing", quiet)
+    return shown
+
+
+def _draw_clip(showcase: Showcase, config: ShowConfig, shown: Sequence[Shown], index: int) -> None:
+    model, tracks, cameras = _prepared(showcase, config)
+    each, track = shown[index], tracks[index]
+    times = moments(track.root_pos_w, track.root_quat_w, config.moments) / track.fps
+    frames = list(_frames(each.clip.motion, track, model, times, cameras[0], config.still))
+    write_jpeg(each.strip, strip(frames, [f"{time:.1f} s" for time in times]))
+    times = np.arange(int(each.seconds * config.fps) + 1) / config.fps
+    write_video(each.video, _frames(each.clip.motion, track, model, times, cameras[1], config.video), config.fps)
+
+
+def _prepared(showcase: Showcase, config: ShowConfig) -> tuple[mujoco.MjModel, "list[_Track]", list[Camera]]:
+    """The scene, all motions in it, and the cameras of stills and videos."""
     model = build_model(load_robot(showcase.robot), showcase.obj, visuals=True)
     tracks = [_track(clip.motion, model) for clip in showcase.clips]
     paths = np.concatenate([track.root_pos_w for track in tracks])
-    shown = []
-    for i, (clip, track) in enumerate(zip(showcase.clips, tracks, strict=True)):
-        cameras = [frame_all(showcase.obj, paths, picture.width / picture.height) for picture in (config.still, config.video)]
-        stem = f"{i}-{_slug(clip.title)}-{_digest(showcase.obj, track, cameras, config)}"
-        still, video = folder / f"{stem}.jpg", folder / f"{stem}.mp4"
-        seconds = min(MAX_SECONDS, (len(track.root_pos_w) - 1) / track.fps)
-        if not still.exists():
-            times = moments(track.root_pos_w, track.root_quat_w, config.moments) / track.fps
-            frames = list(_frames(clip.motion, track, model, times, cameras[0], config.still))
-            write_jpeg(still, strip(frames, [f"{time:.1f} s" for time in times]))
-        if not video.exists():
-            if say:
-                say(f"drawing {clip.title.lower()}: {seconds:.1f} s of video")
-            times = np.arange(int(seconds * config.fps) + 1) / config.fps
-            write_video(video, _frames(clip.motion, track, model, times, cameras[1], config.video), config.fps)
-        shown.append(Shown(clip, still, video, seconds))
-    return shown
+    return model, tracks, [frame_all(showcase.obj, paths, picture.width / picture.height) for picture in (config.still, config.video)]
 
 
 def moments(root_pos_w: np.ndarray, root_quat_w: np.ndarray, count: int) -> np.ndarray:

@@ -42,11 +42,11 @@ class ReportInputs:
     """How they are drawn."""
 
 
-def write_report(folder: Path, inputs: ReportInputs, say: Callable[[str], None] | None = None) -> Path:
+def write_report(folder: Path, inputs: ReportInputs, say: Callable[[str], None] | None = None, workers: int = 0, quiet: bool = True) -> Path:
     """Write `index.html`, `tables/`, `plots/`, `media/` and `episodes.parquet` into `folder`; return the page's path.
 
     The page needs none of the others. The same inputs give the same files; pictures that are there already are not
-    drawn again. `say` hears of slow parts and of pictures that had to be left out.
+    drawn again. `say` hears of pictures that had to be left out; unless `quiet` there is a progress bar for those that are drawn.
     """
     found = compare.summaries(inputs.rows)
     if strange := sorted({s.task for s in found} - {inputs.task}):
@@ -62,7 +62,7 @@ def write_report(folder: Path, inputs: ReportInputs, say: Callable[[str], None] 
     for name, svg in drawn.items():
         _write(folder / "plots" / f"{name}.svg", svg)
     write_rows(folder / "episodes.parquet", ordered)
-    pictures = _draw(folder / "media", inputs, say)
+    pictures = _draw(folder / "media", inputs, say, workers, quiet)
     _write(folder / "index.html", _page(inputs, found, ordered, {data.name: data for data in tables}, drawn, pictures))
     return folder / "index.html"
 
@@ -101,12 +101,12 @@ def _lines(task: str, found: Sequence[Summary], energy: bool) -> list[tuple[str,
     return lines
 
 
-def _draw(folder: Path, inputs: ReportInputs, say: Callable[[str], None] | None) -> list[Shown] | str:
+def _draw(folder: Path, inputs: ReportInputs, say: Callable[[str], None] | None, workers: int, quiet: bool) -> list[Shown] | str:
     """The pictures, or why there are none."""
     if inputs.showcase is None:
         return "No motions were given to show."
     try:
-        return draw(inputs.showcase, folder, inputs.show, say)
+        return draw(inputs.showcase, folder, inputs.show, workers, quiet)
     except NoPictures as error:
         if say:
             say(str(error))

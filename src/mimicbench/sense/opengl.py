@@ -2,18 +2,36 @@
 
 import os
 import sys
+from collections.abc import Callable, Sequence
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import mujoco
 
-from mimicbench.core.errors import MimicbenchError
+from mimicbench.core.errors import MimicbenchError, WorkerDied
+from mimicbench.core.parallel import map_items
+
+Item = TypeVar("Item")
+Drawn = TypeVar("Drawn")
 
 _ADVICE = "pictures and videos are left out (on Linux, install libegl1, or set MUJOCO_GL); everything else goes on"
 
 
 class NoPictures(MimicbenchError):
     """There is no OpenGL to draw with. Everything but pictures and videos works all the same."""
+
+
+def draw_apart(function: Callable[[Item], Drawn], items: Sequence[Item], workers: int, label: str, quiet: bool = False) -> list[Drawn]:
+    """`map_items` for a function that draws: in processes of their own, for graphics drivers crash, and then once more.
+
+    Raises NoPictures if that crashes too.
+    """
+    for _ in range(2):
+        try:
+            return map_items(function, items, workers, label, quiet, isolated=True)
+        except WorkerDied:
+            pass
+    raise NoPictures("the graphics driver crashed twice; pictures and videos are left out (another one may be had with MUJOCO_GL); everything else goes on")
 
 
 class Canvas:

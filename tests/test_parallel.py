@@ -1,0 +1,58 @@
+"""Work in other processes: results in order, errors as they were raised, and a death among the workers told in one sentence."""
+
+import os
+import signal
+from functools import partial
+
+import pytest
+
+from mimicbench.core.errors import UnknownName, WorkerDied
+from mimicbench.core.parallel import map_items
+from mimicbench.sense.opengl import NoPictures, draw_apart
+
+
+def crash(_item: int) -> None:
+    os.kill(os.getpid(), signal.SIGSEGV)
+
+
+def crash_once(folder, item: int) -> int:
+    mark = folder / f"{item}"
+    if not mark.exists():
+        mark.touch()
+        crash(item)
+    return item
+
+
+def refuse(item: int) -> None:
+    raise UnknownName("number", str(item), ["two", "one"])
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_results_come_in_order(workers):
+    assert map_items(abs, [-3, -1, -2], workers, "numbers", quiet=True) == [3, 1, 2]
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_errors_come_as_they_were_raised(workers):
+    with pytest.raises(UnknownName, match="unknown number '7'; known are: one, two"):
+        map_items(refuse, [7, 7], workers, "numbers", quiet=True)
+
+
+def test_isolated_work_is_elsewhere():
+    assert map_items(_process, [0], 1, "processes", quiet=True) == [os.getpid()]
+    assert map_items(_process, [0], 1, "processes", quiet=True, isolated=True) != [os.getpid()]
+
+
+def _process(_item: int) -> int:
+    return os.getpid()
+
+
+def test_a_crash_of_native_code_is_one_sentence():
+    with pytest.raises(WorkerDied, match="crashes: a worker process was killed"):
+        map_items(crash, [1, 2], 2, "crashes", quiet=True)
+
+
+def test_what_draws_may_crash_once(tmp_path):
+    assert draw_apart(partial(crash_once, tmp_path), [4], 1, "drawing", quiet=True) == [4]
+    with pytest.raises(NoPictures, match="crashed twice"):
+        draw_apart(crash, [4], 1, "drawing", quiet=True)
