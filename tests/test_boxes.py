@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from joined import joined
 from mimicbench.objects.boxes import COUNT, FRICTION, KINDS, MASS, SIZE_DEVIATION, SIZE_MEAN, make_box
 from mimicbench.objects.families import make_object
-from mimicbench.objects.touch import distance
+from mimicbench.objects.surface import box_distance
 from mimicbench.robot.description import load_robot
 from mimicbench.sim.scene import OBJECT_BODY, build_model
 
@@ -51,8 +51,8 @@ def test_every_box_can_be_clasped(index, seed):
     assert low[2] == 0 and np.abs(low[:2] + high[:2]).max() < 1e-9
     assert obj.movable and obj.mass is not None and obj.friction == FRICTION
     assert joined(obj)
-    assert np.abs(distance(obj, obj.touch_points)).max() < 1e-4
-    assert (distance(obj, obj.touch_points + 0.05 * obj.touch_normals) > 0.04).all()
+    assert np.abs(box_distance(obj, obj.touch_points)).max() < 1e-4
+    assert (box_distance(obj, obj.touch_points + 0.05 * obj.touch_normals) > 0.04).all()
     share = obj.touch_points[:, 2] / high[2]
     assert share.min() >= 0.8 - 1e-3 and share.max() <= 0.9 + 1e-3
     left, right = np.split(obj.touch_points, 2)

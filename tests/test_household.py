@@ -13,7 +13,8 @@ from mimicbench.core.seeds import rng
 from mimicbench.objects.families import make_object
 from mimicbench.objects.household import KINDS, build, draw_draft, make_household, make_untouched
 from mimicbench.objects.shape import SLOTS, load_object, save_object
-from mimicbench.objects.touch import HIGHEST, LOWEST, MOST_POINTS, distance, find_pairs, with_touch_points
+from mimicbench.objects.surface import box_distance
+from mimicbench.objects.touch import HIGHEST, LOWEST, MOST_POINTS, find_pairs, with_touch_points
 
 MEAN, DEVIATION = np.array([0.596, 0.532, 0.561]), np.array([0.192, 0.162, 0.167])
 """[m] length, width, height: row T of the paper's table, for 2300 objects."""
@@ -47,12 +48,12 @@ def test_touch_points_are_on_the_surface_at_reachable_heights(touched, family):
         low, high = obj.bounds()
         assert abs(low[2]) < 2e-5 and np.abs(low[:2] + high[:2]).max() < 5e-5, "it stands on the floor, in the middle"
         assert 2 <= len(obj.touch_points) <= MOST_POINTS
-        assert np.abs(distance(obj, obj.touch_points)).max() < 1e-4
+        assert np.abs(box_distance(obj, obj.touch_points)).max() < 1e-4
         assert obj.touch_points[:, 2].min() >= LOWEST and obj.touch_points[:, 2].max() <= HIGHEST
         np.testing.assert_allclose(np.linalg.norm(obj.touch_normals, axis=1), 1)
         # a cone of 30 degrees about the normal is free for 6 cm
         beside = np.stack([np.cross(obj.touch_normals, axis) for axis in np.eye(3)] + [np.cross(axis, obj.touch_normals) for axis in np.eye(3)])
-        assert (distance(obj, obj.touch_points + 0.05 * obj.touch_normals + 0.028 * beside) > 0).all()
+        assert (box_distance(obj, obj.touch_points + 0.05 * obj.touch_normals + 0.028 * beside) > 0).all()
 
 
 @settings(max_examples=60, deadline=None)

@@ -9,6 +9,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadObject
 from mimicbench.objects.household import make_household
 from mimicbench.objects.shape import SceneObject
+from mimicbench.objects.surface import box_distance
 from mimicbench.objects.touch import (
     APART,
     ARM,
@@ -17,7 +18,6 @@ from mimicbench.objects.touch import (
     SHOULDER,
     STAND_OFF,
     WRIST_OFF,
-    distance,
     find_pairs,
     stance_before,
     touch_pair,
@@ -36,14 +36,14 @@ CUBE = blocks(((0, 0, 0.3), (0.25, 0.2, 0.3)))
 
 def test_distance_to_a_cube():
     points = np.array([[0.35, 0, 0.3], [0.25, 0, 0.3], [0.24, 0, 0.3], [0.28, 0.24, 0.3], [0, 0, 0.7], [0, 0, 0.3]])
-    np.testing.assert_allclose(distance(CUBE, points), [0.1, 0, -0.01, 0.05, 0.1, -0.2], atol=1e-12)
-    assert distance(CUBE, points.reshape(2, 3, 3)).shape == (2, 3)
+    np.testing.assert_allclose(box_distance(CUBE, points), [0.1, 0, -0.01, 0.05, 0.1, -0.2], atol=1e-12)
+    assert box_distance(CUBE, points.reshape(2, 3, 3)).shape == (2, 3)
 
 
 def test_distance_to_turned_boxes_is_that_in_their_frames():
     turned = SceneObject("x", "household", "x", np.zeros((1, 3)), rot.from_yaw(np.array([np.pi / 4])), np.array([[0.1, 0.2, 0.3]]), np.full((1, 3), 0.5))
-    np.testing.assert_allclose(distance(turned, np.array([[1.0, 1.0, 0.0]]) / np.sqrt(2)), [0.9])
-    np.testing.assert_allclose(distance(turned, np.array([[-1.0, 1.0, 0.0]]) / np.sqrt(2)), [0.8])
+    np.testing.assert_allclose(box_distance(turned, np.array([[1.0, 1.0, 0.0]]) / np.sqrt(2)), [0.9])
+    np.testing.assert_allclose(box_distance(turned, np.array([[-1.0, 1.0, 0.0]]) / np.sqrt(2)), [0.8])
 
 
 def test_a_cube_is_touched_at_its_front_top_and_sides():
@@ -51,7 +51,7 @@ def test_a_cube_is_touched_at_its_front_top_and_sides():
     normals = {tuple(normal) for normal in obj.touch_normals}
     assert normals <= {(1, 0, 0), (0, 0, 1), (0, 1, 0), (0, -1, 0)}
     assert {(0, 1, 0), (0, -1, 0), (0, 0, 1)} <= normals
-    np.testing.assert_allclose(distance(obj, obj.touch_points), 0, atol=1e-9)
+    np.testing.assert_allclose(box_distance(obj, obj.touch_points), 0, atol=1e-9)
 
 
 def test_only_the_faces_asked_for():
@@ -96,10 +96,10 @@ def test_what_a_pair_promises(index):
     apart = np.linalg.norm(gap, axis=1)
     assert apart.min() >= APART[0] - 1e-9 and apart.max() <= APART[1] + 1e-9
     assert np.linalg.norm(wrists - pairs.shoulders, axis=-1).max() <= ARM + 1e-9
-    assert (distance(obj, wrists) >= HAND_CLEAR - 1e-9).all()
+    assert (box_distance(obj, wrists) >= HAND_CLEAR - 1e-9).all()
     np.testing.assert_allclose(pairs.shoulders[:, 1, 1] - pairs.shoulders[:, 0, 1], 2 * SHOULDER)
     for share in np.linspace(0, 1, 7):
-        assert (distance(obj, wrists + share * (pairs.shoulders - wrists)) >= ARM_CLEAR - 1e-9).all()
+        assert (box_distance(obj, wrists + share * (pairs.shoulders - wrists)) >= ARM_CLEAR - 1e-9).all()
     assert (pairs.stance[:, 0] >= obj.bounds()[1][0] + STAND_OFF - 1e-9).all()
     left, right = touch_pair(obj, np.random.default_rng(index))
     again = touch_pair(obj, np.random.default_rng(index))
@@ -114,7 +114,7 @@ def test_pairs_are_those_of_the_shape_whatever_its_name():
     assert small.id == large.id
     for obj in (small, large, small):
         left, right = touch_pair(obj, np.random.default_rng(0))
-        assert 0 < distance(obj, np.stack([left, right])).max() <= WRIST_OFF + 1e-9
+        assert 0 < box_distance(obj, np.stack([left, right])).max() <= WRIST_OFF + 1e-9
     draws = {tuple(touch_pair(small, np.random.default_rng(seed))[0]) for seed in range(50)}
     wrists = small.touch_points + WRIST_OFF * small.touch_normals
     assert draws <= {tuple(wrists[left]) for left, _ in find_pairs(small).points} and len(draws) > 1

@@ -42,6 +42,22 @@ def signed_distance(obj: SceneObject, points: np.ndarray) -> tuple[np.ndarray, n
     return best, normal
 
 
+def box_distance(obj: SceneObject, points: np.ndarray, boxes: np.ndarray | slice = slice(None)) -> np.ndarray:
+    """Signed distance (...) [m] of points (..., 3) from the nearest of the object's boxes, or of some of them; inside, how deep in one box.
+
+    Quicker than `signed_distance`, which also knows the way out of boxes that touch each other.
+    """
+    turns, half = rot.to_matrix(obj.box_quat[boxes]), obj.box_half[boxes]
+    # one matrix product takes all points into the frames of all boxes
+    turn = turns.transpose(1, 2, 0).reshape(3, -1)
+    offset = np.einsum("bij,bi->jb", turns, obj.box_pos[boxes])
+    local = (points.reshape(-1, 3) @ turn).reshape(-1, 3, len(half)) - offset
+    x, y, z = np.abs(local).transpose(1, 0, 2) - half.T[:, None]
+    outside = np.sqrt(np.maximum(x, 0) ** 2 + np.maximum(y, 0) ** 2 + np.maximum(z, 0) ** 2)
+    inside = np.minimum(np.maximum(np.maximum(x, y), z), 0)
+    return (outside + inside).min(-1).reshape(points.shape[:-1])
+
+
 def _way_out(obj: SceneObject, turns: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Distances (M,), not positive, and normals (M, 3) of points inside the object."""
     free, blocked = np.full(len(points), -np.inf), np.full(len(points), -np.inf)

@@ -22,6 +22,7 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadObject
 from mimicbench.objects.shape import SceneObject
+from mimicbench.objects.surface import box_distance
 
 WRIST_OFF = 0.045
 """[m] between the surface and a wrist that touches it: an H1's forearm ends in a ball of 3.3 cm."""
@@ -80,18 +81,6 @@ class Pairs:
     """(N, 2) where the ankles' middle is on the floor [m]; whoever stands there faces -x."""
     shoulders: np.ndarray
     """(N, 2, 3) where the left and the right shoulder are while touching [m]."""
-
-
-def distance(obj: SceneObject, points: np.ndarray) -> np.ndarray:
-    """Signed distance (...) [m] of points (..., 3) to the surface of the nearest box; negative inside a box."""
-    # one matrix product takes all points into the frames of all boxes
-    turn = rot.to_matrix(obj.box_quat).transpose(1, 2, 0).reshape(3, -1)
-    offset = np.einsum("bij,bi->jb", rot.to_matrix(obj.box_quat), obj.box_pos)
-    local = (points.reshape(-1, 3) @ turn).reshape(-1, 3, len(obj.box_pos)) - offset
-    x, y, z = np.abs(local).transpose(1, 0, 2) - obj.box_half.T[:, None]
-    outside = np.sqrt(np.maximum(x, 0) ** 2 + np.maximum(y, 0) ** 2 + np.maximum(z, 0) ** 2)
-    inside = np.minimum(np.maximum(np.maximum(x, y), z), 0)
-    return (outside + inside).min(-1).reshape(points.shape[:-1])
 
 
 def with_touch_points(obj: SceneObject, faces: Sequence[tuple[int, str]] | None = None) -> SceneObject:
@@ -229,7 +218,7 @@ def _free(obj: SceneObject, points: np.ndarray, normals: np.ndarray) -> np.ndarr
     turn = np.where(normals[:, 2:] < -0.99, [[0.0, 1.0, 0.0, 0.0]], turn)
     rays = rot.rotate(rot.normalize(turn)[:, None], _DIRECTIONS[None])
     places = (points + 0.01 * normals)[:, None] + 0.06 * rays
-    around = distance(obj, np.concatenate([places, (points + WRIST_OFF * normals)[:, None], points[:, None]], 1))
+    around = box_distance(obj, np.concatenate([places, (points + WRIST_OFF * normals)[:, None], points[:, None]], 1))
     return (around[:, :-2] > 0).all(1) & (around[:, -2] >= HAND_CLEAR) & (around[:, -1] > -1e-4)
 
 
@@ -241,7 +230,7 @@ def _posture_free(obj: SceneObject, wrists: np.ndarray, shoulders: np.ndarray, s
         [stance[:, :1] - postures[:, ::2, 0], np.repeat(stance[:, 1:], 2, 1), postures[:, ::2, 1]],
         -1,
     )
-    return np.logical_and((distance(obj, arms) >= ARM_CLEAR).all((1, 2)), (distance(obj, body) >= BODY_CLEAR).all(1))
+    return np.logical_and((box_distance(obj, arms) >= ARM_CLEAR).all((1, 2)), (box_distance(obj, body) >= BODY_CLEAR).all(1))
 
 
 def _spread(points: np.ndarray, count: int, first: Sequence[int] = ()) -> np.ndarray:

@@ -13,7 +13,7 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.sofas import COUCHES, draw_sofa
 from mimicbench.objects.upholstery import build_sofa
 from mimicbench.references.body import body_of
-from mimicbench.references.fit_object import Samples, sample_body, signed_distance
+from mimicbench.references.fit_object import Samples, nearby_distance, sample_body
 
 HEIGHTS = (0.12, 0.75)
 """Of what people lie on [m]."""
@@ -113,7 +113,7 @@ def _slides(obj: SceneObject, head: np.ndarray) -> Iterator[tuple[float, float]]
 
 
 def _depth(obj: SceneObject, x: float, y: float, body: Samples, frames: np.ndarray) -> float:
-    clearance = signed_distance(obj, body.points[frames] - np.array([x, y, 0.0])) - body.radii
+    clearance = nearby_distance(obj, body.points[frames] - np.array([x, y, 0.0])) - body.radii
     return max(0.0, -float(clearance.min()))
 
 

@@ -12,6 +12,7 @@ from mimicbench.core.seeds import rng
 from mimicbench.objects.chairs import KINDS, build_chair, draw_shape
 from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.sofas import draw_sofa
+from mimicbench.objects.surface import box_distance
 from mimicbench.objects.upholstery import build_sofa
 from mimicbench.references.body import body_of
 
@@ -136,7 +137,7 @@ def _judge(obj: SceneObject, slides: np.ndarray, body: Samples, frames: np.ndarr
         (K,) costs, (K,) deepest penetration [m], (K,) gap behind the trunk in the last frame [m].
     """
     shifts = np.stack([slides, 0 * slides, 0 * slides], -1)[:, None]  # (K, 1, 3)
-    clearance = signed_distance(obj, body.points[frames] - shifts[:, None]) - body.radii  # (K, F, S)
+    clearance = nearby_distance(obj, body.points[frames] - shifts[:, None]) - body.radii  # (K, F, S)
     depth = np.maximum(0.0, -clearance.min((1, 2)))
     cost = 10 * np.maximum(0.0, depth - 0.01) + 30 * np.maximum(0.0, depth - 0.03)
     # a robot is wider than a person: on the way to the chair, and in front of it, there should be some room
@@ -149,27 +150,23 @@ def _judge(obj: SceneObject, slides: np.ndarray, body: Samples, frames: np.ndarr
     behind = (obj.box_pos + obj.box_half)[:, 2] > obj.require_seat() + 0.1
     behind &= obj.box_pos[:, 0] < obj.seat_polygon[:, 0].min()
     if behind.any():
-        gap = np.maximum(0.0, (signed_distance(obj, trunk, behind) - body.radii[body.trunk]).min(-1))
+        gap = np.maximum(0.0, (nearby_distance(obj, trunk, behind) - body.radii[body.trunk]).min(-1))
         cost += 2 * np.maximum(0.0, gap - 0.02)
     else:
         cost += 3 * max(0.0, float(np.ptp(trunk[0, :, 0])) - 0.12)  # who leans back has something to lean on
-    floating = signed_distance(obj, hands) - body.radii[body.resting]
+    floating = nearby_distance(obj, hands) - body.radii[body.resting]
     cost += np.where(np.abs(hands[..., 1]) > 0.22, np.clip(floating - 0.02, 0.0, 0.15), 0.0).sum(-1)
     return cost, depth, gap
 
 
-def signed_distance(obj: SceneObject, points: np.ndarray, boxes: np.ndarray | None = None) -> np.ndarray:
+def nearby_distance(obj: SceneObject, points: np.ndarray, boxes: np.ndarray | slice = slice(None)) -> np.ndarray:
     """Signed distance (...) of points (..., 3) to the nearest of the object's boxes [m], negative inside.
 
     Beyond FAR of the boxes' bounds the distance to these bounds is good enough, and much quicker.
     """
-    chosen = slice(None) if boxes is None else boxes
-    corners = obj.corners()[chosen].reshape(-1, 3)
+    corners = obj.corners()[boxes].reshape(-1, 3)
     outside = np.maximum(np.maximum(corners.min(0) - points, points - corners.max(0)), 0.0)
     distance = np.sqrt((outside**2).sum(-1))
     near = distance < FAR
-    local = rot.rotate_inverse(obj.box_quat[chosen, None], points[near] - obj.box_pos[chosen, None])
-    beyond = np.abs(local) - obj.box_half[chosen, None]
-    exact = np.sqrt((np.maximum(beyond, 0.0) ** 2).sum(-1)) + np.minimum(beyond.max(-1), 0.0)
-    distance[near] = exact.min(0)
+    distance[near] = box_distance(obj, points[near], boxes)
     return distance

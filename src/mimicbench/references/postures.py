@@ -12,7 +12,7 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import forward_kinematics
 from mimicbench.objects.shape import SceneObject
-from mimicbench.objects.touch import distance
+from mimicbench.objects.surface import box_distance
 from mimicbench.references.body import Body
 from mimicbench.references.gait import Gait
 from mimicbench.references.limbs import about_y
@@ -170,7 +170,7 @@ def depth(body: Body, pos: np.ndarray, quat: np.ndarray, obj: SceneObject, shift
     local = np.concatenate([np.array(part.start) * (1 - along) + np.array(part.end) * along for part in parts])
     radii = np.repeat([part.radius for part in parts], len(along))
     points = pos[:, joints] + rot.rotate(quat[:, joints], local) - np.reshape(shift, (-1, 1, 3))
-    return (radii - distance(obj, points)).max(-1)
+    return (radii - box_distance(obj, points)).max(-1)
 
 
 def in_own_way(body: Body, pos: np.ndarray, quat: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ from mimicbench.references.body import body_of
 from mimicbench.references.contacts import BEARING_NAMES, detect_bearing
 from mimicbench.references.fit_bed import fit_bed, lying_frame
 from mimicbench.references.fit_box import PALM, BoxTrack, box_between, box_of_mesh, boxed, touched_box
-from mimicbench.references.fit_object import fit_seat, sample_body, seated_frame, signed_distance
+from mimicbench.references.fit_object import fit_seat, nearby_distance, sample_body, seated_frame
 from mimicbench.references.recording import ObjectTrack, Recording, Wishes
 from mimicbench.references.segments import Handling, HandlingRules, Sitting, SittingRules, find_clasps, find_handling, find_lyings, find_reach, find_sittings
 from mimicbench.references.unihsi import import_skeleton_motion
@@ -239,7 +239,7 @@ def body_depth(motion: HumanMotion, obj: SceneObject) -> float:
     pos, quat = motion.forward_kinematics()
     body = sample_body(pos, quat, motion)
     local = rot.rotate_inverse(motion.object_quat_w[:, None], body.points - motion.object_pos_w[:, None])
-    return max(0.0, -float((signed_distance(obj, local) - body.radii)[:, ~body.arms].min()))
+    return max(0.0, -float((nearby_distance(obj, local) - body.radii)[:, ~body.arms].min()))
 
 
 def _heights(pos: np.ndarray) -> str:
