@@ -21,6 +21,8 @@ from mimicbench.objects.families import FAMILIES, make_object
 from mimicbench.objects.shape import save_object, split_of
 from mimicbench.objects.touch import STAND_OFF
 from mimicbench.sense.opengl import NoPictures
+from mimicbench.sense.rays import FARTHEST
+from mimicbench.sense.render import FLOOR, NOTHING, OBJECT, ROBOT
 from mimicbench.tasks.gym import TaskEnv, TaskVectorEnv
 from mimicbench.tasks.registry import TASKS, get_task
 from mimicbench.tasks.start import Stance, Starts, clipped, draw_start, start_of
@@ -359,3 +361,40 @@ def test_pictures():
     env.reset(seed=0)
     np.testing.assert_array_equal(env.render(), first)
     env.close()
+
+
+@pytest.mark.parametrize("name", ["SitChair", "TouchPoints", "LiftBox"])
+def test_cameras_see_the_scene(name):
+    sees = {"observe": ("depth", "color", "labels"), "cameras": (45, 60)}
+    env, envs = make(name, **sees), make_vec(name, **sees)
+    try:
+        seen, _ = env.reset(seed=0)
+    except NoPictures as error:
+        pytest.skip(f"no OpenGL: {error}")
+    count = len(get_task(mimicbench.ENVIRONMENTS[name]).rig.mounts)
+    assert seen["depth"].shape == seen["labels"].shape == (count, 45, 60) and seen["color"].shape == (count, 45, 60, 3)
+    assert env.observation_space.contains(seen)
+    labels, depth = seen["labels"], seen["depth"]
+    assert (labels == FLOOR).mean() > 0.1 and (labels == OBJECT).sum() > 20 and (labels >= ROBOT).any()
+    # what is drawn and what the rays meet are the same, but for some edges
+    assert np.median(depth[labels == OBJECT]) < np.median(depth[labels == FLOOR]) + 1.0 and (depth[labels == NOTHING] == FARTHEST).mean() > 0.95
+    red = (seen["color"] == (255, 0, 0)).all(-1).sum()
+    assert red == (2 if name == "TouchPoints" else 0)
+    stacked, _ = envs.reset(seed=0)
+    assert envs.observation_space.contains(stacked)
+    for sense, values in seen.items():
+        np.testing.assert_array_equal(stacked[sense][0], values)
+    assert not np.array_equal(stacked["color"][0], stacked["color"][1])
+    again = env.step(env.action_space.sample())[0]
+    assert env.observation_space.contains(again)
+    env.close()
+    envs.close()
+
+
+def test_depth_needs_no_opengl(monkeypatch):
+    monkeypatch.setenv("MUJOCO_GL", "off")
+    env = make(observe=("depth",), cameras=(20, 30))
+    assert env.reset(seed=0)[0]["depth"].shape == (4, 20, 30)
+    env = make(observe=("color",))
+    with pytest.raises(NoPictures, match="no OpenGL"):
+        env.reset(seed=0)

@@ -70,6 +70,30 @@ class Canvas:
         self.close()
 
 
+class SharedCanvas:
+    """One canvas for the scenes of many models of one robot, drawn one after the other. Close it after use."""
+
+    def __init__(self, height: int, width: int) -> None:
+        self.height, self.width = height, width
+        self._canvas: Canvas | None = None
+        self._drawn: mujoco.MjModel | None = None
+
+    def of(self, model: mujoco.MjModel) -> Canvas:
+        """The canvas, ready to draw a model. It holds the textures, which all scenes share, and one model's meshes, which they do not. Raises NoPictures."""
+        if self._canvas is not None and self._drawn is not model and (model.nmesh or (self._drawn is not None and self._drawn.nmesh)):
+            self.close()
+        if self._canvas is None:
+            self._canvas, self._drawn = Canvas(model, self.height, self.width), model
+        self._canvas.make_current()
+        return self._canvas
+
+    def close(self) -> None:
+        """Give the GL context back; the next drawing opens another."""
+        if self._canvas is not None:
+            self._canvas.close()
+        self._canvas = None
+
+
 def _context_class() -> Any:
     """EGL on Linux unless MUJOCO_GL says otherwise, even when MuJoCo was imported before; elsewhere MuJoCo's own choice."""
     if sys.platform.startswith("linux"):

@@ -13,7 +13,7 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError
-from mimicbench.sense.opengl import Canvas
+from mimicbench.sense.opengl import SharedCanvas
 from mimicbench.sense.rays import FARTHEST
 from mimicbench.sense.rigs import HEIGHT, WIDTH, Rig
 from mimicbench.sim.scene import FLOOR_GROUP, OBJECT_BODY, OBJECT_GROUP, ROBOT_GROUP, VISUAL_GROUP
@@ -40,7 +40,9 @@ class Views:
 class RigCameras:
     """The cameras of one robot in one scene. Use as a context manager."""
 
-    def __init__(self, model: mujoco.MjModel, rig: Rig, height: int = HEIGHT, width: int = WIDTH, robot: bool = True) -> None:
+    def __init__(
+        self, model: mujoco.MjModel, rig: Rig, height: int = HEIGHT, width: int = WIDTH, robot: bool = True, canvas: SharedCanvas | None = None
+    ) -> None:
         """Prepare to draw.
 
         Args:
@@ -49,6 +51,7 @@ class RigCameras:
             height: Rows of each picture [px].
             width: Columns of each picture [px].
             robot: Whether the robot's own body is in the pictures.
+            canvas: Where to draw, of the same size, if other scenes are drawn there too; closing it is then the owner's.
         """
         if not (1 <= height <= _MAX_PIXELS and 1 <= width <= _MAX_PIXELS):
             raise MimicbenchError(f"a camera's picture can have 1 to {_MAX_PIXELS} rows and columns, not {height} x {width}")
@@ -63,8 +66,8 @@ class RigCameras:
         for group in (FLOOR_GROUP, OBJECT_GROUP, *((ROBOT_GROUP, VISUAL_GROUP) if robot else ())):
             self._option.geomgroup[group] = 1
         self._camera = mujoco.MjvCamera()
-        self._canvas = Canvas(self._model, height, width)
-        self._canvas.drawing.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
+        self._canvas, self._owned = canvas or SharedCanvas(height, width), canvas is None
+        self._canvas.of(self._model)  # it had better fail here than later
         self._scene = mujoco.MjvScene(self._model, _MAX_SHAPES)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
         self._scene.flags[mujoco.mjtRndFlag.mjRND_HAZE] = 0
@@ -79,7 +82,8 @@ class RigCameras:
         mujoco.mj_camlight(self._model, self._data)
         self._camera.lookat[:] = qpos[:3]
         mujoco.mjv_updateScene(self._model, self._data, self._option, None, self._camera, mujoco.mjtCatBit.mjCAT_ALL, self._scene)
-        self._canvas.make_current()
+        drawing = self._canvas.of(self._model).drawing
+        drawing.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
         count, rect = len(self._origins), mujoco.MjrRect(0, 0, self.width, self.height)
         colors = np.empty((count if color else 0, self.height, self.width, 3), np.uint8)
         depths = np.empty((count, self.height, self.width), np.float32)
@@ -88,12 +92,12 @@ class RigCameras:
             self._aim(i, qpos[:3], qpos[3:7])
             # shapes in flat colors that number them: quicker than light and shade, and nothing of the floor fades
             self._scene.flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = self._scene.flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
-            mujoco.mjr_render(rect, self._scene, self._canvas.drawing)
-            mujoco.mjr_readPixels(ids[i] if labels else None, depths[i], rect, self._canvas.drawing)
+            mujoco.mjr_render(rect, self._scene, drawing)
+            mujoco.mjr_readPixels(ids[i] if labels else None, depths[i], rect, drawing)
             if color:
                 self._scene.flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = self._scene.flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 0
-                mujoco.mjr_render(rect, self._scene, self._canvas.drawing)
-                mujoco.mjr_readPixels(colors[i], None, rect, self._canvas.drawing)
+                mujoco.mjr_render(rect, self._scene, drawing)
+                mujoco.mjr_readPixels(colors[i], None, rect, drawing)
         named = self._named(ids) if labels else np.empty((0, self.height, self.width), np.uint8)
         # OpenGL's first row is the lowest
         return Views(*(np.ascontiguousarray(pictures[:, ::-1]) for pictures in (colors, _meters(depths), named)))
@@ -117,8 +121,9 @@ class RigCameras:
         return of_number[number]
 
     def close(self) -> None:
-        """Give the GL context back."""
-        self._canvas.close()
+        """Give the GL context back, if it is this one's."""
+        if self._owned:
+            self._canvas.close()
 
     def __enter__(self) -> Self:
         return self

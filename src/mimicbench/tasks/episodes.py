@@ -14,15 +14,17 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.robot.description import load_robot
 from mimicbench.sense.elevation import camera_map
 from mimicbench.sense.proprioception import body_state, root_turn, s_current
+from mimicbench.sense.rays import ray_depth
 from mimicbench.sense.targets import target_map
 from mimicbench.sim.backends import check_device, make_physics
 from mimicbench.sim.physics import LinkState, Physics
 from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.tasks.eyes import Eyes
 from mimicbench.tasks.judge import Judge
 from mimicbench.tasks.start import Start, Starts, put_at_start
 from mimicbench.tasks.task import Task
 
-SENSES = ("proprio", "state", "time", "elevation")
+SENSES = ("proprio", "state", "time", "elevation", "depth", "color", "labels")
 """What can be observed, besides the targets of tasks that have some."""
 BOUND = 1000.0
 """Observations beyond this are clipped; no robot that is still in one piece comes near it."""
@@ -39,7 +41,9 @@ class EnvConfig:
     preset: str = "improved"
     """Which of the robot's gains drive position and velocity control: `improved`, or the paper's 100/5 on all joints, `paper`."""
     observe: Sequence[str] = ("proprio", "state", "time")
-    """Which of `proprio`, `state`, `time` and `elevation` are observed."""
+    """Which of `proprio`, `state`, `time`, `elevation`, `depth`, `color` and `labels` are observed; the last two need OpenGL."""
+    cameras: tuple[int, int] = (90, 120)
+    """Height and width of what one of the robot's cameras observes [px]; the paper's are 360 and 480."""
     time_limit: float | None = None
     """Seconds to a truncation; None: the task's, 20 s or 10 s (appendix C.1)."""
     starts: Sequence[RobotMotion] | Path | str | None = None
@@ -69,8 +73,9 @@ class EnvConfig:
             raise MimicbenchError(f"a time limit of {self.time_limit} s is none; give seconds from {CONTROL_DT} to 3600")
         if not 1 <= self.pool <= 99999:
             raise MimicbenchError(f"a pool of {self.pool} objects is none; give a number from 1 to 99999")
-        if not (16 <= self.height <= 4096 and 16 <= self.width <= 4096):
-            raise MimicbenchError(f"pictures can have 16 to 4096 rows and columns, not {self.height} x {self.width}")
+        for height, width in ((self.height, self.width), self.cameras):
+            if not (16 <= height <= 4096 and 16 <= width <= 4096):
+                raise MimicbenchError(f"pictures can have 16 to 4096 rows and columns, not {height} x {width}")
 
 
 @dataclass(frozen=True)
@@ -103,6 +108,7 @@ class Episodes:
         self._last_target = np.zeros((num_envs, len(self.robot.joints)), np.float32)
         self._scene: tuple[Physics, Judge] | None = None
         self._links: LinkState | None = None
+        self._eyes = Eyes(self.robot, task.rig, *config.cameras)
 
     @property
     def physics(self) -> Physics:
@@ -166,8 +172,12 @@ class Episodes:
         """(N,) whether K is fulfilled: at some time, or for lift-box now."""
         return self.judge.success & ~self.judge.diverged
 
+    def close(self) -> None:
+        """Give the OpenGL context back, if there is one."""
+        self._eyes.close()
+
     def observe(self) -> dict[str, np.ndarray]:
-        """What all robots sense now, float32, one row a robot. See gym.TaskEnv."""
+        """What all robots sense now, one row a robot. See gym.TaskEnv."""
         state, senses = self.physics.state(), self.config.observe
         turn = root_turn(state) if "proprio" in senses or "state" in senses else None
         seen: dict[str, np.ndarray] = {}
@@ -179,6 +189,12 @@ class Episodes:
             seen["time"] = (self.judge.steps[:, None] * CONTROL_DT).astype(np.float32)
         if "elevation" in senses:
             seen["elevation"] = camera_map(self.physics, rig=self.task.rig, cell=self.task.map_cell).numpy()
+        if "depth" in senses:
+            seen["depth"] = ray_depth(self.physics, None, *self.config.cameras, rig=self.task.rig)
+        if "color" in senses or "labels" in senses:
+            qpos = self.physics.qpos()
+            looks = [self._eyes.look(env, start.obj, qpos[env], start.wrist_goal_w) for env, start in enumerate(self.starts)]
+            seen |= {name: np.stack([getattr(look, name) for look in looks]) for name in ("color", "labels") if name in senses}
         if self.task.wrist_goals:
             goal, qpos = self.judge.wrist_goal_w, self.physics.qpos()
             root_pos, root_quat = qpos[:, :3], qpos[:, 3:7]

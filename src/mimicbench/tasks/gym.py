@@ -48,7 +48,7 @@ class TaskEnv(gymnasium.Env[Observation, np.ndarray]):
 
     ## Observation space
 
-    `Dict` of float32 arrays, those that `observe` names; clipped to +-1000.
+    `Dict` of arrays, those that `observe` names; float32 and clipped to +-1000 but for pictures.
 
     - `proprio` (48): direction of gravity in the root frame (3), root height above the floor [m] (1), linear [m/s] (3) and angular velocity
       [rad/s] (3) of the root in its own frame, joint angles [rad] (19) and velocities [rad/s] (19).
@@ -59,9 +59,13 @@ class TaskEnv(gymnasium.Env[Observation, np.ndarray]):
       1 cm (appendix C.2); row along the robot's heading, column to its left, the robot in the middle. Four cameras around the pelvis, for TouchPoints
       and LiftBox one above it. It costs some milliseconds a robot and step.
     - `target_elevation` (128, 128), for TouchPoints with `elevation`: the same map with nothing on the floor but the two targets.
+    - `depth` (C, height, width): along the axis of each of the C cameras that `elevation` is made of, 50 m at most [m], by rays. `cameras` is the
+      pictures' size; at 90 x 120 four cost about 11 ms a robot and step.
+    - `color` (C, height, width, 3), uint8: what they see; for TouchPoints with one red pixel for each target, hidden or not. Needs OpenGL.
+    - `labels` (C, height, width), uint8: of what they see (mimicbench.sense.render): 0 nothing, 1 floor, 2 object, 3 + i link i of the robot. Needs OpenGL.
     - `targets` (2, 3), for TouchPoints only and always: where left and right wrist are to go, in the root frame [m].
 
-    Nothing else is known of the object. The box to be lifted is seen through `elevation` alone.
+    Nothing else is known of the object. The box to be lifted is seen through `elevation` and the cameras alone.
 
     ## Rewards
 
@@ -90,8 +94,8 @@ class TaskEnv(gymnasium.Env[Observation, np.ndarray]):
 
     ## Arguments
 
-    Those of `mimicbench.tasks.episodes.EnvConfig`: `split`, `control`, `preset`, `observe`, `time_limit`, `starts`, `objects`, `pool`, `robot`,
-    `workers`, `device`, `height`, `width`; and `render_mode`, None or `"rgb_array"`, which needs OpenGL.
+    Those of `mimicbench.tasks.episodes.EnvConfig`: `split`, `control`, `preset`, `observe`, `cameras`, `time_limit`, `starts`, `objects`, `pool`,
+    `robot`, `workers`, `device`, `height`, `width`; and `render_mode`, None or `"rgb_array"`, which needs OpenGL.
 
     ## Version history
 
@@ -136,7 +140,8 @@ class TaskEnv(gymnasium.Env[Observation, np.ndarray]):
         return _draw(self._view, self.episodes, 0)
 
     def close(self) -> None:
-        """Give the OpenGL context back, if there is one."""
+        """Give the OpenGL contexts back, if there are any."""
+        self.episodes.close()
         if self._view is not None:
             self._view.close()
 
@@ -240,7 +245,8 @@ class TaskVectorEnv(VectorEnv[Observation, np.ndarray, np.ndarray]):
         return tuple(_draw(self._view, self.episodes, env) for env in range(self.num_envs))
 
     def close_extras(self) -> None:
-        """Give the OpenGL context back, if there is one."""
+        """Give the OpenGL contexts back, if there are any."""
+        self.episodes.close()
         if self._view is not None:
             self._view.close()
 

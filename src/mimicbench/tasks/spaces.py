@@ -7,6 +7,7 @@ from gymnasium.vector.utils import batch_space
 from mimicbench.core.errors import UnknownName
 from mimicbench.robot.description import Robot
 from mimicbench.sense.heightmap import CELLS
+from mimicbench.sense.rays import FARTHEST
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.episodes import BOUND, Episodes
 
@@ -28,6 +29,10 @@ def observation_space(episodes: Episodes) -> spaces.Dict:
         "proprio": spaces.Box(-BOUND, BOUND, (10 + 2 * joints,)), "state": spaces.Box(-BOUND, BOUND, (3 + 3 * joints + 12 * links,)),
         "time": spaces.Box(0.0, limit, (1,)), "elevation": spaces.Box(-BOUND, BOUND, (CELLS, CELLS)),
         "target_elevation": spaces.Box(-BOUND, BOUND, (CELLS, CELLS)), "targets": spaces.Box(-BOUND, BOUND, (2, 3)),
+    }  # fmt: skip
+    pictures = len(episodes.task.rig.mounts), *episodes.config.cameras
+    every |= {
+        "depth": spaces.Box(0.0, FARTHEST, pictures), "color": spaces.Box(0, 255, (*pictures, 3), np.uint8), "labels": spaces.Box(0, 255, pictures, np.uint8)
     }  # fmt: skip
     chosen = set(episodes.config.observe)
     if episodes.task.wrist_goals:

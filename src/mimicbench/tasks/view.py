@@ -5,7 +5,7 @@ import numpy as np
 
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robot.description import Robot
-from mimicbench.sense.opengl import Canvas
+from mimicbench.sense.opengl import SharedCanvas
 from mimicbench.sim.scene import build_model
 
 _MAX_SHAPES = 1000
@@ -16,10 +16,9 @@ class View:
 
     def __init__(self, robot: Robot, height: int, width: int) -> None:
         self._robot, self.height, self.width = robot, height, width
-        self._canvas: Canvas | None = None
+        self._canvas = SharedCanvas(height, width)
         self._scenes: dict[int, tuple[SceneObject, mujoco.MjModel, mujoco.MjData]] = {}
         self._camera, self._option = mujoco.MjvCamera(), mujoco.MjvOption()
-        self._drawn: mujoco.MjModel | None = None
 
     def draw(self, env: int, obj: SceneObject, qpos: np.ndarray, goal_w: np.ndarray) -> np.ndarray:
         """A picture (height, width, 3), uint8, of scene `env`.
@@ -31,7 +30,7 @@ class View:
             goal_w: (K, 3) places that are marked by red balls [m].
         """
         model, data = self._scene(env, obj)
-        canvas = self._open(model)
+        canvas = self._canvas.of(model)
         data.qpos[:] = qpos
         mujoco.mj_kinematics(model, data)
         mujoco.mj_camlight(model, data)
@@ -62,17 +61,6 @@ class View:
             self._scenes[env] = obj, model, mujoco.MjData(model)
         return self._scenes[env][1:]
 
-    def _open(self, model: mujoco.MjModel) -> Canvas:
-        """The canvas. It holds the textures, which all scenes share, and one model's meshes, which they do not."""
-        if self._canvas is not None and self._drawn is not model and (model.nmesh or (self._drawn is not None and self._drawn.nmesh)):
-            self.close()
-        if self._canvas is None:
-            self._canvas, self._drawn = Canvas(model, self.height, self.width), model
-        self._canvas.make_current()
-        return self._canvas
-
     def close(self) -> None:
         """Give the OpenGL context back; the next picture opens another."""
-        if self._canvas is not None:
-            self._canvas.close()
-        self._canvas = None
+        self._canvas.close()
