@@ -377,7 +377,8 @@ def test_cameras_see_the_scene(name):
     labels, depth = seen["labels"], seen["depth"]
     assert (labels == FLOOR).mean() > 0.1 and (labels == OBJECT).sum() > 20 and (labels >= ROBOT).any()
     # what is drawn and what the rays meet are the same, but for some edges
-    assert np.median(depth[labels == OBJECT]) < np.median(depth[labels == FLOOR]) + 1.0 and (depth[labels == NOTHING] == FARTHEST).mean() > 0.95
+    assert (depth[labels == NOTHING] < FARTHEST).sum() <= 0.05 * (labels == NOTHING).sum()
+    assert np.median(depth[labels == OBJECT]) < 5.0
     red = (seen["color"] == (255, 0, 0)).all(-1).sum()
     assert red == (2 if name == "TouchPoints" else 0)
     stacked, _ = envs.reset(seed=0)

@@ -98,6 +98,11 @@ class HumanMotion:
         """World positions (T, J, 3) [m] and orientations (T, J, 4) of all joints."""
         return forward_kinematics(self.skeleton, self.root_pos_w, self.local_quat)
 
+    def thinned(self, step: int) -> "HumanMotion":
+        """Every `step`-th frame of it."""
+        names = ("root_pos_w", "local_quat", "contacts", "object_pos_w", "object_quat_w")
+        return replace(self, fps=self.fps / step, **{name: getattr(self, name)[::step] for name in names})
+
     def save(self, path: Path) -> None:
         """Write one `.npz` file, atomically."""
         header = {

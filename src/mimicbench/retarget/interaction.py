@@ -14,7 +14,10 @@ with joint limits exact. The literature finds that contacts and penetration deci
 (OmniRetarget; holosoma); the three methods of the paper know neither.
 """
 
+from dataclasses import replace
+
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.curves import smooth_above
@@ -38,24 +41,45 @@ EDGE = 0.015
 def interact(clip: Clip, config: InteractionConfig | None = None) -> RobotMotion:
     """The robot motion that does with the object what the human does. Raises UnknownName or BadMotion."""
     config = config or InteractionConfig()
+    step = max(1, min(round(clip.motion.fps / config.rough_fps), clip.motion.frames // 4))
+    rough, sitting, lying = _settled(replace(clip, motion=clip.motion.thinned(step)), replace(config, tolerance=config.rough_tolerance))
+    problem, _ = make_problem(clip, config, sitting, lying)
+    pose, losses = solve(problem, _refined(rough, step, clip.motion.frames), config.iterations, config.tolerance)
+    return clip.finished(problem.tree, pose, clip.bind("improved"), {"loss": losses[-1], "iterations": float(len(losses) - 1)})
+
+
+def _settled(clip: Clip, config: InteractionConfig) -> tuple[Pose, float, float]:
+    """The pose of a clip of few frames, and how far who sits and who lies had to be put nearer to the feet for it [m]."""
     problem, start = make_problem(clip, config)
+    sitting = lying = 0.0
     pose, losses = solve(problem, start, config.iterations, config.tolerance)
     distance = problem.clearance(pose)
     for slide in config.slides:
         sits, lies = problem.misplaced(distance)
         if not (sits or lies):
             break
-        problem, moved = make_problem(clip, config, slide * sits, slide * lies)
+        next_problem, moved = make_problem(clip, config, slide * sits, slide * lies)
         if np.abs(moved.root_pos - start.root_pos).max() < 1e-3:
             break  # at the edge
+        problem, sitting, lying = next_problem, slide * sits, slide * lies
         pose = pose._replace(root_pos=pose.root_pos + moved.root_pos - start.root_pos)  # a head must get past the board
         pose, losses = solve(problem, pose, config.iterations, config.tolerance)
         start, distance = moved, problem.clearance(pose)
     if problem.stuck(distance):
         around, _ = solve(problem.filled(), start, config.iterations, config.tolerance)
         other, again = solve(problem, around, config.iterations, config.tolerance)
-        pose, losses = (other, again) if again[-1] < losses[-1] else (pose, losses)
-    return clip.finished(problem.tree, pose, clip.bind("improved"), {"loss": losses[-1], "iterations": float(len(losses) - 1)})
+        pose = other if again[-1] < losses[-1] else pose
+    return pose, sitting, lying
+
+
+def _refined(pose: Pose, step: int, frames: int) -> Pose:
+    """A pose of every `step`-th frame at all of them, smoothly."""
+    known = step * np.arange(len(pose.joints))
+    # q and -q are the same rotation: take those signs that change least
+    flips = np.concatenate([[1.0], np.cumprod(np.where((pose.root_quat[1:] * pose.root_quat[:-1]).sum(-1) < 0, -1.0, 1.0))])
+    wanted = np.minimum(np.arange(frames), known[-1])
+    root_pos, root_quat, joints = (CubicSpline(known, values)(wanted) for values in (pose.root_pos, pose.root_quat * flips[:, None], pose.joints))
+    return Pose(root_pos, rot.normalize(root_quat), joints)
 
 
 def make_problem(clip: Clip, config: InteractionConfig, sitting: float = 0.0, lying: float = 0.0) -> tuple[Problem, Pose]:

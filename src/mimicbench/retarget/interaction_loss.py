@@ -60,9 +60,13 @@ class InteractionConfig:
     lies on the front edge with them and hovers with its buttocks; on a bed of people's length a taller one has its head in the board."""
     hover: float = 0.02
     """[m] of buttocks above the seat that is still rest, and of a head in a board that may be mended without that."""
+    rough_fps: float = 10.0
+    """Frames per second at which it is decided how to get through the scene; then all frames are solved from there."""
+    rough_tolerance: float = 2e-2
+    """`tolerance` there."""
     iterations: int = 25
     """Gauss-Newton steps at most."""
-    tolerance: float = 3e-3
+    tolerance: float = 5e-3
     """Stop when a step lowers the loss by less than this part of it."""
 
 
