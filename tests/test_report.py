@@ -17,7 +17,7 @@ from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError
 from mimicbench.core.motion import HumanMotion, RobotMotion, forward_kinematics
 from mimicbench.evaluate.intervals import Rate
 from mimicbench.evaluate.rows import EpisodeRow, read_rows
-from mimicbench.objects.families import make_object
+from mimicbench.objects.families import FAMILIES, make_object
 from mimicbench.references.body import body_of
 from mimicbench.references.skeletons import SKELETONS, UNIHSI
 from mimicbench.report import compare, page, plots
@@ -26,6 +26,7 @@ from mimicbench.report.paper_tables import TABLES, TASKS, methods, paper_table
 from mimicbench.report.person import EYES, HAIR, SHIRT, SHOES, SKIN, SOLES, TROUSERS, place, solids_of
 from mimicbench.report.provenance import Provenance, package_versions, this_machine
 from mimicbench.report.render import FIELD_OF_VIEW, Camera, Painter, Picture, frame_all, human_frames, robot_frames, with_object
+from mimicbench.report.sheet import contact_sheet
 from mimicbench.report.showcase import Clip, Recording, Showcase, ShowConfig, draw, moments, positions
 from mimicbench.report.tables import Reported, Table, to_csv, to_latex, to_markdown, to_terminal
 from mimicbench.report.video import strip, write_video
@@ -441,3 +442,17 @@ def test_video_leaves_nothing_behind_when_it_fails(tmp_path):
     with pytest.raises(MimicbenchError, match="captions"):
         strip([np.zeros((32, 48, 3), np.uint8)], ["a", "b"])
     assert not list(tmp_path.iterdir())
+
+
+def test_contact_sheet():
+    objects = [FAMILIES["chair"](i, 0) for i in range(4)]
+    try:
+        sheet = contact_sheet(objects, columns=3, cell=SMALL)
+    except NoPictures as error:
+        pytest.skip(str(error))
+    assert sheet.shape == (2 * SMALL.height, 3 * SMALL.width, 3)
+    first, second = sheet[: SMALL.height, : SMALL.width], sheet[: SMALL.height, SMALL.width : 2 * SMALL.width]
+    assert first.std() > 5 and not np.array_equal(first, second)
+    assert (sheet[SMALL.height :, SMALL.width :] == 255).all(), "cells without an object are white"
+    with pytest.raises(MimicbenchError, match="400"):
+        contact_sheet([])

@@ -292,9 +292,10 @@ def test_frames_per_second_counts() -> None:
 
 @pytest.mark.skipif(not CLIPS.is_dir(), reason="the recorded UniHSI clips are not here")
 def test_real_people_become_robots() -> None:
-    from mimicbench.references.real_clips import import_sitting
+    from mimicbench.references.real_clips import sitting_clips
+    from mimicbench.references.unihsi import import_skeleton_motion
 
-    (motion, obj), *_ = import_sitting(CLIPS / "armchair.npy")
+    (motion, obj), *_ = sitting_clips(import_skeleton_motion(CLIPS / "armchair.npy"), "sit-chair")
     result = optimize(Clip(motion, obj, H1))
     assert result.measures["limit_violation"] == 0.0
     assert result.measures["skate"] < result.measures["human_skate"] + 0.03

@@ -17,7 +17,7 @@ from mimicbench.core.pickles import load_restricted
 from mimicbench.references.body import unihsi_body
 from mimicbench.references.contacts import drop_short
 from mimicbench.references.fit_object import seated_frame
-from mimicbench.references.real_clips import FPS, import_sitting, smooth_jumps
+from mimicbench.references.real_clips import FPS, sitting_clips, smooth_jumps
 from mimicbench.references.segments import find_sittings
 from mimicbench.references.skeletons import UNIHSI
 from mimicbench.references.unihsi import import_skeleton_motion
@@ -60,7 +60,7 @@ def write(folder: Path, data, name="clip.npy") -> Path:
 
 @functools.cache
 def imported(name: str):
-    return import_sitting(CLIPS / f"{name}.npy")
+    return sitting_clips(import_skeleton_motion(CLIPS / f"{name}.npy"), "sit-chair")
 
 
 def test_a_made_up_recording_comes_out_as_it_went_in(tmp_path):
@@ -73,7 +73,7 @@ def test_a_made_up_recording_comes_out_as_it_went_in(tmp_path):
 
 
 def test_a_made_up_person_gets_a_chair(tmp_path):
-    [(motion, chair)] = import_sitting(write(tmp_path, made_up(), "made.npy"))
+    [(motion, chair)] = sitting_clips(import_skeleton_motion(write(tmp_path, made_up(), "made.npy")), "sit-chair")
     assert (motion.id, motion.object_id, chair.id, motion.source) == ("real-made-0", "fitted-made-0", "fitted-made-0", "made")
     assert abs(chair.seat_height - (0.88 - 0.421546 + 0.0014 - unihsi_body().buttock)) < 2e-3
     origin, yaw, _ = seated_frame(motion, slice(motion.frames - 30, None))
@@ -161,7 +161,7 @@ def test_a_walk_is_not_a_sitting(tmp_path):
     data = made_up()
     data["root_translation"]["arr"][:, 2] = 0.88
     with pytest.raises(BadMotion, match="walks up and sits down"):
-        import_sitting(write(tmp_path, data))
+        sitting_clips(import_skeleton_motion(write(tmp_path, data)), "sit-chair")
 
 
 def test_a_pickle_that_calls_something_is_refused(tmp_path):
@@ -173,11 +173,11 @@ def test_a_pickle_that_calls_something_is_refused(tmp_path):
 
     for raw in (made_up() | {"rotation": Evil()}, Evil()):
         with pytest.raises(BadFile, match="system"):
-            import_sitting(write(tmp_path, raw))
+            sitting_clips(import_skeleton_motion(write(tmp_path, raw)), "sit-chair")
         path = tmp_path / "plain.npy"
         path.write_bytes(pickle.dumps(raw))
         with pytest.raises(BadFile, match="system"):
-            import_sitting(path)
+            sitting_clips(import_skeleton_motion(path), "sit-chair")
     assert not trace.exists()
 
 
@@ -272,4 +272,4 @@ def test_real_clips_survive_saving(tmp_path):
 @pytest.mark.parametrize("name", ["lie_down", "lie_down_2", "lie_down_10", "locomotion_random"])
 def test_lying_and_walking_are_left_out(name):
     with pytest.raises(BadMotion, match="walks up and sits down"):
-        import_sitting(CLIPS / f"{name}.npy")
+        sitting_clips(import_skeleton_motion(CLIPS / f"{name}.npy"), "sit-chair")

@@ -26,6 +26,25 @@ def objects(task: Tasks = "sit-chair", count: Count = 400, workdir: Workdir = WO
         done(workspace.objects_stage(ws, config).header, as_json)
 
 
+@app.command(name="draw")
+def draw_objects(
+    out: Annotated[Path, tyro.conf.arg(help="the picture, a PNG file")],
+    task: Task = "sit-chair",
+    count: Annotated[int, tyro.conf.arg(help="how many objects, the first ones")] = 24,
+    workdir: Workdir = WORK,
+    workers: Workers = 0,
+) -> None:
+    """Draw objects of a task on one sheet, all to the same scale."""
+    from mimicbench import workspace
+    from mimicbench.report.sheet import contact_sheet
+    from mimicbench.report.video import write_png
+
+    ws = workspace.Workspace(workdir, task, workers=workers)
+    ws.finished("objects")
+    write_png(out, contact_sheet(list(ws.objects().values())[:count], workers=workers, quiet=False))
+    print(f"picture: {out}")
+
+
 @app.command(name="import")
 def import_objects_(
     files: tyro.conf.Positional[tuple[Path, ...]],

@@ -7,18 +7,13 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body import Body, body_of
 
-CONTACT_NAMES = ("left_foot", "right_foot", "pelvis")
+BEARING_NAMES = ("left_foot", "right_foot", "pelvis", "back", "left_hand", "right_hand")
 LOW, STILL = 0.03, 0.25
-"""A sole bears when its heel or toe is lower than LOW [m] and slower than STILL [m/s]; a pelvis when as near to the seat."""
+"""A sole bears when its heel or toe is lower than LOW [m] and slower than STILL [m/s]."""
+NEAR = 0.03
+"""Skin nearer to the object than this [m], and moving with it, bears."""
 SHORTEST = 0.1
 """[s]; shorter contacts and shorter gaps between contacts are noise."""
-
-
-def detect_contacts(motion: HumanMotion, obj: SceneObject) -> np.ndarray:
-    """(T, 3) which of CONTACT_NAMES bears on the floor or on the object, which is at the origin."""
-    body = body_of(motion.skeleton)
-    sits = drop_short(_pelvis(motion, body, motion.root_pos_w, obj), _shortest(motion.fps))
-    return np.concatenate([detect_feet(motion), sits[:, None]], -1)
 
 
 def detect_feet(motion: HumanMotion) -> np.ndarray:
@@ -54,20 +49,6 @@ def _foot(motion: HumanMotion, body: Body, pos: np.ndarray, quat: np.ndarray) ->
     ends = sole_points(body, pos, quat)
     speed = np.linalg.norm(np.gradient(ends, 1 / motion.fps, axis=0), axis=-1)
     return ((ends[..., 2] < LOW) & (speed < STILL)).any(-1)
-
-
-def _pelvis(motion: HumanMotion, body: Body, pelvis: np.ndarray, obj: SceneObject) -> np.ndarray:
-    """(T,) whether the pelvis bears on the seat."""
-    low, high = obj.seat_polygon.min(0) - 0.05, obj.seat_polygon.max(0) + 0.05
-    over = ((pelvis[:, :2] >= low) & (pelvis[:, :2] <= high)).all(-1)
-    near = pelvis[:, 2] - body.buttock - obj.require_seat() < LOW
-    slow = np.abs(np.gradient(pelvis[:, 2], 1 / motion.fps)) < STILL
-    return over & near & slow
-
-
-BEARING_NAMES = ("left_foot", "right_foot", "pelvis", "back", "left_hand", "right_hand")
-NEAR = 0.03
-"""Skin nearer to the object than this [m], and moving with it, bears."""
 
 
 def detect_bearing(motion: HumanMotion, obj: SceneObject) -> np.ndarray:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,9 +15,8 @@ from mimicbench.references.contacts import BEARING_NAMES, detect_bearing
 from mimicbench.references.fit_bed import fit_bed, lying_frame
 from mimicbench.references.fit_box import PALM, BoxTrack, box_between, box_of_mesh, boxed, touched_box
 from mimicbench.references.fit_object import fit_seat, nearby_distance, sample_body, seated_frame
-from mimicbench.references.recording import ObjectTrack, Recording, Wishes
+from mimicbench.references.recording import ObjectTrack, Recording
 from mimicbench.references.segments import Handling, HandlingRules, Sitting, SittingRules, find_clasps, find_handling, find_lyings, find_reach, find_sittings
-from mimicbench.references.unihsi import import_skeleton_motion
 
 FPS = 30.0
 """Frame rate of the clips that are made."""
@@ -40,11 +38,6 @@ def find_clips(recording: Recording, task: str) -> list[Clip]:
     if task not in TASKS:
         raise UnknownName("task", task, list(TASKS))
     return TASKS[task](recording)
-
-
-def import_sitting(path: Path, rules: SittingRules | None = None, wishes: Wishes | None = None) -> list[Clip]:
-    """Every part of a SkeletonMotion file in which somebody walks up and sits down, each with a chair fitted under the person."""
-    return sitting_clips(import_skeleton_motion(path, wishes), "sit-chair", rules)
 
 
 def sitting_clips(recording: Recording, task: str, rules: SittingRules | None = None) -> list[Clip]:

@@ -67,6 +67,15 @@ def write_jpeg(path: Path, image: np.ndarray, quality: int = 86) -> None:
     write_atomic(path, write)
 
 
+def write_png(path: Path, image: np.ndarray) -> None:
+    """Write a picture (H, W, 3), uint8, atomically."""
+
+    def write(stream: IO[bytes]) -> None:
+        Image.fromarray(image).save(stream, "PNG", optimize=True)
+
+    write_atomic(path, write)
+
+
 def write_video(path: Path, frames: Iterable[np.ndarray], fps: float, quality: int = 25) -> int:
     """Write an H.264 video that every browser plays, atomically.
 

@@ -1,0 +1,39 @@
+"""Many objects on one picture, all to the same scale."""
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+
+from mimicbench.core.errors import MimicbenchError
+from mimicbench.objects.shape import SceneObject
+from mimicbench.report.render import FIELD_OF_VIEW, Camera, Painter, Picture
+from mimicbench.robot.description import load_robot
+from mimicbench.sense.opengl import draw_apart
+from mimicbench.sim.scene import ROBOT_GROUP, VISUAL_GROUP, build_model
+
+MOST_OBJECTS = 400
+CELL = Picture(220, 200, 2048)
+"""One object's part of the sheet."""
+
+
+def contact_sheet(objects: Sequence[SceneObject], columns: int = 6, cell: Picture = CELL, workers: int = 0, quiet: bool = True) -> np.ndarray:
+    """A picture (H, W, 3), uint8, with one object per cell, seen from the front left, above. Raises NoPictures without OpenGL."""
+    if not 1 <= len(objects) <= MOST_OBJECTS:
+        raise MimicbenchError(f"a sheet holds 1 to {MOST_OBJECTS} objects, not {len(objects)}")
+    bounds = [obj.bounds() for obj in objects]
+    reach = max(float(np.linalg.norm(high - low)) / 2 for low, high in bounds)
+    middle = 0.45 * max(float(high[2]) for _, high in bounds)
+    narrow = np.arctan(np.tan(FIELD_OF_VIEW / 2) * min(1.0, cell.width / cell.height))
+    camera = Camera((0.0, 0.0, middle), reach / float(np.sin(narrow)), 215.0, -22.0)
+    tiles = draw_apart(partial(draw_object, cell, camera), objects, workers, "drawing", quiet)
+    columns = min(columns, len(tiles))
+    tiles += [np.full((cell.height, cell.width, 3), 255, np.uint8)] * (-len(tiles) % columns)
+    return np.concatenate([np.concatenate(tiles[i : i + columns], 1) for i in range(0, len(tiles), columns)], 0)
+
+
+def draw_object(picture: Picture, camera: Camera, obj: SceneObject) -> np.ndarray:
+    """A picture (H, W, 3), uint8, of one object alone."""
+    with Painter(build_model(load_robot("h1"), obj, visuals=True), picture, camera) as painter:
+        painter.option.geomgroup[VISUAL_GROUP] = painter.option.geomgroup[ROBOT_GROUP] = 0
+        return painter.draw()
