@@ -17,7 +17,7 @@ import recordings
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError, UnknownName
 from mimicbench.core.motion import forward_kinematics
-from mimicbench.core.pickles import load_torch
+from mimicbench.core.untrusted import load_torch
 from mimicbench.references.body import body_of
 from mimicbench.references.bvh import read_bvh, world
 from mimicbench.references.importers import FORMATS, detect_format, import_recording

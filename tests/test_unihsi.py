@@ -13,7 +13,7 @@ from scipy.ndimage import gaussian_filter1d
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile, BadMotion
 from mimicbench.core.motion import HumanMotion, forward_kinematics
-from mimicbench.core.pickles import load_restricted
+from mimicbench.core.untrusted import load_restricted
 from mimicbench.references.body import unihsi_body
 from mimicbench.references.contacts import drop_short
 from mimicbench.references.fit_object import seated_frame

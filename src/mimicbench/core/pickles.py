@@ -1,33 +1,22 @@
-"""Reading other projects' `.npy`, `.npz`, `.pt` and pickle files without running anything that they name.
+"""Unpickling without running anything that a pickle names.
 
 A pickle is a small program. Here its instructions are first counted and checked against a short list; then it is
 unpickled with stand-ins in place of every class and function, so that all it can make is numbers, text, lists, dicts
 and descriptions of arrays; arrays are made from those only after their sizes were checked.
 """
 
-import ast
 import io
 import math
 import pickle
 import pickletools
 import re
-import zipfile
-import zlib
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
-from mimicbench.core.errors import BadFile
-
-NPY = b"\x93NUMPY"
 MAX_OPCODES = 20_000
-"""Instructions in one file; the motion files that we know have a few hundred."""
-MAX_HEADER = 1_000
-"""Bytes of an `.npy` file's header."""
-MAX_MEMBERS = 1_000
-"""Files in one archive; motions have a dozen."""
+"""Instructions in one pickle; the motion files that we know have a few hundred."""
 
 _OPCODES = frozenset({
     "PROTO", "FRAME", "STOP", "MARK", "POP", "POP_MARK", "DUP", "NONE", "NEWTRUE", "NEWFALSE", "BININT", "BININT1", "BININT2", "LONG1", "LONG4",
@@ -35,128 +24,11 @@ _OPCODES = frozenset({
     "EMPTY_TUPLE", "TUPLE", "TUPLE1", "TUPLE2", "TUPLE3", "EMPTY_DICT", "DICT", "LIST", "SETITEM", "SETITEMS", "BINPUT", "LONG_BINPUT", "MEMOIZE",
     "BINGET", "LONG_BINGET", "GLOBAL", "STACK_GLOBAL", "REDUCE", "BUILD",
 })  # fmt: skip
-_TYPE = re.compile(r"[<>=|]?(b1|[iu][1248]|f[248]|c(8|16)|\?|[SU]\d{1,4}|O8?)")
-
-_MALFORMED = (
-    ValueError, TypeError, EOFError, KeyError, IndexError, AttributeError, OverflowError, MemoryError, RecursionError, SyntaxError, pickle.PickleError,
-    zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, OSError
-)  # fmt: skip
-"""What reading a damaged file may raise."""
+PLAIN_TYPE = re.compile(r"[<>=|]?(b1|[iu][1248]|f[248]|c(8|16)|\?|[SU]\d{1,4}|O8?)")
+"""What a data type may be called."""
 
 
-def load_restricted(path: Path, max_bytes: int) -> Any:
-    """What a `.npy` file (object arrays included) or a pickle holds: plain values and NumPy arrays.
-
-    An object array without dimensions, as `np.save` makes of a dict, is unwrapped. Raises BadFile if the file is missing,
-    larger than `max_bytes`, cut off, or names a class or function outside the short list of NumPy's and OrderedDict.
-    """
-    raw = read_bytes(path, max_bytes)
-    return _guarded(path, ".npy or pickle", lambda: _unwrapped(_read_npy(raw) if raw.startswith(NPY) else _unpickle(raw)))
-
-
-def load_npz(path: Path, max_bytes: int, names: Sequence[str]) -> dict[str, Any]:
-    """Those of an `.npz` file's arrays that are in `names`; objects in them are unpickled as `load_restricted` does.
-
-    Nothing else is unpacked, and together they may unpack to `max_bytes`. Raises BadFile.
-    """
-    raw = read_bytes(path, max_bytes)
-    return _guarded(path, ".npz", lambda: {name: _unwrapped(_read_npy(member)) for name, member in _members(raw, names, ".npy", max_bytes).items()})
-
-
-def load_torch(path: Path, max_bytes: int) -> Any:
-    """What a `.pt` file holds, with NumPy arrays in place of its tensors. Raises BadFile."""
-    raw = read_bytes(path, max_bytes)
-    return _guarded(path, ".pt", lambda: _read_torch(raw, max_bytes))
-
-
-def read_bytes(path: Path, max_bytes: int) -> bytes:
-    """A file's content. Raises BadFile if it is missing, empty or larger than `max_bytes`."""
-    try:
-        if not path.is_file():
-            raise BadFile(f"{path} cannot be read (no such file); give the path of a file that exists")
-        size = path.stat().st_size
-        if size > max_bytes:
-            raise BadFile(f"{path} has {size >> 20} MiB, more than the {max_bytes >> 20} MiB that such a file may have")
-        raw = path.read_bytes()
-    except OSError as error:
-        raise BadFile(f"{path} cannot be read ({error.strerror or error}); give the path of a file that exists") from None
-    if not raw:
-        raise BadFile(f"{path} is empty; get it again from where it came")
-    return raw
-
-
-def _guarded(path: Path, what: str, read: Callable[[], Any]) -> Any:
-    """What `read` returns; whatever goes wrong in it becomes one sentence."""
-    try:
-        return read()
-    except _RefusedError as error:
-        raise BadFile(f"{path} asks for {error}, which a motion file has no need of; nothing was run: get the file from a source you trust") from None
-    except _MALFORMED as error:
-        detail = " ".join(str(error).split())[:120]
-        raise BadFile(f"{path} cannot be read ({detail}); it is cut off or not {'an' if what[1] == 'n' else 'a'} {what} file: get it again") from None
-
-
-def _unwrapped(value: Any) -> Any:
-    return value.item() if isinstance(value, np.ndarray) and value.dtype == object and value.shape == () else value
-
-
-def _members(raw: bytes, names: Sequence[str], ending: str, max_bytes: int) -> dict[str, bytes]:
-    """Files of a zip archive by name, without their ending, of which only those named are unpacked; the rest must be small, too."""
-    with zipfile.ZipFile(io.BytesIO(raw)) as archive:
-        entries = archive.infolist()
-        if len(entries) > MAX_MEMBERS:
-            raise ValueError(f"an archive of {len(entries)} files")
-        chosen = {entry.filename.removesuffix(ending): entry for entry in entries}
-        chosen = {name: chosen[name] for name in names if name in chosen}
-        if not entries:
-            raise ValueError("an empty archive")
-        total = sum(entry.file_size for entry in chosen.values())
-        if total > max_bytes:
-            raise ValueError(f"it unpacks to {total >> 20} MiB, more than the {max_bytes >> 20} MiB that such a file may have")
-        for entry in chosen.values():
-            # the other methods may be told to reserve gigabytes
-            if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) or entry.flag_bits & 1:
-                raise ValueError("an unusual way of packing, or a password")
-        found = {}
-        for name, entry in chosen.items():
-            with archive.open(entry) as member:
-                found[name] = member.read(entry.file_size + 1)
-        return found
-
-
-def _read_torch(raw: bytes, max_bytes: int) -> Any:
-    """The content of a `.pt` archive: a pickle, and one file of numbers for each storage that it names."""
-    if not raw.startswith(b"PK"):
-        raise ValueError("not the zip archive that torch writes since version 1.6; load and save it again with a newer torch")
-    with zipfile.ZipFile(io.BytesIO(raw)) as archive:
-        pickles = [name for name in archive.namelist()[:MAX_MEMBERS] if name.endswith("/data.pkl")]
-    if len(pickles) != 1:
-        raise ValueError("no data.pkl")
-    folder = pickles[0].removesuffix("data.pkl")
-    (order,) = _members(raw, [f"{folder}byteorder"], "", 100).values() or (b"little",)
-    if order.strip() != b"little":
-        raise ValueError("numbers of an unusual byte order")
-    content = _members(raw, pickles, "", 1 << 20)[pickles[0]]
-    storages: dict[str, np.ndarray] = {}
-    spent = 0
-
-    def storage(key: Any) -> _Storage:
-        nonlocal spent
-        if not (isinstance(key, tuple) and len(key) == 5 and key[0] == "storage" and isinstance(key[1], _StorageType) and isinstance(key[2], str)):
-            raise ValueError("a reference that is no storage")
-        if key[2] not in storages:
-            name = f"{folder}data/{key[2]}"
-            numbers = _members(raw, [name], "", max_bytes - spent)
-            if name not in numbers or type(key[4]) is not int:
-                raise ValueError(f"no numbers for storage {key[2]!r:.40}")
-            spent += len(numbers[name])
-            storages[key[2]] = _make_array((key[4],), key[1].dtype(), False, numbers[name])
-        return _Storage(storages[key[2]])
-
-    return _unpickle(content, _TORCH_GLOBALS, storage)
-
-
-class _RefusedError(Exception):
+class RefusedError(Exception):
     """Names what a pickle asked for and does not get."""
 
 
@@ -181,7 +53,7 @@ class _Type:
     """A data type as the pickle describes it."""
 
     def __init__(self, code: str, *_: Any) -> None:
-        if not isinstance(code, str) or not _TYPE.fullmatch(code):
+        if not isinstance(code, str) or not PLAIN_TYPE.fullmatch(code):
             raise ValueError(f"data type {code!r} is not a plain number, text or object")
         self.code = code
 
@@ -195,7 +67,7 @@ class _Type:
         return np.dtype(self.code)
 
 
-class _StorageType(_Type):
+class StorageType(_Type):
     """A data type that stands for itself; there is one of each, so nothing may change it."""
 
     def __setstate__(self, state: tuple) -> None:
@@ -217,10 +89,10 @@ class _Array:
         _, shape, kind, fortran, content = self.state
         if not isinstance(kind, _Type):
             raise ValueError("an array without data type")
-        return _make_array(shape, kind.dtype(), bool(fortran), [resolve(item) for item in content] if isinstance(content, list) else content)
+        return make_array(shape, kind.dtype(), bool(fortran), [resolve(item) for item in content] if isinstance(content, list) else content)
 
 
-def _make_array(shape: Any, dtype: np.dtype, fortran: bool, content: bytes | list) -> np.ndarray:
+def make_array(shape: Any, dtype: np.dtype, fortran: bool, content: bytes | list) -> np.ndarray:
     """An array from its description, of which the sizes must agree."""
     if not isinstance(shape, tuple) or len(shape) > 8 or not all(type(n) is int and n >= 0 for n in shape):
         raise ValueError(f"array of shape {shape!r:.60}")
@@ -239,7 +111,7 @@ def _make_array(shape: Any, dtype: np.dtype, fortran: bool, content: bytes | lis
     return np.frombuffer(content, dtype).reshape(shape, order=order).copy()
 
 
-class _Storage:
+class Storage:
     """The numbers of one or several tensors."""
 
     def __init__(self, numbers: np.ndarray) -> None:
@@ -259,7 +131,7 @@ class _Tensor(_Array):
     def array(self, resolve: Callable[[Any], Any]) -> np.ndarray:
         storage, offset, shape, strides = self._view
         whole = [offset, *shape, *strides] if isinstance(shape, tuple) and isinstance(strides, tuple) else [None]
-        if not isinstance(storage, _Storage) or len(shape) != len(strides) or len(shape) > 8 or not all(type(n) is int and n >= 0 for n in whole):
+        if not isinstance(storage, Storage) or len(shape) != len(strides) or len(shape) > 8 or not all(type(n) is int and n >= 0 for n in whole):
             raise ValueError("a tensor without numbers, shape or strides")
         numbers = storage.numbers
         if math.prod(shape) > len(numbers):
@@ -275,7 +147,7 @@ class _Tensor(_Array):
 def _scalar(kind: _Type, content: bytes) -> Any:
     if not isinstance(kind, _Type):
         raise ValueError("a number without data type")
-    return _make_array((), kind.dtype(), False, content)[()]
+    return make_array((), kind.dtype(), False, content)[()]
 
 
 _GLOBALS = {
@@ -288,7 +160,7 @@ _GLOBALS = {
 
 _TORCH_TYPES = {"Float": "f4", "Double": "f8", "Half": "f2", "Long": "i8", "Int": "i4", "Short": "i2", "Char": "i1", "Byte": "u1", "Bool": "b1"}
 _TORCH_GLOBALS = _GLOBALS | {
-    **{("torch", f"{name}Storage"): _StorageType(code) for name, code in _TORCH_TYPES.items()},
+    **{("torch", f"{name}Storage"): StorageType(code) for name, code in _TORCH_TYPES.items()},
     ("torch._utils", "_rebuild_tensor_v2"): _Maker(_Tensor),
 }
 
@@ -305,33 +177,38 @@ class _Unpickler(pickle.Unpickler):
         try:
             return self._known[module, name]
         except KeyError:
-            raise _RefusedError(f"{module}.{name}") from None
+            raise RefusedError(f"{module}.{name}") from None
 
     def persistent_load(self, pid: Any) -> Any:
         """The storage that a tensor refers to."""
         if self._storage is None:
-            raise _RefusedError("something outside of the file")
+            raise RefusedError("something outside of the file")
         return self._storage(pid)
 
 
-def _unpickle(raw: bytes, known: Mapping[tuple[str, str], Any] = _GLOBALS, storage: Callable[[Any], Any] | None = None) -> Any:
-    """The value of a pickle, after its instructions were checked."""
+def unpickle(raw: bytes, storage: Callable[[Any], Storage] | None = None) -> Any:
+    """The value of a pickle, after its instructions were checked.
+
+    With `storage`, which finds the numbers that a reference of torch's stands for, tensors may be in it too. Raises RefusedError if it asks for
+    anything else, and nearly anything if it is damaged.
+    """
+    known = _GLOBALS if storage is None else _TORCH_GLOBALS
     for count, (opcode, argument, _) in enumerate(pickletools.genops(raw)):
         if opcode.name not in _OPCODES and not (storage is not None and opcode.name == "BINPERSID"):
-            raise _RefusedError(f"the pickle instruction {opcode.name}")
+            raise RefusedError(f"the pickle instruction {opcode.name}")
         # the memo is a table as long as its largest index: a few bytes could ask for gigabytes
         if count >= MAX_OPCODES or ("PUT" in opcode.name and int(argument or 0) > MAX_OPCODES):
             raise ValueError(f"more than {MAX_OPCODES} pickle instructions")
         named = str(argument)
         if opcode.name == "GLOBAL" and tuple(named.split(" ", 1)) not in known:
-            raise _RefusedError(named.replace(" ", "."))
+            raise RefusedError(named.replace(" ", "."))
     return _resolve(_Unpickler(raw, known, storage).load(), {})
 
 
 def _resolve(value: Any, done: dict[int, tuple[Any, Any]]) -> Any:
     """The same value with arrays in place of their descriptions. What occurs twice is made once; a value inside itself is refused."""
     if not isinstance(value, dict | list | tuple | _Array):
-        if isinstance(value, _Maker | _Type | _Storage):
+        if isinstance(value, _Maker | _Type | Storage):
             raise ValueError("a function or a data type where a value should be")
         return value
     if id(value) in done:
@@ -350,24 +227,3 @@ def _resolve(value: Any, done: dict[int, tuple[Any, Any]]) -> Any:
         made = value.array(lambda item: _resolve(item, done))
     done[id(value)] = (value, made)
     return made
-
-
-def _read_npy(raw: bytes) -> Any:
-    """The content of an `.npy` file, version 1 to 3."""
-    stream = io.BytesIO(raw)
-    stream.seek(6)
-    major = stream.read(2)[0]
-    if major not in (1, 2, 3):
-        raise ValueError(f".npy version {major}")
-    length = int.from_bytes(stream.read(2 if major == 1 else 4), "little")
-    if length > MAX_HEADER:
-        raise ValueError("a header that is too long")
-    header = ast.literal_eval(stream.read(length).decode("latin1" if major < 3 else "utf8").strip())
-    descr, fortran, shape = header["descr"], header["fortran_order"], header["shape"]
-    if not isinstance(descr, str) or not _TYPE.fullmatch(descr):
-        raise ValueError(f"data type {descr!r:.40}")
-    rest = raw[stream.tell() :]
-    dtype = np.dtype(descr)
-    if dtype.kind == "O":
-        return _unpickle(rest)
-    return _make_array(shape, dtype, fortran is True, rest)

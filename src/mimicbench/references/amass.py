@@ -11,7 +11,7 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import Skeleton, forward_kinematics
-from mimicbench.core.pickles import load_npz
+from mimicbench.core.untrusted import load_npz
 from mimicbench.references.body import core4d_body
 from mimicbench.references.core4d import FEET, HEAD, check_joints, smpl_recording
 from mimicbench.references.recording import MAX_BYTES, Recording, Wishes, check_array, check_rate, stride_scale

@@ -14,7 +14,7 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import MAX_FRAMES
-from mimicbench.core.pickles import read_bytes
+from mimicbench.core.untrusted import read_bytes
 from mimicbench.references.body import Body, roam_body
 from mimicbench.references.joint_names import END, Limbs, find_limbs, onto_roam
 from mimicbench.references.recording import LEG, UNITS, Recording, Wishes, check_rate, check_stride, finish

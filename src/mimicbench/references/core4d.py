@@ -10,7 +10,7 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
-from mimicbench.core.pickles import load_npz, load_restricted
+from mimicbench.core.untrusted import load_npz, load_restricted
 from mimicbench.references.body import core4d_body
 from mimicbench.references.recording import MAX_BYTES, ObjectTrack, Recording, Wishes, check_array, check_rate, finish
 from mimicbench.references.rest_pose import Adopted, adopt, axis_up, hanging_turns, into_our_rest

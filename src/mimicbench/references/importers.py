@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from mimicbench.core.errors import BadFile, UnknownName
-from mimicbench.core.pickles import NPY, read_bytes
+from mimicbench.core.untrusted import NPY, read_bytes
 from mimicbench.references.amass import BODIES, PLACES, ROOTS, import_amass
 from mimicbench.references.bvh import import_bvh
 from mimicbench.references.core4d import import_core4d

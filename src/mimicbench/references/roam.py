@@ -10,7 +10,7 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import MAX_FRAMES
-from mimicbench.core.pickles import NPY, load_restricted, read_bytes
+from mimicbench.core.untrusted import NPY, load_restricted, read_bytes
 from mimicbench.references.body import roam_body
 from mimicbench.references.bvh import numbers
 from mimicbench.references.recording import MAX_BYTES, UNITS, Recording, Wishes, check_array, check_rate, check_velocity, finish

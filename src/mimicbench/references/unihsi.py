@@ -8,7 +8,7 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import Skeleton, forward_kinematics
-from mimicbench.core.pickles import load_npz, load_restricted
+from mimicbench.core.untrusted import load_npz, load_restricted
 from mimicbench.references.body import unihsi_body
 from mimicbench.references.recording import (
     MAX_BYTES,
