@@ -13,7 +13,7 @@ from mimicbench.objects.chairs import make_chair
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.synthesis import synthesize
 from mimicbench.retarget.clip import Clip
-from mimicbench.retarget.interaction import InteractionConfig, interact, make_problem
+from mimicbench.retarget.interaction import InteractionConfig, interact, make_problem, refine
 from mimicbench.retarget.kinematics import Pose, tree_of
 from mimicbench.retarget.samples import Masses, Scene, balls_of, point_rows
 from mimicbench.retarget.solver import move
@@ -129,3 +129,26 @@ def test_standing_feet_stay_where_they_are(x: float, yaw: float) -> None:
         sole = H1.keypoint_pos(f"{side}_sole", pos, quat_w)
         assert np.ptp(sole, axis=0).max() < 1e-3 and np.abs(sole[:, 2]).max() < 4e-3
     assert result.measures["balance"] == 0.0
+
+
+@settings(max_examples=20, deadline=None)
+@given(step=st.integers(1, 5), frames=st.integers(20, 60), turn=st.floats(-3.0, 3.0))
+def test_a_thinned_pose_is_refined_to_all_frames(step: int, frames: int, turn: float) -> None:
+    time = np.arange(frames) / 30.0
+    quat = rot.from_yaw(turn * time)
+    whole = Pose(np.stack([time, time**2, np.sin(time)], -1), quat, np.sin(time)[:, None] * np.ones(19))
+    flipped = quat[::step] * np.where(np.arange(len(quat[::step])) % 2, 1.0, -1.0)[:, None]  # q and -q are the same
+    refined = refine(Pose(whole.root_pos[::step], flipped, whole.joints[::step]), step, frames)
+    known = 1 + step * ((frames - 1) // step)  # after the last known frame it stays as it is
+    assert refined.root_pos[:known] == pytest.approx(whole.root_pos[:known], abs=2e-3)
+    assert refined.joints[:known] == pytest.approx(whole.joints[:known], abs=2e-3)
+    assert rot.angle_between(refined.root_quat[:known], quat[:known]).max() < 2e-3
+    assert (refined.joints[known:] == refined.joints[known - 1]).all()
+
+
+def test_settling_on_few_frames_ends_no_worse() -> None:
+    clip = sitting_down()
+    direct = interact(clip, InteractionConfig(rough_fps=clip.motion.fps, rough_tolerance=InteractionConfig.tolerance))
+    settled = interact(clip)
+    assert settled.measures["loss"] < 1.05 * direct.measures["loss"]
+    assert settled.joint_pos == pytest.approx(direct.joint_pos, abs=0.1)

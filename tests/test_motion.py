@@ -162,3 +162,11 @@ def test_skeletons():
         ARM.index("foot")
     with pytest.raises(BadMotion, match="parents must come before"):
         replace(ARM, parents=(-1, 2, 1))
+
+
+def test_thinning_keeps_every_nth_frame():
+    motion = human(8)
+    thin = motion.thinned(3)
+    assert thin.fps == pytest.approx(motion.fps / 3) and thin.frames == (motion.frames + 2) // 3
+    np.testing.assert_array_equal(thin.local_quat, motion.local_quat[::3])
+    np.testing.assert_array_equal(thin.contacts, motion.contacts[::3])

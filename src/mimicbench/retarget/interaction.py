@@ -44,7 +44,7 @@ def interact(clip: Clip, config: InteractionConfig | None = None) -> RobotMotion
     step = max(1, min(round(clip.motion.fps / config.rough_fps), clip.motion.frames // 4))
     rough, sitting, lying = _settled(replace(clip, motion=clip.motion.thinned(step)), replace(config, tolerance=config.rough_tolerance))
     problem, _ = make_problem(clip, config, sitting, lying)
-    pose, losses = solve(problem, _refined(rough, step, clip.motion.frames), config.iterations, config.tolerance)
+    pose, losses = solve(problem, refine(rough, step, clip.motion.frames), config.iterations, config.tolerance)
     return clip.finished(problem.tree, pose, clip.bind("improved"), {"loss": losses[-1], "iterations": float(len(losses) - 1)})
 
 
@@ -72,7 +72,7 @@ def _settled(clip: Clip, config: InteractionConfig) -> tuple[Pose, float, float]
     return pose, sitting, lying
 
 
-def _refined(pose: Pose, step: int, frames: int) -> Pose:
+def refine(pose: Pose, step: int, frames: int) -> Pose:
     """A pose of every `step`-th frame at all of them, smoothly."""
     known = step * np.arange(len(pose.joints))
     # q and -q are the same rotation: take those signs that change least
