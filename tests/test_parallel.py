@@ -2,7 +2,12 @@
 
 import os
 import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 
 import pytest
 
@@ -56,3 +61,38 @@ def test_what_draws_may_crash_once(tmp_path):
     assert draw_apart(partial(crash_once, tmp_path), [4], 1, "drawing", quiet=True) == [4]
     with pytest.raises(NoPictures, match="crashed twice"):
         draw_apart(crash, [4], 1, "drawing", quiet=True)
+
+
+def test_workers_end_with_their_parent(tmp_path):
+    script = "import sys; from test_parallel import wait_long; from mimicbench.core.parallel import map_items\n"
+    script += "if __name__ == '__main__': map_items(wait_long, [sys.argv[1]] * 2, 2, 'waiting', quiet=True)"
+    (tmp_path / "parent.py").write_text(script)
+    parent = subprocess.Popen([sys.executable, tmp_path / "parent.py", tmp_path], env={**os.environ, "PYTHONPATH": str(Path(__file__).parent)})
+    try:
+        _until(lambda: len(list(tmp_path.glob("*.pid"))) == 2, "two workers are at work")
+        parent.kill()
+        parent.wait()
+        workers = [int(path.stem) for path in tmp_path.glob("*.pid")]
+        _until(lambda: not any(_runs(pid) for pid in workers), "the workers have ended")
+    finally:
+        parent.kill()
+
+
+def wait_long(folder: str) -> None:
+    (Path(folder) / f"{os.getpid()}.pid").touch()
+    time.sleep(600)
+
+
+def _runs(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except (ProcessLookupError, FileNotFoundError):
+        return False
+
+
+def _until(holds: Callable[[], bool], what: str, seconds: float = 60.0) -> None:
+    end = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < end, what
+        time.sleep(0.1)

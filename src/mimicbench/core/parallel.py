@@ -3,10 +3,12 @@
 import faulthandler
 import multiprocessing
 import os
+import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from multiprocessing.connection import wait
 from typing import TypeVar
 
 from mimicbench.core.errors import WorkerDied
@@ -64,7 +66,18 @@ def counter(total: int, label: str, quiet: bool = False) -> Iterator[Callable[[i
 
 
 def _start_worker() -> None:
-    """Each worker process uses one thread: the processes already fill the processors. A crash of native code tells where it was."""
+    """Each worker process uses one thread: the processes already fill the processors. A crash of native code tells where it was.
+
+    A worker that is waiting for work hears nothing of its parent being killed, and would wait for ever.
+    """
     faulthandler.enable()
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[name] = "1"
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(1)
