@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.curves import smooth, smooth_below
+from mimicbench.core.curves import smooth, smooth_above, smooth_below
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.balance import balance
 from mimicbench.references.body import Body
@@ -20,6 +20,10 @@ REACH = 0.985
 """Share of its full length to which the leg of a person with flat feet may be stretched."""
 ROLLING_REACH = 0.994
 """The same with feet that roll, which is reached as the heel strikes: the knee stays bent by some 12 degrees."""
+USUAL_PITCH = 0.03
+"""[rad] Who walks upright adds so much to the pelvis' own forward lean."""
+STRAIGHTEST = 0.9972
+"""The same where the pelvis lists and leans in a quick turn: the knee stays bent by 8 degrees."""
 SOFT = 0.15
 """The pelvis follows the arcs of the legs smoothed over so many seconds to either side: 2 to 5 cm up and down (Perry & Burnfield 2010)."""
 
@@ -136,6 +140,8 @@ def follow(
     coming = np.concatenate([yaw[soon:], np.repeat(yaw[-1:], min(soon, len(yaw)))])
     look = smooth(np.clip(coming - yaw, -0.6, 0.6), round(0.2 * FPS))
     tilt, leans = (0.25 + 0.20 * gait.sway) * sideways / body.size, gait.sway * _lean(pelvis, yaw, ahead / body.size)
+    turn = rot.multiply(rot.from_yaw(yaw + twist), rot.multiply(about_y(leans + USUAL_PITCH), about_x(tilt)))
+    pelvis[:, 2] -= smooth_above(_too_straight(body, pelvis, turn, feet), round(0.15 * FPS))
     return Walk(steps, time, feet, yaw, pelvis, ahead, twist, tilt, look, leans, gait.sway)
 
 
@@ -147,6 +153,16 @@ def standing_height(body: Body, pelvis_xy: np.ndarray, yaw: np.ndarray, feet: Fe
     # the legs' arcs have a cusp at each heel strike: their mean motion, lowered by what it is too high there
     height = smooth(limits, round(SOFT * FPS))
     return height + smooth_below(np.minimum(limits - height, 0.0), round(0.3 * FPS)) - 0.004 + body.hip_drop
+
+
+def _too_straight(body: Body, pelvis: np.ndarray, turn: np.ndarray, feet: Feet) -> np.ndarray:
+    """How much too high a pelvis (T, 3) [m] turned by `turn` (T, 4) is for one leg or the other to keep a bent knee (T,) [m]; 0 nearly always."""
+    leg, above = STRAIGHTEST * sum(body.length(body.legs[0])), np.zeros(len(pelvis))
+    for side, limb in enumerate(body.legs):
+        hip = pelvis + rot.rotate(turn, body.skeleton.offsets[limb.root])
+        away = ((hip - feet.pos_w[:, side])[:, :2] ** 2).sum(-1)
+        above = np.maximum(above, hip[:, 2] - feet.pos_w[:, side, 2] - np.sqrt(np.maximum(leg**2 - away, 0.25 * leg**2)))
+    return above
 
 
 def highest_pelvis(body: Body, pelvis_xy: np.ndarray, yaw: np.ndarray, feet: Feet, reach: float) -> np.ndarray:
