@@ -14,7 +14,7 @@ from mimicbench.references.body import body_of
 from mimicbench.references.gait_measures import measure_gait, summarize, walking_model
 from mimicbench.references.paper import PAPER_SETS
 from mimicbench.references.quality import gate
-from mimicbench.references.real_clips import import_sitting
+from mimicbench.references.real_clips import sitting_clips
 from mimicbench.references.synthesis import synthesize
 from mimicbench.references.unihsi import import_skeleton_motion
 from mimicbench.report.tables import Cell, Table, to_markdown
@@ -54,7 +54,7 @@ def main() -> None:
     speed = float(np.mean([columns[name]["speed"][0] for name in ("SC", "SS", "LB", "LS")]))
     if len(sys.argv) > 1:
         folder = Path(sys.argv[1])
-        sitting = [measure_gait(motion) for name in SITTING for motion, _ in import_sitting(folder / f"{name}.npy")]
+        sitting = [measure_gait(motion) for name in SITTING for motion, _ in sitting_clips(import_skeleton_motion(folder / f"{name}.npy"), "sit-chair")]
         to_seats, seats = summarize(measure_gait(whole(folder / f"{name}.npy")) for name in WALKING), summarize(sitting)
         columns["real, to a seat or bed"] = to_seats | {name: value for name, value in seats.items() if name.startswith(("sit_", "seated"))}
         columns["real, walking about"] = summarize([measure_gait(whole(folder / "locomotion_random.npy"))])

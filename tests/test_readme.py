@@ -1,6 +1,9 @@
-"""The results in the README are what `mimicbench table` makes of the episode rows that are kept in the repository."""
+"""What the documents say: the README's results follow from the rows kept in the repository, and the scripts beside the pages can run."""
 
+import importlib
 from pathlib import Path
+
+import pytest
 
 from mimicbench.evaluate.rows import read_rows
 from mimicbench.report.compare import beside_paper_table, summaries
@@ -20,3 +23,9 @@ def test_results_in_the_readme_follow_from_the_rows():
 def test_rows_are_of_unseen_objects():
     for path in (ROOT / "runs").glob("*/evaluate/*.parquet"):
         assert {row.split for row in read_rows(path)} == {"test"}, path
+
+
+@pytest.mark.parametrize("script", sorted(path.stem for path in (ROOT / "docs").glob("*.py")))
+def test_scripts_of_the_docs_find_what_they_import(script, monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
+    assert importlib.import_module(script).main
