@@ -21,7 +21,7 @@ from mimicbench.references.recording import Wishes
 from mimicbench.references.synthesis import synthesize
 from mimicbench.report.render import Picture, frame_all, human_frames
 from mimicbench.report.video import strip
-from mimicbench.robot.description import load_robot
+from mimicbench.robots.description import load_robot
 from mimicbench.sim.scene import build_model
 from mimicbench.tasks.registry import TASKS
 

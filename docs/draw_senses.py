@@ -17,11 +17,11 @@ from mimicbench.objects.families import FAMILIES
 from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.touch import stance_before, touch_pair
 from mimicbench.report.render import Camera, Painter, Picture
-from mimicbench.robot.description import load_robot
-from mimicbench.sense.elevation import down_map, map_from_depth
-from mimicbench.sense.render import ROBOT, RigCameras, Views
-from mimicbench.sense.rigs import HEAD_RIG, PELVIS_RIG, Rig
-from mimicbench.sense.targets import mark_targets, target_map
+from mimicbench.robots.description import load_robot
+from mimicbench.sensors.elevation import down_map, map_from_depth
+from mimicbench.sensors.render import ROBOT, RigCameras, Views
+from mimicbench.sensors.rigs import HEAD_RIG, PELVIS_RIG, Rig
+from mimicbench.sensors.targets import mark_targets, target_map
 from mimicbench.sim.native import NativePhysics
 
 IMAGES = Path(__file__).parent / "images"

@@ -4,7 +4,7 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.objects.shape import SceneObject
-from mimicbench.robot.description import load_robot
+from mimicbench.robots.description import load_robot
 
 H1 = load_robot("h1")
 JOINT = {name.removesuffix("_joint"): i for i, name in enumerate(H1.joint_names)}

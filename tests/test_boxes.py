@@ -12,7 +12,7 @@ from joined import joined
 from mimicbench.objects.boxes import COUNT, FRICTION, KINDS, MASS, SIZE_DEVIATION, SIZE_MEAN, make_box
 from mimicbench.objects.families import make_object
 from mimicbench.objects.surface import box_distance
-from mimicbench.robot.description import load_robot
+from mimicbench.robots.description import load_robot
 from mimicbench.sim.scene import OBJECT_BODY, build_model
 
 

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError
-from mimicbench.sense.opengl import NoPictures
-from mimicbench.sense.rays import FARTHEST, ray_depth
-from mimicbench.sense.render import FLOOR, NOTHING, OBJECT, ROBOT, RigCameras
-from mimicbench.sense.rigs import HEAD_RIG, PELVIS_RIG
-from mimicbench.sense.targets import TARGET_CELL, mark_targets, target_map
+from mimicbench.sensors.opengl import NoPictures
+from mimicbench.sensors.rays import FARTHEST, ray_depth
+from mimicbench.sensors.render import FLOOR, NOTHING, OBJECT, ROBOT, RigCameras
+from mimicbench.sensors.rigs import HEAD_RIG, PELVIS_RIG
+from mimicbench.sensors.targets import TARGET_CELL, mark_targets, target_map
 from mimicbench.sim.native import NativePhysics
 from mimicbench.sim.scene import build_model
 from mimicbench.tasks.registry import TASKS

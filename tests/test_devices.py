@@ -20,7 +20,7 @@ from mimicbench.evaluate.rollout import run_policy
 from mimicbench.imitate.demos import observed_states
 from mimicbench.imitate.make import load_any
 from mimicbench.imitate.planner import PlannerConfig
-from mimicbench.sense.proprioception import s_current
+from mimicbench.sensors.proprioception import s_current
 from mimicbench.sim.backends import make_physics
 from mimicbench.sim.devices import tensor_device
 from mimicbench.tasks.gym import TaskEnv, TaskVectorEnv

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from mimicbench.core import rotations as rot
 from mimicbench.objects.shape import SceneObject
-from mimicbench.sense.faces import Surfaces
-from mimicbench.sense.rigs import HEAD_RIG, PELVIS_RIG
+from mimicbench.sensors.faces import Surfaces
+from mimicbench.sensors.rigs import HEAD_RIG, PELVIS_RIG
 from mimicbench.sim.native import NativePhysics
 from stool import H1, block
 

@@ -20,9 +20,9 @@ from mimicbench.core.seeds import rng
 from mimicbench.objects.families import FAMILIES, make_object
 from mimicbench.objects.shape import save_object, split_of
 from mimicbench.objects.touch import STAND_OFF
-from mimicbench.sense.opengl import NoPictures
-from mimicbench.sense.rays import FARTHEST
-from mimicbench.sense.render import FLOOR, NOTHING, OBJECT, ROBOT
+from mimicbench.sensors.opengl import NoPictures
+from mimicbench.sensors.rays import FARTHEST
+from mimicbench.sensors.render import FLOOR, NOTHING, OBJECT, ROBOT
 from mimicbench.tasks.gym import TaskEnv, TaskVectorEnv
 from mimicbench.tasks.registry import TASKS, get_task
 from mimicbench.tasks.start import Stance, Starts, clipped, draw_start, start_of

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from mimicbench.core import rotations as rot
 from mimicbench.objects.shape import SceneObject
-from mimicbench.sense.heightmap import ObjectMaps, box_heightmap, cell_centers, surface_height
+from mimicbench.sensors.heightmap import ObjectMaps, box_heightmap, cell_centers, surface_height
 
 
 def boxes(*items):

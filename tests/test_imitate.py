@@ -35,7 +35,7 @@ from mimicbench.imitate.perception import (
 from mimicbench.imitate.policy import Senses, VisionPolicy, load_policy
 from mimicbench.imitate.train import TrainConfig, train
 from mimicbench.objects.chairs import make_chair
-from mimicbench.sense.heightmap import box_heightmap
+from mimicbench.sensors.heightmap import box_heightmap
 
 TINY = EncoderConfig(pool=4, widths=(8, 8, 8, 8), blocks=(1, 1, 1, 1))
 INPUTS = {"paper": InputConfig(), "timed": InputConfig.timed(), "blind": InputConfig(body="state", clock=True, memory=True, elevation=False)}

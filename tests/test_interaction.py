@@ -17,7 +17,7 @@ from mimicbench.retarget.interaction import InteractionConfig, interact, make_pr
 from mimicbench.retarget.kinematics import Pose, tree_of
 from mimicbench.retarget.samples import Masses, Scene, balls_of, point_rows
 from mimicbench.retarget.solver import move
-from mimicbench.robot.description import load_robot
+from mimicbench.robots.description import load_robot
 
 H1 = load_robot("h1")
 TREE = tree_of(H1)

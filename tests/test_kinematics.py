@@ -6,7 +6,7 @@ import torch
 
 from mimicbench.objects.boxes import make_box
 from mimicbench.objects.chairs import make_chair
-from mimicbench.sense.proprioception import s_current
+from mimicbench.sensors.proprioception import s_current
 from mimicbench.sim.native import NativePhysics
 from stool import H1, place, standing
 

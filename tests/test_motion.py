@@ -9,7 +9,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile, BadMotion
 from mimicbench.core.files import read_npz, write_npz
 from mimicbench.core.motion import HumanMotion, RobotMotion, Skeleton
-from mimicbench.robot.description import load_robot
+from mimicbench.robots.description import load_robot
 
 H1 = load_robot("h1")
 ARM = Skeleton("arm", ("shoulder", "elbow", "hand"), (-1, 0, 1), np.array([[0, 0, 0], [1, 0, 0], [0, 0, 2]], float))

@@ -13,7 +13,7 @@ import pytest
 
 from mimicbench.core.errors import UnknownName, WorkerDied
 from mimicbench.core.parallel import map_items
-from mimicbench.sense.opengl import NoPictures, draw_apart
+from mimicbench.sensors.opengl import NoPictures, draw_apart
 
 
 def crash(_item: int) -> None:

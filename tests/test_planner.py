@@ -12,8 +12,8 @@ from mimicbench.objects.chairs import make_chair
 from mimicbench.references.synthesis import synthesize
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.optimization import optimize
-from mimicbench.robot.description import load_robot
-from mimicbench.sense.proprioception import Odometry
+from mimicbench.robots.description import load_robot
+from mimicbench.sensors.proprioception import Odometry
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.registry import get_task
 from mimicbench.track.checkpoint import Tracker, TrackerConfig, save_tracker

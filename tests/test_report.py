@@ -31,8 +31,8 @@ from mimicbench.report.showcase import Clip, Recording, Showcase, ShowConfig, dr
 from mimicbench.report.tables import Reported, Table, to_csv, to_latex, to_markdown, to_terminal
 from mimicbench.report.video import strip, write_video
 from mimicbench.report.write import ReportInputs, draw_plots, write_report
-from mimicbench.robot.description import load_robot
-from mimicbench.sense.opengl import NoPictures
+from mimicbench.robots.description import load_robot
+from mimicbench.sensors.opengl import NoPictures
 from mimicbench.sim.scene import build_model
 
 SMALL = Picture(96, 64, shadow=0, samples=0)

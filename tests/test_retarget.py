@@ -27,7 +27,7 @@ from mimicbench.retarget.mappings import find_mapping
 from mimicbench.retarget.methods import METHODS
 from mimicbench.retarget.optimization import PAPER, OptimizationConfig, optimize
 from mimicbench.retarget.solver import _solve_with, move, solve
-from mimicbench.robot.description import load_robot
+from mimicbench.robots.description import load_robot
 
 H1 = load_robot("h1")
 TREE = tree_of(H1)

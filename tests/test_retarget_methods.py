@@ -36,7 +36,7 @@ from mimicbench.retarget.optimization import PAPER
 from mimicbench.retarget.shape_alignment import align
 from mimicbench.retarget.solver import solve
 from mimicbench.retarget.verdict import MEASURES, PROMISED, Limits, outcome, summary, unsolved
-from mimicbench.robot.description import load_robot
+from mimicbench.robots.description import load_robot
 
 H1 = load_robot("h1")
 TREE = tree_of(H1)

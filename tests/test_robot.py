@@ -7,7 +7,7 @@ import pytest
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import UnknownName
 from mimicbench.objects.chairs import make_chair
-from mimicbench.robot.description import load_robot
+from mimicbench.robots.description import load_robot
 from mimicbench.sim.scene import build_model
 
 H1 = load_robot("h1")

@@ -12,14 +12,14 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.motion import RobotMotion
 from mimicbench.evaluate.rollout import run_policy
 from mimicbench.objects.chairs import make_chair
-from mimicbench.sense.bench import bench_senses
-from mimicbench.sense.cameras import CameraMaps
-from mimicbench.sense.elevation import camera_map, down_map, map_from_depth
-from mimicbench.sense.heightmap import CELL, box_heightmap, cell_centers
-from mimicbench.sense.opengl import NoPictures
-from mimicbench.sense.proprioception import Odometry, body_state, gravity, s_current
-from mimicbench.sense.render import RigCameras
-from mimicbench.sense.rigs import HEAD_RIG, PELVIS_RIG
+from mimicbench.sensors.bench import bench_senses
+from mimicbench.sensors.cameras import CameraMaps
+from mimicbench.sensors.elevation import camera_map, down_map, map_from_depth
+from mimicbench.sensors.heightmap import CELL, box_heightmap, cell_centers
+from mimicbench.sensors.opengl import NoPictures
+from mimicbench.sensors.proprioception import Odometry, body_state, gravity, s_current
+from mimicbench.sensors.render import RigCameras
+from mimicbench.sensors.rigs import HEAD_RIG, PELVIS_RIG
 from mimicbench.sim.native import NativePhysics
 from mimicbench.sim.physics import RobotState
 from mimicbench.tasks.sit_chair import SIT_CHAIR

@@ -10,7 +10,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.checkpoint import BadCheckpoint
 from mimicbench.core.errors import BadMotion, UnknownName
 from mimicbench.core.motion import RobotMotion
-from mimicbench.sense.proprioception import body_state
+from mimicbench.sensors.proprioception import body_state
 from mimicbench.sim.physics import RobotState
 from mimicbench.tasks.sit_chair import SIT_CHAIR
 from mimicbench.track import hst, residual

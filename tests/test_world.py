@@ -7,7 +7,7 @@ from mujoco.batch import Batch
 
 from mimicbench.bench.soak import PAPER_COUNTS
 from mimicbench.objects.families import FAMILIES
-from mimicbench.sense.elevation import camera_map
+from mimicbench.sensors.elevation import camera_map
 from mimicbench.sim.native import NativePhysics
 from mimicbench.sim.scene import build_model
 from mimicbench.tasks.registry import TASKS

@@ -131,7 +131,7 @@ def compare_retargeting(
     from mimicbench.report.retargeting import Comparison, MethodResult, SideBySide, draw_side_by_side, write_comparison
     from mimicbench.retarget.bench import frames_per_second
     from mimicbench.retarget.clip import Clip
-    from mimicbench.sense.opengl import NoPictures, draw_apart
+    from mimicbench.sensors.opengl import NoPictures, draw_apart
 
     results, sides = [], {}
     configs = [RetargetConfig(method=method.name, preset=preset if preset in method.presets else None) for method in METHODS.values()]

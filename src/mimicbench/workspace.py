@@ -20,7 +20,7 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.references.make import ReferencesConfig, import_references, make_references, remake
 from mimicbench.retarget.make import RetargetConfig, make_retargeted, read_retargeted
 from mimicbench.retarget.methods import get_method
-from mimicbench.robot.description import Robot, load_robot
+from mimicbench.robots.description import Robot, load_robot
 from mimicbench.sim.devices import CPU
 from mimicbench.tasks.registry import get_task
 from mimicbench.tasks.task import Task

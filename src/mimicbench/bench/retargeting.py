@@ -9,7 +9,7 @@ from mimicbench.references.synthesis import synthesize
 from mimicbench.report.tables import Table
 from mimicbench.retarget.bench import RetargetBenchConfig, bench_retargeting
 from mimicbench.retarget.clip import Clip
-from mimicbench.robot.description import load_robot
+from mimicbench.robots.description import load_robot
 from mimicbench.tasks.registry import get_task
 
 

@@ -17,7 +17,7 @@ from mimicbench.bench.memory import resident_bytes
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.seeds import rng
 from mimicbench.objects.families import FAMILIES
-from mimicbench.robot.description import Robot, load_robot
+from mimicbench.robots.description import Robot, load_robot
 from mimicbench.sim.scene import build_model
 from mimicbench.tasks.gym import TaskVectorEnv
 from mimicbench.tasks.registry import TASKS, get_task

@@ -12,7 +12,7 @@ from mimicbench.references.synthesis import synthesize
 from mimicbench.retarget.bench import frames_per_second
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.methods import get_method
-from mimicbench.robot.description import Robot
+from mimicbench.robots.description import Robot
 from mimicbench.sim.backends import check_device
 from mimicbench.tasks.task import Task
 from mimicbench.track.env import TrackingConfig, TrackingEnv

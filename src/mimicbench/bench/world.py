@@ -18,8 +18,8 @@ import torch
 from mimicbench.bench.memory import resident_bytes
 from mimicbench.core.seeds import rng
 from mimicbench.objects.families import make_object
-from mimicbench.robot.description import load_robot
-from mimicbench.sense.bench import bench_senses
+from mimicbench.robots.description import load_robot
+from mimicbench.sensors.bench import bench_senses
 from mimicbench.tasks.gym import TaskVectorEnv
 from mimicbench.tasks.registry import TASKS
 

@@ -24,7 +24,7 @@ def bench(
 ) -> None:
     """Measure how fast this machine makes clips, retargets, simulates and learns."""
     from mimicbench.bench.stages import bench as measure
-    from mimicbench.robot.description import load_robot
+    from mimicbench.robots.description import load_robot
     from mimicbench.tasks.registry import get_task
 
     _measured(measure(load_robot("h1"), get_task(task), workers, seconds, say, device), as_json)

@@ -12,9 +12,9 @@ from mimicbench.core.motion import RobotMotion
 from mimicbench.evaluate.rows import EpisodeRow
 from mimicbench.imitate.policy import Policy, Senses
 from mimicbench.objects.shape import SceneObject
-from mimicbench.robot.description import Robot
-from mimicbench.sense.elevation import camera_map, down_map
-from mimicbench.sense.proprioception import Odometry, body_state, s_current
+from mimicbench.robots.description import Robot
+from mimicbench.sensors.elevation import camera_map, down_map
+from mimicbench.sensors.proprioception import Odometry, body_state, s_current
 from mimicbench.sim.backends import make_physics
 from mimicbench.sim.physics import Physics
 from mimicbench.sim.scene import CONTROL_DT

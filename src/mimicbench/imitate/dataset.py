@@ -13,7 +13,7 @@ from mimicbench.imitate.inputs import Batch, InputConfig
 from mimicbench.imitate.lerobot import Demos
 from mimicbench.imitate.perception import disturb_seat, seat_in_root, seat_memory, seat_of
 from mimicbench.objects.shape import SceneObject
-from mimicbench.sense.heightmap import ObjectMaps
+from mimicbench.sensors.heightmap import ObjectMaps
 
 MAP_NOISE = 0.01
 """[m] deviation of the heights in the maps that are learned from."""

@@ -13,8 +13,8 @@ from mimicbench.core.parallel import progress
 from mimicbench.core.stage import Stage, open_stage
 from mimicbench.imitate.lerobot import Demonstration, DemoWriter
 from mimicbench.objects.shape import SceneObject
-from mimicbench.robot.description import Robot
-from mimicbench.sense.proprioception import s_current
+from mimicbench.robots.description import Robot
+from mimicbench.sensors.proprioception import s_current
 from mimicbench.sim.kinematics import Kinematics
 from mimicbench.sim.physics import RobotState
 from mimicbench.sim.scene import CONTROL_DT

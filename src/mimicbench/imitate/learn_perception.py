@@ -16,8 +16,8 @@ from mimicbench.core.seeds import digest
 from mimicbench.imitate.perception import Perception, PerceptionConfig, seat_in_root, seat_of, window
 from mimicbench.imitate.resume import resume_training, save_training
 from mimicbench.objects.shape import SceneObject
-from mimicbench.sense.cameras import CameraMaps
-from mimicbench.sense.heightmap import CELL, CELLS, ObjectMaps, surface_height
+from mimicbench.sensors.cameras import CameraMaps
+from mimicbench.sensors.heightmap import CELL, CELLS, ObjectMaps, surface_height
 
 
 def draw_maps(config: PerceptionConfig, objects: Sequence[SceneObject], count: int, name: str, seen: float | None = None) -> tuple[Tensor, Tensor, Tensor]:

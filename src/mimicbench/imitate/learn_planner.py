@@ -19,8 +19,8 @@ from mimicbench.imitate.perception import MEMORY_SIZE, SEAT_SIZE, disturb_seat, 
 from mimicbench.imitate.planner import PlannerConfig, PlannerNetwork, plan_size, planner_inputs, styles_of, tracker_action
 from mimicbench.imitate.resume import resume_training, save_training
 from mimicbench.objects.shape import SceneObject
-from mimicbench.robot.description import Robot
-from mimicbench.sense.proprioception import body_state
+from mimicbench.robots.description import Robot
+from mimicbench.sensors.proprioception import body_state
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.track.checkpoint import Tracker
 from mimicbench.track.env import TrackingEnv

@@ -30,8 +30,8 @@ from mimicbench.imitate.planner import PlannerConfig, load_planner, save_planner
 from mimicbench.imitate.policy import Policy, load_policy
 from mimicbench.imitate.train import TrainConfig, train
 from mimicbench.objects.shape import SceneObject
-from mimicbench.robot.description import Robot
-from mimicbench.sense.heightmap import ObjectMaps
+from mimicbench.robots.description import Robot
+from mimicbench.sensors.heightmap import ObjectMaps
 from mimicbench.tasks.task import Task
 from mimicbench.track.checkpoint import load_tracker
 

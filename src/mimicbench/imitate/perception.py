@@ -23,7 +23,7 @@ from torch import Tensor, nn
 from mimicbench.core.checkpoint import load_checkpoint, save_checkpoint
 from mimicbench.core.errors import BadObject
 from mimicbench.objects.shape import SceneObject
-from mimicbench.sense.heightmap import CELL, CELLS
+from mimicbench.sensors.heightmap import CELL, CELLS
 
 SEAT_SIZE = 6
 MEMORY_SIZE = 10

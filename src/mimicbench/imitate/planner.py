@@ -25,8 +25,8 @@ from mimicbench.imitate.clock import SIZE as CLOCK_SIZE
 from mimicbench.imitate.clock import clock_features
 from mimicbench.imitate.perception import MEMORY_SIZE, SEAT_SIZE, Perception, SeatMemory, load_perception
 from mimicbench.imitate.policy import Senses, look_again, look_first
-from mimicbench.robot.description import Robot
-from mimicbench.sense.proprioception import body_state
+from mimicbench.robots.description import Robot
+from mimicbench.sensors.proprioception import body_state
 from mimicbench.track.checkpoint import Tracker, load_tracker
 from mimicbench.track.env import TrackingConfig
 from mimicbench.track.residual import LOOKAHEAD, RESIDUAL, assemble, planned_joint_pos, residual_target

@@ -18,7 +18,7 @@ from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.objects.shape import SceneObject
 from mimicbench.report.person import Placed, Solid, place, solids_of
-from mimicbench.sense.opengl import Canvas
+from mimicbench.sensors.opengl import Canvas
 from mimicbench.sim.scene import OBJECT_BODY, ROBOT_GROUP, VISUAL_GROUP
 
 FIELD_OF_VIEW = 0.61

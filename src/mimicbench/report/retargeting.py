@@ -19,7 +19,7 @@ from mimicbench.report.showcase import moments, positions
 from mimicbench.report.tables import Cell, Reported, Table, to_csv, to_markdown
 from mimicbench.report.video import strip, write_jpeg
 from mimicbench.retarget.methods import METHODS
-from mimicbench.robot.description import load_robot
+from mimicbench.robots.description import load_robot
 from mimicbench.sim.scene import build_model
 
 ORDER = ("optimization", "omnih2o", "copy-rotation")

@@ -8,8 +8,8 @@ import numpy as np
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.objects.shape import SceneObject
 from mimicbench.report.render import FIELD_OF_VIEW, Camera, Painter, Picture
-from mimicbench.robot.description import load_robot
-from mimicbench.sense.opengl import draw_apart
+from mimicbench.robots.description import load_robot
+from mimicbench.sensors.opengl import draw_apart
 from mimicbench.sim.scene import ROBOT_GROUP, VISUAL_GROUP, build_model
 
 MOST_OBJECTS = 400

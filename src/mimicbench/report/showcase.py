@@ -16,8 +16,8 @@ from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.objects.shape import SceneObject
 from mimicbench.report.render import Camera, Picture, frame_all, human_frames, robot_frames, with_object
 from mimicbench.report.video import strip, write_jpeg, write_video
-from mimicbench.robot.description import load_robot
-from mimicbench.sense.opengl import draw_apart
+from mimicbench.robots.description import load_robot
+from mimicbench.sensors.opengl import draw_apart
 from mimicbench.sim.scene import build_model
 
 VERSION = 2

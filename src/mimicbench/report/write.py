@@ -15,7 +15,7 @@ from mimicbench.report.paper_tables import CITATION, methods
 from mimicbench.report.provenance import Provenance
 from mimicbench.report.showcase import Showcase, ShowConfig, Shown, draw
 from mimicbench.report.tables import Table, to_csv, to_latex, to_markdown
-from mimicbench.sense.opengl import NoPictures
+from mimicbench.sensors.opengl import NoPictures
 from mimicbench.tasks.registry import get_task
 
 MAX_FAILURES = 60

@@ -12,7 +12,7 @@ from mimicbench.retarget.kinematics import Pose, Tree
 from mimicbench.retarget.mapping import Bound, Preset, bind
 from mimicbench.retarget.mappings import find_mapping
 from mimicbench.retarget.measures import measure, measure_scene
-from mimicbench.robot.description import Robot
+from mimicbench.robots.description import Robot
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ from mimicbench.retarget.mappings import find_mapping
 from mimicbench.retarget.samples import Masses, Scene, balls_of
 from mimicbench.retarget.self_contact import SelfContact
 from mimicbench.retarget.solver import solve
-from mimicbench.robot.description import Robot
+from mimicbench.robots.description import Robot
 
 EDGE = 0.015
 """[m] Whoever slides forward on a seat stays so far behind its front."""

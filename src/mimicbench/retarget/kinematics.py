@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.robot.description import Robot
+from mimicbench.robots.description import Robot
 
 
 class Pose(NamedTuple):

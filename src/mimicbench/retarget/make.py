@@ -14,7 +14,7 @@ from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.mapping import Preset
 from mimicbench.retarget.methods import get_method
 from mimicbench.retarget.verdict import Outcome, outcome, summary
-from mimicbench.robot.description import Robot, load_robot
+from mimicbench.robots.description import Robot, load_robot
 
 Fulfils = Callable[[RobotMotion, SceneObject, Robot], bool]
 """A task's K on a whole motion (tasks.task.Task.fulfilled)."""

@@ -10,7 +10,7 @@ from mimicbench.retarget.kinematics import Links, Pose
 from mimicbench.retarget.mapping import Bound, Mapping, followed_points
 from mimicbench.retarget.samples import Balls, Masses, Scene, balls_of
 from mimicbench.retarget.self_contact import SelfContact
-from mimicbench.robot.description import Robot
+from mimicbench.robots.description import Robot
 
 DEEP, CLOSE = 0.01, 0.02
 """[m] What counts as penetration, and as contact."""

@@ -10,7 +10,7 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.surface import signed_distance
 from mimicbench.retarget.kinematics import Links, Tree
-from mimicbench.robot.description import Robot, Shape
+from mimicbench.robots.description import Robot, Shape
 
 SPACING = 0.05
 """[m] Most distance between the centers of neighboring balls."""

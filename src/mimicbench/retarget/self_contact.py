@@ -8,7 +8,7 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.retarget.kinematics import Links
 from mimicbench.retarget.samples import Balls
-from mimicbench.robot.description import Robot, Shape
+from mimicbench.robots.description import Robot, Shape
 
 
 class Overlaps(NamedTuple):

@@ -16,7 +16,7 @@ from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.mapping import Mapping
 from mimicbench.retarget.mappings import find_mapping
 from mimicbench.retarget.optimization import OptimizationConfig, optimize_towards
-from mimicbench.robot.description import Robot
+from mimicbench.robots.description import Robot
 
 
 def align_and_optimize(clip: Clip, config: OptimizationConfig | None = None) -> RobotMotion:

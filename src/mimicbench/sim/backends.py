@@ -5,7 +5,7 @@ from pathlib import Path
 
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.objects.shape import SceneObject
-from mimicbench.robot.description import Robot
+from mimicbench.robots.description import Robot
 from mimicbench.sim.devices import CPU, tensor_device
 from mimicbench.sim.native import NativePhysics
 from mimicbench.sim.physics import Physics

@@ -16,7 +16,7 @@ import numpy as np
 from mimicbench.core.errors import BadFile
 from mimicbench.core.files import read_npz, write_npz
 from mimicbench.objects.shape import SceneObject
-from mimicbench.robot.description import load_robot
+from mimicbench.robots.description import load_robot
 from mimicbench.sim.scene import SUBSTEPS, build_model
 
 MAX_KEPT = 8

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from mujoco.batch import Batch
 
-from mimicbench.robot.description import Robot
+from mimicbench.robots.description import Robot
 from mimicbench.sim.physics import LinkState
 from mimicbench.sim.scene import add_links
 

@@ -11,7 +11,7 @@ from mujoco.batch import Batch
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.parallel import cpu_count
 from mimicbench.objects.shape import SceneObject
-from mimicbench.robot.description import Robot
+from mimicbench.robots.description import Robot
 from mimicbench.sim.broken import BrokenLog, BrokenScene
 from mimicbench.sim.kinematics import Kinematics
 from mimicbench.sim.physics import LinkState, RobotState

@@ -12,7 +12,7 @@ import numpy as np
 import torch
 
 from mimicbench.objects.shape import SceneObject
-from mimicbench.robot.description import Robot
+from mimicbench.robots.description import Robot
 from mimicbench.sim.broken import BrokenLog
 
 

@@ -10,7 +10,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from mimicbench.core.errors import BadObject, UnknownName
 from mimicbench.objects.shape import SLOTS, SceneObject
-from mimicbench.robot.description import Robot, Shape
+from mimicbench.robots.description import Robot, Shape
 
 PHYSICS_DT = 0.005
 """[s] 200 Hz."""

@@ -18,7 +18,7 @@ import warp as wp  # pyright: ignore[reportMissingImports]
 
 from mimicbench.core.errors import BadObject, MimicbenchError
 from mimicbench.objects.shape import SceneObject
-from mimicbench.robot.description import Robot
+from mimicbench.robots.description import Robot
 from mimicbench.sim.broken import BrokenLog, BrokenScene
 from mimicbench.sim.physics import LinkState, RobotState
 from mimicbench.sim.scene import OBJECT_BODY, SUBSTEPS, build_model, build_object

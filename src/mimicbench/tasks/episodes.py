@@ -11,11 +11,11 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError, UnknownName
 from mimicbench.core.motion import RobotMotion
 from mimicbench.objects.shape import SceneObject
-from mimicbench.robot.description import load_robot
-from mimicbench.sense.elevation import camera_map
-from mimicbench.sense.proprioception import body_state, root_turn, s_current
-from mimicbench.sense.rays import ray_depth
-from mimicbench.sense.targets import target_map
+from mimicbench.robots.description import load_robot
+from mimicbench.sensors.elevation import camera_map
+from mimicbench.sensors.proprioception import body_state, root_turn, s_current
+from mimicbench.sensors.rays import ray_depth
+from mimicbench.sensors.targets import target_map
 from mimicbench.sim.backends import check_device, make_physics
 from mimicbench.sim.physics import LinkState, Physics
 from mimicbench.sim.scene import CONTROL_DT

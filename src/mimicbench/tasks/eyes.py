@@ -5,11 +5,11 @@ from typing import NamedTuple
 import numpy as np
 
 from mimicbench.objects.shape import SceneObject
-from mimicbench.robot.description import Robot
-from mimicbench.sense.opengl import SharedCanvas
-from mimicbench.sense.render import RigCameras
-from mimicbench.sense.rigs import Rig
-from mimicbench.sense.targets import mark_targets
+from mimicbench.robots.description import Robot
+from mimicbench.sensors.opengl import SharedCanvas
+from mimicbench.sensors.render import RigCameras
+from mimicbench.sensors.rigs import Rig
+from mimicbench.sensors.targets import mark_targets
 from mimicbench.sim.scene import build_model
 
 
@@ -19,7 +19,7 @@ class Seen(NamedTuple):
     color: np.ndarray
     """(C, height, width, 3) uint8."""
     labels: np.ndarray
-    """(C, height, width) uint8, see mimicbench.sense.render."""
+    """(C, height, width) uint8, see mimicbench.sensors.render."""
 
 
 class Eyes:

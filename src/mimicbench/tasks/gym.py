@@ -62,7 +62,7 @@ class TaskEnv(gymnasium.Env[Observation, np.ndarray]):
     - `depth` (C, height, width): along the axis of each of the C cameras that `elevation` is made of, 50 m at most [m], by rays. `cameras` is the
       pictures' size; at 90 x 120 four cost about 11 ms a robot and step.
     - `color` (C, height, width, 3), uint8: what they see; for TouchPoints with one red pixel for each target, hidden or not. Needs OpenGL.
-    - `labels` (C, height, width), uint8: of what they see (mimicbench.sense.render): 0 nothing, 1 floor, 2 object, 3 + i link i of the robot. Needs OpenGL.
+    - `labels` (C, height, width), uint8: of what they see (mimicbench.sensors.render): 0 nothing, 1 floor, 2 object, 3 + i link i of the robot. Needs OpenGL.
     - `targets` (2, 3), for TouchPoints only and always: where left and right wrist are to go, in the root frame [m].
 
     Nothing else is known of the object. The box to be lifted is seen through `elevation` and the cameras alone.

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mimicbench.objects.shape import SceneObject
-from mimicbench.robot.description import Robot
+from mimicbench.robots.description import Robot
 from mimicbench.sim.physics import LinkState, Physics
 from mimicbench.tasks.task import BodyPoints, ObjectFacts, Task
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mimicbench.sense.rigs import HEAD_RIG
+from mimicbench.sensors.rigs import HEAD_RIG
 from mimicbench.tasks.task import BodyPoints, ObjectFacts, Task
 
 LIFT = 0.2

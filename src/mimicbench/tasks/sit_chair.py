@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mimicbench.sense.rigs import PELVIS_RIG
+from mimicbench.sensors.rigs import PELVIS_RIG
 from mimicbench.tasks.task import BodyPoints, ObjectFacts, Task
 
 PELVIS_BAND = 0.27

@@ -1,6 +1,6 @@
 """Sitting on a sofa (SS): navigate, locate, and stably sit on a fixed, unseen sofa."""
 
-from mimicbench.sense.rigs import PELVIS_RIG
+from mimicbench.sensors.rigs import PELVIS_RIG
 from mimicbench.tasks.sit_chair import pelvis_above_seat
 from mimicbench.tasks.task import Task
 

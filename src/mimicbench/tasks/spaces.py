@@ -5,9 +5,9 @@ from gymnasium import spaces
 from gymnasium.vector.utils import batch_space
 
 from mimicbench.core.errors import UnknownName
-from mimicbench.robot.description import Robot
-from mimicbench.sense.heightmap import CELLS
-from mimicbench.sense.rays import FARTHEST
+from mimicbench.robots.description import Robot
+from mimicbench.sensors.heightmap import CELLS
+from mimicbench.sensors.rays import FARTHEST
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.episodes import BOUND, Episodes
 

@@ -22,8 +22,8 @@ from mimicbench.objects.shape import SceneObject, split_of
 from mimicbench.objects.touch import stance_before, touch_pair
 from mimicbench.references.walking import draw_start as draw_place
 from mimicbench.retarget.make import read_retargeted
-from mimicbench.robot.description import Robot
-from mimicbench.sense.heightmap import CELLS
+from mimicbench.robots.description import Robot
+from mimicbench.sensors.heightmap import CELLS
 from mimicbench.sim.physics import Physics
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.task import Task

@@ -9,8 +9,8 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body import body_of
-from mimicbench.robot.description import Robot
-from mimicbench.sense.rigs import Rig
+from mimicbench.robots.description import Robot
+from mimicbench.sensors.rigs import Rig
 
 REST = 1.5
 """[s] What is learned from a clip ends so long after it first fulfils K; clips rest for much longer."""

@@ -4,8 +4,8 @@ import mujoco
 import numpy as np
 
 from mimicbench.objects.shape import SceneObject
-from mimicbench.robot.description import Robot
-from mimicbench.sense.opengl import SharedCanvas
+from mimicbench.robots.description import Robot
+from mimicbench.sensors.opengl import SharedCanvas
 from mimicbench.sim.scene import build_model
 
 _MAX_SHAPES = 1000

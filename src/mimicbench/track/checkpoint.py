@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mimicbench.core.checkpoint import BadCheckpoint, load_checkpoint, save_checkpoint
-from mimicbench.robot.description import Robot
+from mimicbench.robots.description import Robot
 from mimicbench.track.network import TrackerNetwork
 from mimicbench.track.tracker import TrackerKind, get_kind
 

@@ -10,7 +10,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.motion import RobotMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
-from mimicbench.robot.description import Robot
+from mimicbench.robots.description import Robot
 from mimicbench.sim.backends import make_physics
 from mimicbench.sim.devices import tensor_device
 from mimicbench.sim.physics import RobotState

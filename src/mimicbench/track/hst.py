@@ -3,7 +3,7 @@
 import torch
 
 from mimicbench.core import rotations as rot
-from mimicbench.robot.description import Robot
+from mimicbench.robots.description import Robot
 from mimicbench.sim.physics import LinkState
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.track.reference import Frame

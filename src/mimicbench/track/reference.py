@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import RobotMotion
-from mimicbench.robot.description import Robot
+from mimicbench.robots.description import Robot
 from mimicbench.sim.scene import CONTROL_DT
 
 

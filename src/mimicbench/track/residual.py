@@ -3,8 +3,8 @@
 import torch
 
 from mimicbench.core import rotations as rot
-from mimicbench.robot.description import Robot
-from mimicbench.sense.proprioception import body_state
+from mimicbench.robots.description import Robot
+from mimicbench.sensors.proprioception import body_state
 from mimicbench.sim.physics import RobotState
 from mimicbench.track.reference import Frame
 from mimicbench.track.tracker import Moment, Step, TrackerKind

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import torch
 
 from mimicbench.core.errors import UnknownName
-from mimicbench.robot.description import Robot
+from mimicbench.robots.description import Robot
 from mimicbench.sim.physics import LinkState, RobotState
 from mimicbench.track.reference import Frame
 

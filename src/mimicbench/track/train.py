@@ -14,7 +14,7 @@ from mimicbench.core.files import read_json, write_atomic, write_json
 from mimicbench.core.motion import RobotMotion
 from mimicbench.core.seeds import digest
 from mimicbench.objects.shape import SceneObject
-from mimicbench.robot.description import Robot
+from mimicbench.robots.description import Robot
 from mimicbench.tasks.task import Task
 from mimicbench.track.checkpoint import Tracker, TrackerConfig, save_tracker
 from mimicbench.track.env import TrackingConfig, TrackingEnv

@@ -17,9 +17,9 @@ import numpy as np
 import torch
 
 from mimicbench.core import rotations as rot
-from mimicbench.sense.faces import Surfaces
-from mimicbench.sense.heightmap import CELL, CELLS, cell_centers
-from mimicbench.sense.rigs import HEIGHT, PELVIS_RIG, WIDTH, Rig
+from mimicbench.sensors.faces import Surfaces
+from mimicbench.sensors.heightmap import CELL, CELLS, cell_centers
+from mimicbench.sensors.rigs import HEIGHT, PELVIS_RIG, WIDTH, Rig
 from mimicbench.sim.physics import Physics
 
 RANGE = 6.0

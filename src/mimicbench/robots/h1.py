@@ -9,7 +9,7 @@ The collision shapes are our own. Unitree's and Menagerie's are made for walking
 lift. The buttocks end 0.06 m below the hip pitch axis, so a seated pelvis frame is about 0.235 m above the seat.
 """
 
-from mimicbench.robot.description import Gains, Joint, Link, Robot, Shape
+from mimicbench.robots.description import Gains, Joint, Link, Robot, Shape
 
 # fmt: off
 LINKS = (

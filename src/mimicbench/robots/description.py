@@ -178,7 +178,7 @@ class Robot:
 
 def load_robot(name: str) -> Robot:
     """A robot by name. Raises UnknownName."""
-    from mimicbench.robot.h1 import H1
+    from mimicbench.robots.h1 import H1
 
     robots = {robot.name: robot for robot in (H1,)}
     if name not in robots:
