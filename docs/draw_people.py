@@ -13,7 +13,7 @@ from PIL import Image
 
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.motion import HumanMotion
-from mimicbench.objects.families import FAMILIES
+from mimicbench.objects.registry import FAMILIES
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.importers import import_recording
 from mimicbench.references.real_clips import find_clips

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.seeds import rng
-from mimicbench.objects.families import FAMILIES
+from mimicbench.objects.registry import FAMILIES
 from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.touch import stance_before, touch_pair
 from mimicbench.report.render import Camera, Painter, Picture

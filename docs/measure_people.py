@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from mimicbench.core.motion import HumanMotion
-from mimicbench.objects.families import FAMILIES
+from mimicbench.objects.registry import FAMILIES
 from mimicbench.references.body import body_of
 from mimicbench.references.gait_measures import measure_gait, summarize, walking_model
 from mimicbench.references.paper import PAPER_SETS

@@ -11,7 +11,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import HumanMotion, Skeleton
 from mimicbench.core.stage import read_stage
-from mimicbench.objects.families import FAMILIES
+from mimicbench.objects.registry import FAMILIES
 from mimicbench.objects.make import ObjectsConfig, make_objects, read_objects
 from mimicbench.objects.shape import SceneObject, split_of
 from mimicbench.references.augment import AugmentConfig, make_augmented, mirror, mirrored_joints, mirrored_object, resize, restart, retime, variant

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from furniture_checks import ball_at_rest, check_plane, check_stands_in_one_piece, sizes
 from mimicbench.core.errors import BadObject
-from mimicbench.objects.beds import BEDS, MIN_MATTRESS, PILLOW_DEPTH, BedShape, build_bed, make_bed
-from mimicbench.objects.families import make_object
+from mimicbench.objects.families.beds import BEDS, MIN_MATTRESS, PILLOW_DEPTH, BedShape, build_bed, make_bed
+from mimicbench.objects.registry import make_object
 from mimicbench.objects.shape import SceneObject
 
 MEAN, DEVIATION = np.array([2.273, 1.777, 0.857]), np.array([0.427, 0.394, 0.270])

@@ -13,8 +13,8 @@ from mimicbench.bench import world
 from mimicbench.bench.soak import SoakConfig, compile_family, soak, soak_task
 from mimicbench.bench.world import WorldBenchConfig, bench_task
 from mimicbench.core.errors import BadObject
-from mimicbench.objects.chairs import make_chair
-from mimicbench.objects.families import FAMILIES
+from mimicbench.objects.families.chairs import make_chair
+from mimicbench.objects.registry import FAMILIES
 from mimicbench.tasks.registry import TASKS, get_task
 from stool import H1
 

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from joined import joined
-from mimicbench.objects.boxes import COUNT, FRICTION, KINDS, MASS, SIZE_DEVIATION, SIZE_MEAN, make_box
-from mimicbench.objects.families import make_object
+from mimicbench.objects.families.boxes import COUNT, FRICTION, KINDS, MASS, SIZE_DEVIATION, SIZE_MEAN, make_box
+from mimicbench.objects.registry import make_object
 from mimicbench.objects.surface import box_distance
 from mimicbench.robots.description import load_robot
 from mimicbench.sim.scene import OBJECT_BODY, build_model

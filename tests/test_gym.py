@@ -17,7 +17,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion, BadObject, MimicbenchError, UnknownName
 from mimicbench.core.motion import RobotMotion
 from mimicbench.core.seeds import rng
-from mimicbench.objects.families import FAMILIES, make_object
+from mimicbench.objects.registry import FAMILIES, make_object
 from mimicbench.objects.shape import save_object, split_of
 from mimicbench.objects.touch import STAND_OFF
 from mimicbench.sensors.opengl import NoPictures

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import HumanMotion
-from mimicbench.objects.chairs import make_chair
+from mimicbench.objects.families.chairs import make_chair
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.synthesis import synthesize
 from mimicbench.retarget.clip import Clip

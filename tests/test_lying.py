@@ -7,9 +7,9 @@ import pytest
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import HumanMotion
-from mimicbench.objects.beds import make_bed
+from mimicbench.objects.families.beds import make_bed
 from mimicbench.objects.shape import SceneObject
-from mimicbench.objects.sofas import make_couch
+from mimicbench.objects.families.sofas import make_couch
 from mimicbench.references.angles import joint_angles
 from mimicbench.references.berths import perch
 from mimicbench.references.body import body_of, roam_body, unihsi_body

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import HumanMotion
-from mimicbench.objects.boxes import make_box
-from mimicbench.objects.chairs import make_chair
+from mimicbench.objects.families.boxes import make_box
+from mimicbench.objects.families.chairs import make_chair
 from mimicbench.objects.shape import SceneObject
-from mimicbench.objects.sofas import make_sofa
+from mimicbench.objects.families.sofas import make_sofa
 from mimicbench.references.angles import joint_angles
 from mimicbench.references.body import Body, body_of, core4d_body, roam_body, unihsi_body
 from mimicbench.references.limbs import about_x, about_y

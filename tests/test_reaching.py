@@ -5,8 +5,8 @@ import pytest
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import HumanMotion, forward_kinematics
-from mimicbench.objects.boxes import make_box
-from mimicbench.objects.household import make_household
+from mimicbench.objects.families.boxes import make_box
+from mimicbench.objects.families.household import make_household
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references import lift_box, postures, reaching, touch_points
 from mimicbench.references.body import body_of, core4d_body

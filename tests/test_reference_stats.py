@@ -13,10 +13,10 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile
 from mimicbench.core.files import read_json, write_json
 from mimicbench.core.motion import HumanMotion
-from mimicbench.objects.beds import make_bed
-from mimicbench.objects.chairs import make_chair
+from mimicbench.objects.families.beds import make_bed
+from mimicbench.objects.families.chairs import make_chair
 from mimicbench.objects.make import ObjectsConfig, make_objects
-from mimicbench.objects.sofas import make_sofa
+from mimicbench.objects.families.sofas import make_sofa
 from mimicbench.references.body import unihsi_body
 from mimicbench.references.gait import Gait, Route
 from mimicbench.references.gait_measures import measure_gait, summarize, walking_model

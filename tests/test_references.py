@@ -9,7 +9,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.curves import minimum_jerk, smooth_below
 from mimicbench.core.errors import BadObject, UnknownName
 from mimicbench.core.motion import HumanMotion
-from mimicbench.objects.chairs import make_chair
+from mimicbench.objects.families.chairs import make_chair
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references import skeletons as human
 from mimicbench.references.balance import balance, support_point

@@ -10,7 +10,7 @@ import pytest
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion, UnknownName
 from mimicbench.core.motion import HumanMotion
-from mimicbench.objects.families import make_object
+from mimicbench.objects.registry import make_object
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body import body_of
 from mimicbench.references.planning import plan

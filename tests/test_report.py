@@ -17,7 +17,7 @@ from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError
 from mimicbench.core.motion import HumanMotion, RobotMotion, forward_kinematics
 from mimicbench.evaluate.intervals import Rate
 from mimicbench.evaluate.rows import EpisodeRow, read_rows
-from mimicbench.objects.families import FAMILIES, make_object
+from mimicbench.objects.registry import FAMILIES, make_object
 from mimicbench.references.body import body_of
 from mimicbench.references.skeletons import SKELETONS, UNIHSI
 from mimicbench.report import compare, page, plots

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion, UnknownName
 from mimicbench.core.motion import HumanMotion, RobotMotion, Skeleton
-from mimicbench.objects.chairs import make_chair
+from mimicbench.objects.families.chairs import make_chair
 from mimicbench.references.skeletons import UNIHSI
 from mimicbench.retarget import optimization as opt
 from mimicbench.retarget.adam import adam

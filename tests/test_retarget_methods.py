@@ -14,8 +14,8 @@ from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError, UnknownN
 from mimicbench.core.files import read_json
 from mimicbench.core.motion import HumanMotion, RobotMotion, Skeleton, forward_kinematics
 from mimicbench.core.stage import Stage, open_stage
-from mimicbench.objects.boxes import make_box
-from mimicbench.objects.chairs import make_chair
+from mimicbench.objects.families.boxes import make_box
+from mimicbench.objects.families.chairs import make_chair
 from mimicbench.objects.shape import SceneObject, save_object
 from mimicbench.references.body import body_of
 from mimicbench.references.skeletons import CORE4D, ROAM, UNIHSI

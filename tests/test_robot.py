@@ -6,7 +6,7 @@ import pytest
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import UnknownName
-from mimicbench.objects.chairs import make_chair
+from mimicbench.objects.families.chairs import make_chair
 from mimicbench.robots.description import load_robot
 from mimicbench.sim.scene import build_model
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import RobotMotion
 from mimicbench.evaluate.rollout import run_policy
-from mimicbench.objects.chairs import make_chair
+from mimicbench.objects.families.chairs import make_chair
 from mimicbench.sensors.bench import bench_senses
 from mimicbench.sensors.cameras import CameraMaps
 from mimicbench.sensors.elevation import camera_map, down_map, map_from_depth

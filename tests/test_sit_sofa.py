@@ -9,7 +9,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadObject
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.shape import SceneObject
-from mimicbench.objects.sofas import make_sofa
+from mimicbench.objects.families.sofas import make_sofa
 from mimicbench.references.body import body_of, roam_body
 from mimicbench.references.quality import check_clip, faults
 from mimicbench.references.seats import armrest, lean_against, place_at, places

@@ -10,8 +10,8 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadObject, UnknownName
 from mimicbench.core.motion import RobotMotion
 from mimicbench.core.seeds import rng
-from mimicbench.objects.chairs import make_chair
-from mimicbench.objects.household import make_household
+from mimicbench.objects.families.chairs import make_chair
+from mimicbench.objects.families.household import make_household
 from mimicbench.objects.shape import SceneObject
 from mimicbench.sim.native import NativePhysics
 from mimicbench.sim.scene import CONTROL_DT

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadObject
-from mimicbench.objects.household import make_household
+from mimicbench.objects.families.household import make_household
 from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.surface import box_distance
 from mimicbench.objects.touch import (

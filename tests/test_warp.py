@@ -16,8 +16,8 @@ pytest.importorskip("mujoco_warp", reason="MuJoCo Warp is not installed: pip ins
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadObject, UnknownName
-from mimicbench.objects.boxes import make_box
-from mimicbench.objects.families import FAMILIES
+from mimicbench.objects.families.boxes import make_box
+from mimicbench.objects.registry import FAMILIES
 from mimicbench.objects.shape import SceneObject
 from mimicbench.sim.backends import make_physics
 from mimicbench.sim.broken import load_broken, replay

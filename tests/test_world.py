@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from mujoco.batch import Batch
 
 from mimicbench.bench.soak import PAPER_COUNTS
-from mimicbench.objects.families import FAMILIES
+from mimicbench.objects.registry import FAMILIES
 from mimicbench.sensors.elevation import camera_map
 from mimicbench.sim.native import NativePhysics
 from mimicbench.sim.scene import build_model

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 
-from mimicbench.objects.families import FAMILIES
+from mimicbench.objects.registry import FAMILIES
 from mimicbench.references.paper import PAPER_SETS
 from mimicbench.references.synthesis import synthesize
 from mimicbench.report.tables import Table

@@ -16,7 +16,7 @@ from mujoco.batch import Batch
 from mimicbench.bench.memory import resident_bytes
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.seeds import rng
-from mimicbench.objects.families import FAMILIES
+from mimicbench.objects.registry import FAMILIES
 from mimicbench.robots.description import Robot, load_robot
 from mimicbench.sim.scene import build_model
 from mimicbench.tasks.gym import TaskVectorEnv

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 import torch
 
-from mimicbench.objects.families import FAMILIES
+from mimicbench.objects.registry import FAMILIES
 from mimicbench.references.synthesis import synthesize
 from mimicbench.retarget.bench import frames_per_second
 from mimicbench.retarget.clip import Clip

@@ -17,7 +17,7 @@ import torch
 
 from mimicbench.bench.memory import resident_bytes
 from mimicbench.core.seeds import rng
-from mimicbench.objects.families import make_object
+from mimicbench.objects.registry import make_object
 from mimicbench.robots.description import load_robot
 from mimicbench.sensors.bench import bench_senses
 from mimicbench.tasks.gym import TaskVectorEnv

@@ -63,8 +63,8 @@ def import_objects_(
     from dataclasses import asdict
 
     from mimicbench import workspace
-    from mimicbench.objects.own import ImportConfig, import_objects
-    from mimicbench.objects.placing import Wishes
+    from mimicbench.objects.importing.own import ImportConfig, import_objects
+    from mimicbench.objects.importing.placing import Wishes
 
     ws = workspace.Workspace(workdir, task, quiet=as_json)
     config = ImportConfig(Wishes(unit, up, front, height, scale), pieces, mass)

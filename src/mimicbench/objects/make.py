@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from mimicbench.core.stage import Stage, open_stage
-from mimicbench.objects.families import FAMILIES
+from mimicbench.objects.registry import FAMILIES
 from mimicbench.objects.shape import SceneObject, load_object, save_object
 
 

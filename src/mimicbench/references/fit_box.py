@@ -9,9 +9,9 @@ from scipy.spatial import ConvexHull
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.seeds import rng
-from mimicbench.objects.boxes import KINDS, build_box
-from mimicbench.objects.convex import box_around
-from mimicbench.objects.mesh import read_mesh
+from mimicbench.objects.families.boxes import KINDS, build_box
+from mimicbench.objects.importing.convex import box_around
+from mimicbench.objects.importing.mesh import read_mesh
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.recording import ObjectTrack
 

@@ -9,11 +9,11 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion, BadObject
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
-from mimicbench.objects.chairs import KINDS, build_chair, draw_shape
+from mimicbench.objects.families.chairs import KINDS, build_chair, draw_shape
 from mimicbench.objects.shape import SceneObject
-from mimicbench.objects.sofas import draw_sofa
+from mimicbench.objects.families.sofas import draw_sofa
 from mimicbench.objects.surface import box_distance
-from mimicbench.objects.upholstery import build_sofa
+from mimicbench.objects.families.upholstery import build_sofa
 from mimicbench.references.body import body_of
 
 FAR = 0.2

@@ -8,7 +8,7 @@ import numpy as np
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
-from mimicbench.objects.upholstery import HEAD_ROOM
+from mimicbench.objects.families.upholstery import HEAD_ROOM
 from mimicbench.references.berths import Berth, perch
 from mimicbench.references.body import Body, roam_body
 from mimicbench.references.course import Course

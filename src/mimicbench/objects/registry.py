@@ -4,12 +4,12 @@ import re
 from collections.abc import Callable
 
 from mimicbench.core.errors import BadObject, UnknownName
-from mimicbench.objects.beds import make_bed
-from mimicbench.objects.boxes import make_box
-from mimicbench.objects.chairs import make_chair
-from mimicbench.objects.household import make_household
+from mimicbench.objects.families.beds import make_bed
+from mimicbench.objects.families.boxes import make_box
+from mimicbench.objects.families.chairs import make_chair
+from mimicbench.objects.families.household import make_household
 from mimicbench.objects.shape import SceneObject
-from mimicbench.objects.sofas import make_couch, make_sofa
+from mimicbench.objects.families.sofas import make_couch, make_sofa
 
 FAMILIES: dict[str, Callable[[int, int], SceneObject]] = {
     "chair": make_chair,

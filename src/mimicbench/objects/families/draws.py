@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mimicbench.objects.parts import Color
+from mimicbench.objects.families.parts import Color
 
 Range = tuple[float, float, float, float]
 """A truncated normal distribution: mean, deviation, least, most [m]."""

@@ -11,8 +11,8 @@ import numpy as np
 
 from mimicbench.core.errors import BadObject
 from mimicbench.core.seeds import rng
-from mimicbench.objects.draws import FABRICS, WOODS, SizeDistribution, tint, truncated
-from mimicbench.objects.parts import Color, Parts
+from mimicbench.objects.families.draws import FABRICS, WOODS, SizeDistribution, tint, truncated
+from mimicbench.objects.families.parts import Color, Parts
 from mimicbench.objects.shape import SceneObject
 
 KINDS = ("dining", "stool", "armchair", "easy")

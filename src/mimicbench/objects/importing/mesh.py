@@ -55,7 +55,7 @@ def read_mesh(path: Path) -> Mesh:
         raise BadFile(f"{path} has {size >> 20} MiB, more than {MAX_BYTES >> 20}; reduce the mesh to some ten thousand faces first")
     data = path.read_bytes()
     check_bytes(data, kind, str(path))
-    arrays = run_bounded("mimicbench.objects.mesh", "parse_bytes", {"data": np.frombuffer(data, np.uint8), "kind": np.array(kind)},
+    arrays = run_bounded("mimicbench.objects.importing.mesh", "parse_bytes", {"data": np.frombuffer(data, np.uint8), "kind": np.array(kind)},
                          READ_SECONDS, READ_BYTES, f"{path} cannot be read as {kind.upper()}: ")  # fmt: skip
     return checked(arrays["vertices"], arrays["faces"], str(path))
 

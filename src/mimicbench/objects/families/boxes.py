@@ -15,9 +15,9 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.seeds import rng
-from mimicbench.objects.draws import WOODS, shade, tint
-from mimicbench.objects.furnishing import METALS, PAINTS
-from mimicbench.objects.parts import Color, Parts
+from mimicbench.objects.families.draws import WOODS, shade, tint
+from mimicbench.objects.families.furnishing import METALS, PAINTS
+from mimicbench.objects.families.parts import Color, Parts
 from mimicbench.objects.shape import SceneObject
 
 KINDS = ("carton", "wooden case", "tote", "flight case")

@@ -12,7 +12,7 @@ from scipy import ndimage
 from scipy.spatial import ConvexHull
 
 from mimicbench.core.errors import BadObject
-from mimicbench.objects.mesh import Mesh
+from mimicbench.objects.importing.mesh import Mesh
 
 CELL = 0.02
 """[m] between the vertical lines."""

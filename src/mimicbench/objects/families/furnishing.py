@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.objects.parts import Color, Parts
+from mimicbench.objects.families.parts import Color, Parts
 
 PAINTS: tuple[Color, ...] = (
     (0.30, 0.42, 0.52), (0.65, 0.33, 0.25), (0.42, 0.52, 0.40), (0.82, 0.64, 0.28), (0.78, 0.76, 0.72), (0.36, 0.30, 0.42), (0.20, 0.45, 0.46),

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from mimicbench.objects.draws import shade
-from mimicbench.objects.furnishing import DARK, GLASS, Draft, Furnishing
+from mimicbench.objects.families.draws import shade
+from mimicbench.objects.families.furnishing import DARK, GLASS, Draft, Furnishing
 
 BULGE = 0.04
 """[m] how far doors and handles stand out of a machine's front."""

@@ -3,7 +3,7 @@
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.objects.parts import Color, Parts
+from mimicbench.objects.families.parts import Color, Parts
 
 SEAM = 0.005
 """Half of the groove between two cushions [m]."""

@@ -9,9 +9,9 @@ from typing import Literal
 import numpy as np
 
 from mimicbench.core.errors import BadObject
-from mimicbench.objects.convex import Topology, outward, topology
-from mimicbench.objects.mesh import Mesh
-from mimicbench.objects.planes import LIE, SIT, LevelPlane, PlaneNeeds, find_plane, surfaces
+from mimicbench.objects.importing.convex import Topology, outward, topology
+from mimicbench.objects.importing.mesh import Mesh
+from mimicbench.objects.importing.planes import LIE, SIT, LevelPlane, PlaneNeeds, find_plane, surfaces
 
 Axis = Literal["x+", "x-", "y+", "y-", "z+", "z-"]
 Unit = Literal["m", "cm", "mm", "in", "normalized"]

@@ -14,11 +14,11 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile, BadObject, MimicbenchError
 from mimicbench.core.files import read_json, write_json
 from mimicbench.core.stage import HEADER, Stage, open_stage
-from mimicbench.objects.convex import box_around, split
-from mimicbench.objects.mend import close_holes
-from mimicbench.objects.mesh import MAX_BYTES, Mesh, read_mesh
-from mimicbench.objects.placing import ANYTHING, KINDS, LIE, Placed, Wishes, place
-from mimicbench.objects.planes import LevelPlane
+from mimicbench.objects.importing.convex import box_around, split
+from mimicbench.objects.importing.mend import close_holes
+from mimicbench.objects.importing.mesh import MAX_BYTES, Mesh, read_mesh
+from mimicbench.objects.importing.placing import ANYTHING, KINDS, LIE, Placed, Wishes, place
+from mimicbench.objects.importing.planes import LevelPlane
 from mimicbench.objects.shape import SceneObject, save_object
 from mimicbench.objects.touch import UPRIGHT, with_touch_points
 

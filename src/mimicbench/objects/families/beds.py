@@ -12,9 +12,9 @@ import numpy as np
 
 from mimicbench.core.errors import BadObject
 from mimicbench.core.seeds import rng
-from mimicbench.objects.draws import WOODS, Range, SizeDistribution, shade, tint, truncated
-from mimicbench.objects.joinery import feet, lean, roll
-from mimicbench.objects.parts import Color, Parts
+from mimicbench.objects.families.draws import WOODS, Range, SizeDistribution, shade, tint, truncated
+from mimicbench.objects.families.joinery import feet, lean, roll
+from mimicbench.objects.families.parts import Color, Parts
 from mimicbench.objects.shape import SceneObject
 
 MIN_MATTRESS = (1.70, 0.78)

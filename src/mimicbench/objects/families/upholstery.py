@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from mimicbench.core.errors import BadObject
-from mimicbench.objects.draws import FABRICS, WOODS, shade
-from mimicbench.objects.joinery import GROOVE, SEAM, cushions, feet, lean, roll
-from mimicbench.objects.parts import Color, Parts
+from mimicbench.objects.families.draws import FABRICS, WOODS, shade
+from mimicbench.objects.families.joinery import GROOVE, SEAM, cushions, feet, lean, roll
+from mimicbench.objects.families.parts import Color, Parts
 from mimicbench.objects.shape import SceneObject
 
 MIN_SEAT_DEPTH = 0.38

@@ -3,8 +3,8 @@
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.objects.draws import shade
-from mimicbench.objects.furnishing import DARK, Draft, Furnishing
+from mimicbench.objects.families.draws import shade
+from mimicbench.objects.families.furnishing import DARK, Draft, Furnishing
 
 
 def crate(parts: Furnishing, draft: Draft, random: np.random.Generator) -> None:

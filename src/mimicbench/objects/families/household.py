@@ -11,8 +11,8 @@ import numpy as np
 
 from mimicbench.core.seeds import rng
 from mimicbench.objects import appliances, containers, furniture
-from mimicbench.objects.draws import WOODS, Range, tint, truncated
-from mimicbench.objects.furnishing import METALS, PAINTS, WHITE_GOODS, Draft, Furnishing
+from mimicbench.objects.families.draws import WOODS, Range, tint, truncated
+from mimicbench.objects.families.furnishing import METALS, PAINTS, WHITE_GOODS, Draft, Furnishing
 from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.touch import with_touch_points
 

@@ -5,9 +5,9 @@ Fronts look to +x. Handles stand out of the front, and count as part of the leng
 
 import numpy as np
 
-from mimicbench.objects.draws import shade
-from mimicbench.objects.furnishing import DARK, Draft, Furnishing
-from mimicbench.objects.parts import Color
+from mimicbench.objects.families.draws import shade
+from mimicbench.objects.families.furnishing import DARK, Draft, Furnishing
+from mimicbench.objects.families.parts import Color
 
 HANDLE = 0.03
 """[m] how far handles stand out of a front."""

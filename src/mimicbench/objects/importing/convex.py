@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull, QhullError
 from mimicbench.core import rotations as rot
 from mimicbench.core.bounded import run_bounded
 from mimicbench.core.errors import BadFile, BadObject
-from mimicbench.objects.mesh import Mesh, weld
+from mimicbench.objects.importing.mesh import Mesh, weld
 from mimicbench.objects.shape import SLOTS
 
 CORNERS = 24
@@ -172,7 +172,7 @@ def _coacd(mesh: Mesh, limit: int) -> list[np.ndarray]:
     for fineness in (2, 1):
         arrays = {"vertices": mesh.vertices, "faces": mesh.faces, "limit": np.array(limit), "fineness": np.array(fineness)}
         try:
-            found = run_bounded("mimicbench.objects.convex", "coacd_pieces", arrays, SPLIT_SECONDS, SPLIT_BYTES, "it cannot be split into convex pieces: ")
+            found = run_bounded("mimicbench.objects.importing.convex", "coacd_pieces", arrays, SPLIT_SECONDS, SPLIT_BYTES, "it cannot be split into convex pieces: ")
         except BadFile as error:
             reason = str(error)
             continue
