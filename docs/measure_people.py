@@ -10,13 +10,13 @@ import numpy as np
 
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.registry import FAMILIES
-from mimicbench.references.body import body_of
-from mimicbench.references.gait_measures import measure_gait, summarize, walking_model
+from mimicbench.references.body.body import body_of
+from mimicbench.references.checks.gait_measures import measure_gait, summarize, walking_model
 from mimicbench.references.paper import PAPER_SETS
-from mimicbench.references.quality import gate
-from mimicbench.references.real_clips import sitting_clips
-from mimicbench.references.synthesis import synthesize
-from mimicbench.references.unihsi import import_skeleton_motion
+from mimicbench.references.checks.quality import gate
+from mimicbench.references.recordings.real_clips import sitting_clips
+from mimicbench.references.synthesis.registry import synthesize
+from mimicbench.references.importers.unihsi import import_skeleton_motion
 from mimicbench.report.tables import Cell, Table, to_markdown
 from mimicbench.tasks.registry import TASKS
 

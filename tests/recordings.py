@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import Skeleton, forward_kinematics
-from mimicbench.references.skeletons import CORE4D, ROAM, UNIHSI
+from mimicbench.references.body.skeletons import CORE4D, ROAM, UNIHSI
 
 FRAMES = 45
 Y_UP = rot.from_matrix(np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]]))  # (x, y, z) with z up becomes (y, z, x)

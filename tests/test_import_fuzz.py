@@ -17,8 +17,8 @@ import torch
 
 import recordings
 from mimicbench.core.errors import BadFile, BadMotion
-from mimicbench.references.importers import FORMATS, import_recording
-from mimicbench.references.real_clips import TASKS, find_clips
+from mimicbench.references.importers.registry import FORMATS, import_recording
+from mimicbench.references.recordings.real_clips import TASKS, find_clips
 
 COUNT = int(os.environ.get("MIMICBENCH_FUZZ", "420")) // len(FORMATS)
 SLOWEST, MEMORY = 2.0, 400 << 20

@@ -18,17 +18,17 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError, UnknownName
 from mimicbench.core.motion import forward_kinematics
 from mimicbench.core.untrusted import load_torch
-from mimicbench.references.body import body_of
-from mimicbench.references.bvh import read_bvh, world
-from mimicbench.references.importers import FORMATS, detect_format, import_recording
-from mimicbench.references.intermimic import BODY_POS, SOURCES
-from mimicbench.references.joint_names import split_name
-from mimicbench.references.quality import check_clip
-from mimicbench.references.real_clips import TASKS, find_clips
-from mimicbench.references.recording import Wishes, stride_scale
-from mimicbench.references.rest_pose import axis_up, turned
-from mimicbench.references.roam import read_pose
-from mimicbench.references.skeletons import CORE4D, ROAM, SKELETONS, UNIHSI
+from mimicbench.references.body.body import body_of
+from mimicbench.references.importers.bvh import read_bvh, world
+from mimicbench.references.importers.registry import FORMATS, detect_format, import_recording
+from mimicbench.references.importers.intermimic import BODY_POS, SOURCES
+from mimicbench.references.importers.joint_names import split_name
+from mimicbench.references.checks.quality import check_clip
+from mimicbench.references.recordings.real_clips import TASKS, find_clips
+from mimicbench.references.importers.recording import Wishes, stride_scale
+from mimicbench.references.importers.rest_pose import axis_up, turned
+from mimicbench.references.importers.roam import read_pose
+from mimicbench.references.body.skeletons import CORE4D, ROAM, SKELETONS, UNIHSI
 
 DATA = Path(__file__).parents[1].parent / "shared" / "data"
 real = pytest.mark.skipif(not DATA.is_dir(), reason=f"the real recordings are not at {DATA}")
@@ -142,7 +142,7 @@ def test_units_axes_and_rates_can_be_told(tmp_path):
 
 def test_mixed_units_are_noticed(tmp_path):
     """A walker whose root is in meters and whose bones are in centimeters."""
-    from mimicbench.references.body import roam_body
+    from mimicbench.references.body.body import roam_body
 
     body, time = roam_body(), np.arange(90) / 30
     quat = np.tile(rot.IDENTITY, (90, 27, 1))

@@ -11,7 +11,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.families.chairs import make_chair
 from mimicbench.objects.shape import SceneObject
-from mimicbench.references.synthesis import synthesize
+from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.interaction import InteractionConfig, interact, make_problem, refine
 from mimicbench.retarget.kinematics import Pose, tree_of

@@ -10,16 +10,16 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.families.beds import make_bed
 from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.families.sofas import make_couch
-from mimicbench.references.angles import joint_angles
-from mimicbench.references.berths import perch
-from mimicbench.references.body import body_of, roam_body, unihsi_body
-from mimicbench.references.lie_bed import find_berth as find_bed_berth
-from mimicbench.references.lie_bed import make_lie_bed
-from mimicbench.references.lie_sofa import find_berth as find_sofa_berth
-from mimicbench.references.lie_sofa import make_lie_sofa
-from mimicbench.references.lying import LieStyle
-from mimicbench.references.quality import gate
-from mimicbench.references.synthesis import synthesize
+from mimicbench.references.body.angles import joint_angles
+from mimicbench.references.actions.berths import perch
+from mimicbench.references.body.body import body_of, roam_body, unihsi_body
+from mimicbench.references.synthesis.lie_bed import find_berth as find_bed_berth
+from mimicbench.references.synthesis.lie_bed import make_lie_bed
+from mimicbench.references.synthesis.lie_sofa import find_berth as find_sofa_berth
+from mimicbench.references.synthesis.lie_sofa import make_lie_sofa
+from mimicbench.references.actions.lying import LieStyle
+from mimicbench.references.checks.quality import gate
+from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.tasks.registry import get_task
 
 STYLE = LieStyle(1.06, 0.6, 1.7, 1.0, 0.57, 0.12, 0.95, 0.0, 0.0, 0.0, 1.0, 20.0)

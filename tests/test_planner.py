@@ -9,7 +9,7 @@ from mimicbench.imitate.learn_planner import _Episodes, train_planner
 from mimicbench.imitate.perception import Perception, PerceptionConfig, save_perception, seat_memory
 from mimicbench.imitate.planner import PlannerConfig, load_planner, plan_size, save_planner
 from mimicbench.objects.families.chairs import make_chair
-from mimicbench.references.synthesis import synthesize
+from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.optimization import optimize
 from mimicbench.robots.description import load_robot

@@ -13,11 +13,11 @@ from mimicbench.objects.families.boxes import make_box
 from mimicbench.objects.families.chairs import make_chair
 from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.families.sofas import make_sofa
-from mimicbench.references.angles import joint_angles
-from mimicbench.references.body import Body, body_of, core4d_body, roam_body, unihsi_body
-from mimicbench.references.limbs import about_x, about_y
-from mimicbench.references.penetration import depths, soft_boxes
-from mimicbench.references.quality import check_clip, faults, gate, stance_slides
+from mimicbench.references.body.angles import joint_angles
+from mimicbench.references.body.body import Body, body_of, core4d_body, roam_body, unihsi_body
+from mimicbench.references.body.limbs import about_x, about_y
+from mimicbench.references.checks.penetration import depths, soft_boxes
+from mimicbench.references.checks.quality import check_clip, faults, gate, stance_slides
 from mimicbench.tasks.sit_chair import SIT_CHAIR
 from mimicbench.tasks.task import Task
 

@@ -17,15 +17,15 @@ from mimicbench.objects.families.beds import make_bed
 from mimicbench.objects.families.chairs import make_chair
 from mimicbench.objects.make import ObjectsConfig, make_objects
 from mimicbench.objects.families.sofas import make_sofa
-from mimicbench.references.body import unihsi_body
-from mimicbench.references.gait import Gait, Route
-from mimicbench.references.gait_measures import measure_gait, summarize, walking_model
+from mimicbench.references.body.body import unihsi_body
+from mimicbench.references.locomotion.gait import Gait, Route
+from mimicbench.references.checks.gait_measures import measure_gait, summarize, walking_model
 from mimicbench.references.make import ReferencesConfig, make_references, remake
 from mimicbench.references.paper import PAPER_SETS
-from mimicbench.references.posing import Trunk, pose
-from mimicbench.references.stats import object_size, pairwise, set_statistics, spread
-from mimicbench.references.synthesis import synthesize
-from mimicbench.references.walking import FPS, walk
+from mimicbench.references.body.posing import Trunk, pose
+from mimicbench.references.checks.stats import object_size, pairwise, set_statistics, spread
+from mimicbench.references.synthesis.registry import synthesize
+from mimicbench.references.locomotion.walking import FPS, walk
 from mimicbench.report.dataset import dataset_picture, statistics_table, variety_table
 from mimicbench.report.tables import to_markdown
 from mimicbench.tasks.registry import TASKS
@@ -186,7 +186,7 @@ def test_model_of_usual_walking():
 
 @pytest.mark.skipif(not DATA.exists(), reason="no real recordings here")
 def test_real_people_walk_as_the_model_says():
-    from mimicbench.references.unihsi import import_skeleton_motion
+    from mimicbench.references.importers.unihsi import import_skeleton_motion
 
     recording = import_skeleton_motion(DATA / "unihsi" / "motion_clips" / "lie_down.npy")
     motion = HumanMotion(recording.name, "walk", recording.skeleton, recording.fps, recording.root_pos_w, recording.local_quat, "none")

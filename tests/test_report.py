@@ -18,8 +18,8 @@ from mimicbench.core.motion import HumanMotion, RobotMotion, forward_kinematics
 from mimicbench.evaluate.intervals import Rate
 from mimicbench.evaluate.rows import EpisodeRow, read_rows
 from mimicbench.objects.registry import FAMILIES, make_object
-from mimicbench.references.body import body_of
-from mimicbench.references.skeletons import SKELETONS, UNIHSI
+from mimicbench.references.body.body import body_of
+from mimicbench.references.body.skeletons import SKELETONS, UNIHSI
 from mimicbench.report import compare, page, plots
 from mimicbench.report.curves import read_curve
 from mimicbench.report.paper_tables import TABLES, TASKS, methods, paper_table

@@ -13,7 +13,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion, UnknownName
 from mimicbench.core.motion import HumanMotion, RobotMotion, Skeleton
 from mimicbench.objects.families.chairs import make_chair
-from mimicbench.references.skeletons import UNIHSI
+from mimicbench.references.body.skeletons import UNIHSI
 from mimicbench.retarget import optimization as opt
 from mimicbench.retarget.adam import adam
 from mimicbench.retarget.bench import frames_per_second
@@ -292,8 +292,8 @@ def test_frames_per_second_counts() -> None:
 
 @pytest.mark.skipif(not CLIPS.is_dir(), reason="the recorded UniHSI clips are not here")
 def test_real_people_become_robots() -> None:
-    from mimicbench.references.real_clips import sitting_clips
-    from mimicbench.references.unihsi import import_skeleton_motion
+    from mimicbench.references.recordings.real_clips import sitting_clips
+    from mimicbench.references.importers.unihsi import import_skeleton_motion
 
     (motion, obj), *_ = sitting_clips(import_skeleton_motion(CLIPS / "armchair.npy"), "sit-chair")
     result = optimize(Clip(motion, obj, H1))

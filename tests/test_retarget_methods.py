@@ -17,8 +17,8 @@ from mimicbench.core.stage import Stage, open_stage
 from mimicbench.objects.families.boxes import make_box
 from mimicbench.objects.families.chairs import make_chair
 from mimicbench.objects.shape import SceneObject, save_object
-from mimicbench.references.body import body_of
-from mimicbench.references.skeletons import CORE4D, ROAM, UNIHSI
+from mimicbench.references.body.body import body_of
+from mimicbench.references.body.skeletons import CORE4D, ROAM, UNIHSI
 from mimicbench.report.retargeting import Comparison, MethodResult, measures_table, write_comparison
 from mimicbench.retarget import optimization as opt
 from mimicbench.retarget.adam import adam

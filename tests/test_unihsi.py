@@ -14,13 +14,13 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile, BadMotion
 from mimicbench.core.motion import HumanMotion, forward_kinematics
 from mimicbench.core.untrusted import load_restricted
-from mimicbench.references.body import unihsi_body
-from mimicbench.references.contacts import drop_short
-from mimicbench.references.fit_object import seated_frame
-from mimicbench.references.real_clips import FPS, sitting_clips, smooth_jumps
-from mimicbench.references.segments import find_sittings
-from mimicbench.references.skeletons import UNIHSI
-from mimicbench.references.unihsi import import_skeleton_motion
+from mimicbench.references.body.body import unihsi_body
+from mimicbench.references.checks.contacts import drop_short
+from mimicbench.references.recordings.fit_object import seated_frame
+from mimicbench.references.recordings.real_clips import FPS, sitting_clips, smooth_jumps
+from mimicbench.references.recordings.segments import find_sittings
+from mimicbench.references.body.skeletons import UNIHSI
+from mimicbench.references.importers.unihsi import import_skeleton_motion
 
 DATA = Path(__file__).parents[1].parent / "shared" / "data"
 CLIPS = DATA / "unihsi" / "motion_clips"
@@ -249,7 +249,7 @@ def test_every_real_sitting_gets_a_chair(name):
 @real
 @pytest.mark.parametrize("name", SITTING)
 def test_nobody_walks_or_sits_through_the_chair(name):
-    from mimicbench.references.quality import check_clip
+    from mimicbench.references.checks.quality import check_clip
 
     for motion, chair in imported(name):
         measures = check_clip(motion, chair)

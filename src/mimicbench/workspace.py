@@ -32,8 +32,8 @@ if TYPE_CHECKING:  # these bring torch, which the earlier stages do without
     from mimicbench.imitate.demos import DemosConfig
     from mimicbench.imitate.make import ImitateConfig
     from mimicbench.references.augment import AugmentConfig
-    from mimicbench.references.recording import Wishes
-    from mimicbench.references.stats import SetStatistics
+    from mimicbench.references.importers.recording import Wishes
+    from mimicbench.references.checks.stats import SetStatistics
     from mimicbench.track.train import TrackConfig
 
 Say = Callable[[str], None]
@@ -122,7 +122,7 @@ def augment_stage(ws: Workspace, to: Path, config: AugmentConfig) -> Stage:
 
 def reference_statistics(workdir: Path, tasks: Sequence[str]) -> list[SetStatistics]:
     """Statistics of the human clips of those tasks that have any. Raises BadFile if none has."""
-    from mimicbench.references.stats import set_statistics
+    from mimicbench.references.checks.stats import set_statistics
 
     spaces = [Workspace(workdir, task) for task in tasks]
     there = [ws for ws in spaces if any(ws.folder("references").glob("*.npz"))] or spaces[:1]

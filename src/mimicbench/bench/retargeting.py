@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.references.paper import PAPER_SETS
-from mimicbench.references.synthesis import synthesize
+from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.report.tables import Table
 from mimicbench.retarget.bench import RetargetBenchConfig, bench_retargeting
 from mimicbench.retarget.clip import Clip

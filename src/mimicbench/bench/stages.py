@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from mimicbench.objects.registry import FAMILIES
-from mimicbench.references.synthesis import synthesize
+from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.retarget.bench import frames_per_second
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.methods import get_method

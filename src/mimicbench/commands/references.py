@@ -112,7 +112,7 @@ def import_(
 ) -> None:
     """Import recordings of real people, each beside its object, or one fitted to the person."""
     from mimicbench import workspace
-    from mimicbench.references.recording import Wishes
+    from mimicbench.references.importers.recording import Wishes
 
     wishes = Wishes(fps, up, unit, floor, object_mesh)
     done(workspace.import_stage(workspace.Workspace(workdir, task, quiet=as_json), files, say, form, wishes).header, as_json)

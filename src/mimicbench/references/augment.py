@@ -20,7 +20,7 @@ from mimicbench.core.seeds import rng
 from mimicbench.core.stage import Stage, open_stage
 from mimicbench.objects.make import read_objects
 from mimicbench.objects.shape import SceneObject, load_object, save_object
-from mimicbench.references.quality import Fulfils, gate
+from mimicbench.references.checks.quality import Fulfils, gate
 from mimicbench.references.warp import approach_end, rescaled, turned_approach
 
 Kind = Literal["mirror", "speed", "start", "size"]

@@ -14,11 +14,11 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.core.parallel import map_items
 from mimicbench.core.stage import HEADER, Stage, open_stage
 from mimicbench.objects.shape import load_object, save_object, split_of
-from mimicbench.references.importers import import_recording
-from mimicbench.references.quality import Fulfils, gate
-from mimicbench.references.real_clips import Clip, find_clips
-from mimicbench.references.recording import Wishes
-from mimicbench.references.synthesis import clip_id, synthesize
+from mimicbench.references.importers.registry import import_recording
+from mimicbench.references.checks.quality import Fulfils, gate
+from mimicbench.references.recordings.real_clips import Clip, find_clips
+from mimicbench.references.importers.recording import Wishes
+from mimicbench.references.synthesis.registry import clip_id, synthesize
 
 MOST_TRIES = 3
 """Times as many clips as wanted that are tried before the stage makes do with what it has."""

@@ -9,8 +9,8 @@ from mimicbench.core.curves import minimum_jerk
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import HumanMotion, forward_kinematics
 from mimicbench.objects.shape import SceneObject
-from mimicbench.references.body import Body, Limb, body_of
-from mimicbench.references.limbs import two_link
+from mimicbench.references.body.body import Body, Limb, body_of
+from mimicbench.references.body.limbs import two_link
 
 FEET, HANDS = ("left_foot", "right_foot"), ("left_hand", "right_hand")
 ON_FLOOR = 0.08

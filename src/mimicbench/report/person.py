@@ -1,6 +1,6 @@
 """How a person looks in pictures: rounded solids in clothes, on the joints of a human skeleton.
 
-People of all skeletons and sizes are dressed alike, by what their joints are to the body (`references/body.py`). Widths and
+People of all skeletons and sizes are dressed alike, by what their joints are to the body (`references/body/body.py`). Widths and
 depths are those of a person UNIT tall, in units of that height; lengths along limbs and trunk are shares of the bones.
 """
 
@@ -11,8 +11,8 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import Skeleton, forward_kinematics
-from mimicbench.references.body import Body, Limb, body_of
-from mimicbench.references.skeletons import SKELETONS
+from mimicbench.references.body.body import Body, Limb, body_of
+from mimicbench.references.body.skeletons import SKELETONS
 
 Vector = tuple[float, float, float]
 

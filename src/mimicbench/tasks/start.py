@@ -20,7 +20,7 @@ from mimicbench.objects.registry import FAMILIES, make_object
 from mimicbench.objects.make import read_objects
 from mimicbench.objects.shape import SceneObject, split_of
 from mimicbench.objects.touch import stance_before, touch_pair
-from mimicbench.references.walking import draw_start as draw_place
+from mimicbench.references.locomotion.walking import draw_start as draw_place
 from mimicbench.retarget.make import read_retargeted
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.heightmap import CELLS

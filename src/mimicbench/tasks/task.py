@@ -8,7 +8,7 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.objects.shape import SceneObject
-from mimicbench.references.body import body_of
+from mimicbench.references.body.body import body_of
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.rigs import Rig
 

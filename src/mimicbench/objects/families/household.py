@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mimicbench.core.seeds import rng
-from mimicbench.objects import appliances, containers, furniture
+from mimicbench.objects.families import appliances, containers, furniture
 from mimicbench.objects.families.draws import WOODS, Range, tint, truncated
 from mimicbench.objects.families.furnishing import METALS, PAINTS, WHITE_GOODS, Draft, Furnishing
 from mimicbench.objects.shape import SceneObject

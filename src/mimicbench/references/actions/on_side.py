@@ -1,0 +1,95 @@
+"""Turning from the back onto the side: pelvis and chest roll as one piece, the knees draw up together, the hands go in front of the chest."""
+
+import numpy as np
+
+from mimicbench.core import rotations as rot
+from mimicbench.core.curves import minimum_jerk
+from mimicbench.references.body.body import Body
+from mimicbench.references.body.limbs import about_x, about_y, two_link
+from mimicbench.references.body.posing import Arms, Legs, Trunk, reach, shoulders
+from mimicbench.references.actions.reaching import within_reach, wrists_of
+
+ROLL = 1.25
+"""How far the body turns over [rad]: a little less than onto its shoulder."""
+BEGIN, END = 5.4, 8.2
+"""On the clock of `lying`, at pace 1 [s]."""
+THIGH, SHIN = 0.85, -0.55
+"""How far thighs and shins point forward in the end [rad]."""
+FRONT = ((0.27, -0.22, 0.055), (0.25, 0.0, 0.08))
+"""Where the lower and the upper wrist lie, from their shoulders to the front and to the head, and above the bed, at body size 1 [m]."""
+LEAVE = ((0.05, 0.80), (0.25, 1.0))
+"""Between which parts of the turn the lower and the upper hand go there."""
+
+
+def turn_over(body: Body, height: float, out: np.ndarray, side: int, clock: np.ndarray, trunk: Trunk, legs: Legs, arms: Arms) -> tuple[Trunk, Legs, Arms]:
+    """Who lies on the back rolls onto side 0 (left) or 1 (right).
+
+    Args:
+        body: Who lies.
+        height: Of the bed [m].
+        out: (2,) unit vector to where the body rolls.
+        side: Side that is below in the end.
+        clock: (T,) as in `lying`.
+        trunk: On the back.
+        legs: Stretched.
+        arms: Resting.
+    """
+    sign = 1.0 - 2.0 * side
+    share = minimum_jerk((clock - BEGIN) / (END - BEGIN))
+    roll = sign * ROLL * share
+    # the hip below bears the weight, and the shoulder, which is wider, raises the chest
+    rise = (body.hip_half_width + 0.07 * body.size - body.back) * np.sin(np.abs(roll))
+    pos = trunk.pelvis_pos_w + np.stack([-0.10 * body.size * share * out[0], -0.10 * body.size * share * out[1], rise], -1)
+    pelvis = rot.multiply(trunk.pelvis_quat_w, rot.from_yaw(roll))
+    chest_turn, head_turn = (
+        rot.multiply(rot.conjugate(below), above) for below, above in ((trunk.pelvis_quat_w, trunk.chest_quat_w), (trunk.chest_quat_w, trunk.head_quat_w))
+    )
+    chest = rot.multiply(pelvis, rot.multiply(chest_turn, about_x(0.29 * sign * share)))
+    head = rot.multiply(chest, rot.multiply(head_turn, rot.multiply(about_x(-0.52 * sign * share), about_y(0.12 * share))))
+    rolled = Trunk(pos, pelvis, chest, head)
+    return (
+        rolled,
+        _knees_drawn_up(body, height, side, minimum_jerk((clock - BEGIN + 0.3) / (END - BEGIN - 0.2)), rolled, legs),
+        _hands_in_front(body, height, out, side, rolled, arms, (clock - BEGIN) / (END - BEGIN)),
+    )
+
+
+def _knees_drawn_up(body: Body, height: float, side: int, share: np.ndarray, trunk: Trunk, legs: Legs) -> Legs:
+    """Both knees bent, the lower leg on the bed and the upper one on it."""
+    upper, lower = body.length(body.legs[0])
+    axis = rot.rotate(trunk.pelvis_quat_w, np.array([0.0, 1.0, 0.0]))
+    ankle, foot = [], []
+    for i, leg in enumerate(body.legs):
+        # from the hip, forward, to the left, up; the upper leg comes down to the lower one
+        bent = np.array([upper * np.sin(THIGH) + lower * np.sin(SHIN), 0.0 if i == side else (1 - 2 * side) * 0.045 * body.size, 0.0])
+        bent[2] = -upper * np.cos(THIGH) - lower * np.cos(SHIN)
+        goal = trunk.pelvis_pos_w[-1] + rot.rotate(trunk.pelvis_quat_w[-1], body.skeleton.offsets[leg.root] + bent)
+        goal[2] = max(goal[2], height + (0.045 if i == side else 0.13) * body.size)
+        place = legs.ankle_pos_w[:, i] + share[:, None] * (goal - legs.ankle_pos_w[:, i])
+        hip = trunk.pelvis_pos_w + rot.rotate(trunk.pelvis_quat_w, body.skeleton.offsets[leg.root])
+        shin = two_link(hip, place, axis, upper, lower, True)[1]
+        ankle.append(place)
+        foot.append(rot.slerp(legs.foot_quat_w[:, i], rot.multiply(shin, about_y(np.full(len(share), 0.25))), share))
+    blended = legs.knee_axis_w + share[:, None, None] * (axis[:, None] - legs.knee_axis_w)
+    return Legs(np.stack(ankle, 1), np.stack(foot, 1), blended, legs.toe_bend)
+
+
+def _hands_in_front(body: Body, height: float, out: np.ndarray, side: int, trunk: Trunk, arms: Arms, progress: np.ndarray) -> Arms:
+    """Both hands come down onto the bed in front of the chest, close to the body all the way."""
+    chest = rot.rotate(trunk.chest_quat_w, np.array([0.0, 0.0, 1.0]))[-1]
+    front, head = np.array([*out, 0.0]), np.array([*chest[:2], 0.0]) / np.hypot(*chest[:2])
+    up, offset = np.array([0.0, 0.0, 1.0]), body.skeleton.offsets[[arm.middle for arm in body.arms]]
+    wrists, roots = wrists_of(body, trunk, arms), shoulders(body, trunk)
+    poles = roots + rot.rotate(rot.multiply(trunk.chest_quat_w[:, None], arms.upper), offset) - 0.5 * (roots + wrists)
+    poles /= np.linalg.norm(poles, axis=-1, keepdims=True)
+    for i in range(2):
+        (ahead, along, above), (begin, end) = FRONT[int(i != side)], LEAVE[int(i != side)]
+        goal = roots[-1, i] + body.size * (ahead * front + along * head)
+        goal[2] = height + above * body.size
+        share = minimum_jerk((progress - begin) / (end - begin))[:, None]
+        wrists[:, i] += share * (goal - wrists[:, i])
+        # the lower elbow stays where it lies, and is on the front's side in the end
+        turned, pole = (minimum_jerk((progress + 0.35) / 0.35)[:, None], front + 0.3 * head + 0.3 * up) if i == side else (share, -head)
+        poles[:, i] += turned * (pole / np.linalg.norm(pole) - poles[:, i])
+    wrists = within_reach(body, trunk, wrists)
+    return reach(body, trunk, wrists, np.cross(wrists - roots, poles))

@@ -1,0 +1,1 @@
+"""Recorded motion, one file a format."""

@@ -1,0 +1,213 @@
+"""A recording of a person as imported, not yet a clip of any task, and the checks that recordings of all formats go through."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from mimicbench.core import rotations as rot
+from mimicbench.core.errors import BadMotion
+from mimicbench.core.motion import MAX_FRAMES, Skeleton, forward_kinematics
+from mimicbench.references.body.body import body_of
+from mimicbench.references.checks.contacts import sole_points
+
+MAX_BYTES = 256 << 20
+"""Of a file, packed and unpacked."""
+UNITS: Mapping[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "cmu": 0.0254 / 0.45}
+"""Meters in a unit; `cmu` is that of the CMU library's skeletons."""
+LEG = (0.55, 1.15)
+"""Shortest and longest thigh and shin together of a person [m]."""
+FASTEST = 15.0
+"""A pelvis is slower than this [m/s]."""
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What the user knows of the files; None where it is to be read or guessed."""
+
+    fps: float | None = None
+    """Frames per second."""
+    up: str | None = None
+    """The files' axis that points up: `x+`, `y+`, `z+`, `x-`, `y-` or `z-`."""
+    unit: str | None = None
+    """The files' unit of length, one of UNITS."""
+    floor: float | None = None
+    """Height of the floor [m], in the files' coordinates made metric."""
+    mesh: Path | None = None
+    """The mesh (OBJ, PLY, STL, GLB; meters) of the object that the files track."""
+
+
+@dataclass(frozen=True)
+class ObjectTrack:
+    """Where a tracked object's mesh is."""
+
+    pos_w: np.ndarray
+    """(T, 3) its origin [m]."""
+    quat_w: np.ndarray
+    """(T, 4)"""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A recording as imported, not yet next to any object: z up, the floor at z = 0."""
+
+    name: str
+    """The file's name without its ending."""
+    skeleton: Skeleton
+    """One of `SKELETONS` by name and joints, in their rest pose, with the person's own bone lengths."""
+    fps: float
+    root_pos_w: np.ndarray
+    """(T, 3) pelvis [m]."""
+    local_quat: np.ndarray
+    """(T, J, 4) wxyz."""
+    assumed: tuple[str, ...]
+    """What was taken for granted, and what was mended, one sentence each."""
+    track: ObjectTrack | None = None
+    """Of the object, if the file has one."""
+    wishes: Wishes = field(default_factory=Wishes)
+    """What it was imported with."""
+
+    @property
+    def frames(self) -> int:
+        """T."""
+        return len(self.root_pos_w)
+
+    def forward_kinematics(self) -> tuple[np.ndarray, np.ndarray]:
+        """World positions (T, J, 3) [m] and orientations (T, J, 4) of all joints."""
+        return forward_kinematics(self.skeleton, self.root_pos_w, self.local_quat)
+
+
+def finish(path: Path, recording: Recording, stands: bool = True) -> Recording:
+    """Check that a recording is of an upright person of human size, and move the floor to z = 0. Raises BadMotion.
+
+    Args:
+        path: the file, for messages.
+        recording: with z up, the floor anywhere.
+        stands: the person must stand upright in some frame; otherwise z is up because the format says so.
+    """
+    check_person(path, recording.skeleton)
+    if stands:
+        check_upright(path, recording.root_pos_w, recording.local_quat)
+    speed = np.linalg.norm(np.diff(recording.root_pos_w, axis=0), axis=-1) * recording.fps
+    if np.quantile(speed, 0.98) > FASTEST:
+        raise BadMotion(f"{path}: the pelvis moves at {np.quantile(speed, 0.98):.3g} m/s; say the unit of length or the frame rate (--unit, --fps)")
+    pos, quat = recording.forward_kinematics()
+    if recording.wishes.floor is None:
+        floor = floor_height(recording.skeleton, pos, quat)
+        said = f"the floor was taken to be where the soles usually are, at z = {floor:.3f} m"
+    else:
+        floor = recording.wishes.floor
+        said = f"the floor is at z = {floor:.3f} m, as told"
+    down = np.array([0.0, 0.0, floor])
+    track = recording.track and replace(recording.track, pos_w=recording.track.pos_w - down)
+    return replace(recording, root_pos_w=recording.root_pos_w - down, assumed=(*recording.assumed, said), track=track)
+
+
+def check_person(path: Path, skeleton: Skeleton) -> None:
+    """A person's bones are of human length, and left is on the left. Raises BadMotion."""
+    body = body_of(skeleton)
+    for side, leg, sign in zip(("left", "right"), body.legs, (1, -1), strict=True):
+        length = sum(body.length(leg))
+        if not LEG[0] <= length <= LEG[1]:
+            raise BadMotion(f"{path}: its {side} leg is {length:.3g} m long without the foot, no person's; say the unit of length (--unit)")
+        if skeleton.offsets[leg.root, 1] * sign <= 0.01:
+            raise BadMotion(f"{path}: its {side} hip is not on the {side}; it is mirrored, or in left-handed coordinates: convert it first")
+    longest = np.linalg.norm(skeleton.offsets, axis=-1).max()
+    if longest > 1.0:
+        raise BadMotion(f"{path} has a bone of {longest:.3g} m, no person's; it is damaged, or mixes units of length")
+
+
+def check_upright(path: Path, root: np.ndarray, quat: np.ndarray) -> None:
+    """Somebody whose pelvis is at its highest stands; if only another order of the quaternion says so, the file is mixed up."""
+    high = root[:, 2] >= np.quantile(root[:, 2], 0.8)
+    as_read, swapped = quat[high, 0], quat[high, 0][:, [1, 2, 3, 0]]
+    up = [float(rot.rotate(q, np.array([0.0, 0.0, 1.0]))[:, 2].mean()) for q in (as_read, swapped)]
+    if up[0] < 0.5:
+        hint = "its quaternions seem to be wxyz where this format has xyzw" if up[1] > 0.7 else "nobody stands upright in it, or z is not up"
+        raise BadMotion(f"{path}: {hint}; convert it first, or say which axis is up (--up)")
+
+
+def floor_height(skeleton: Skeleton, pos: np.ndarray, quat: np.ndarray) -> float:
+    """Height of the floor: the usual height of the lower sole while the person is up [m].
+
+    Some files put the lowest ankle of the whole recording at z = 0, which is some centimeters above the soles.
+    """
+    body = body_of(skeleton)
+    # height above the lower ankle: the floor is not known yet
+    height = pos[:, 0, 2] - pos[:, [leg.end for leg in body.legs], 2].min(-1)
+    up = height >= 0.8 * np.quantile(height, 0.9)
+    pos, quat = pos[up], quat[up]
+    soles = [sole_points(body, pos[:, leg.end], quat[:, leg.end])[..., 2].min(-1) for leg in body.legs]
+    return float(np.median(np.minimum(*soles)))
+
+
+def check_array(path: Path, name: str, value: object, shape: tuple[int, ...], most: float = 1e4) -> np.ndarray:
+    """Numbers of shape (T, *shape), finite and not beyond `most`, in double precision. Raises BadMotion."""
+    if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiu" or value.shape[1:] != shape or value.ndim != len(shape) + 1:
+        found = f"an array of shape {value.shape}" if isinstance(value, np.ndarray) else type(value).__name__
+        expected = ", ".join(map(str, ("frames", *shape)))
+        raise BadMotion(f"{path}: {name} is {found}, expected numbers of shape ({expected}); it is damaged or in another format")
+    if not 2 <= len(value) <= MAX_FRAMES:
+        raise BadMotion(f"{path} has {len(value)} frame{'s' * (len(value) != 1)}; a motion needs between 2 and {MAX_FRAMES}: leave it out")
+    if not np.isfinite(value).all():
+        raise BadMotion(f"{path}: {name} holds NaN or infinity; mend or drop the clip")
+    largest = np.abs(value).max()
+    if largest > most:
+        raise BadMotion(f"{path}: {name} holds numbers as large as {largest:.2g}; it is damaged, or not in meters")
+    return value.astype(float)
+
+
+def check_rate(path: Path, fps: object, wishes: Wishes) -> float:
+    """The frame rate: as told, or as the file has it. Raises BadMotion if that is none."""
+    value = fps if wishes.fps is None else wishes.fps
+    if isinstance(value, np.ndarray) and value.size == 1:
+        value = value.reshape(())[()]
+    if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not 1 <= value <= 1000:
+        raise BadMotion(f"{path} says {value!r:.40} frames per second, which is no frame rate; say it (--fps)")
+    return float(value)
+
+
+def check_unit_quat(path: Path, quat: np.ndarray, order: str = "xyzw") -> np.ndarray:
+    """Quaternions (..., 4) in the file's order, made wxyz and exactly of unit length. Raises BadMotion if they are far from it."""
+    norm = np.linalg.norm(quat, axis=-1)
+    if np.abs(norm - 1).max() > 1e-2:
+        raise BadMotion(f"{path} has quaternions that are not of unit length (off by {np.abs(norm - 1).max():.2g}); it is damaged or in another format")
+    return rot.normalize(quat[..., [order.index(letter) for letter in "wxyz"]])
+
+
+def check_velocity(path: Path, pos: np.ndarray, stored: np.ndarray, fps: float) -> None:
+    """Stored velocities (T, J, 3) [m/s] must be those of the positions at the stated rate. Raises BadMotion."""
+    speed = np.linalg.norm(np.gradient(pos, 1 / fps, axis=0), axis=-1).mean()
+    told = np.linalg.norm(stored, axis=-1).mean()
+    if max(speed, told) > 0.05 and not 0.7 < speed / max(told, 1e-6) < 1.4:
+        raise BadMotion(f"{path} says {fps:g} frames per second, but its stored velocities fit {fps * told / max(speed, 1e-6):.0f}; mend its fps (--fps)")
+
+
+def check_stride(path: Path, skeleton: Skeleton, pos: np.ndarray, fps: float) -> None:
+    """Legs that walk must move the pelvis as far as their steps are long: otherwise positions and bones are in different units. Raises BadMotion."""
+    scale = stride_scale(skeleton, pos, fps)
+    if scale is not None and not 1 / 3 < scale < 3:
+        raise BadMotion(f"{path} mixes units of length, or is from a treadmill: its pelvis moves {scale:.3g} times as far as its steps are long; mend it")
+
+
+def stride_scale(skeleton: Skeleton, pos: np.ndarray, fps: float) -> float | None:
+    """How many times as long as they are the legs would have to be, so that standing feet stand still; None if nobody walks.
+
+    The pelvis moves as the lower foot moves the other way, relative to it; the median over the frames in which that foot is flat. For the
+    real recordings that we know it is 1 within 8 %, mostly within 3 %.
+    """
+    body = body_of(skeleton)
+    ankles = np.stack([pos[:, leg.end] for leg in body.legs], 1)
+    pelvis = np.gradient(pos[:, 0, :2], 1 / fps, axis=0)
+    relative = np.gradient(ankles[..., :2] - pos[:, None, 0, :2], 1 / fps, axis=0)
+    lower = ankles[..., 2].argmin(-1)
+    moves = -relative[np.arange(len(pos)), lower]
+    pace = np.linalg.norm(moves, axis=-1)
+    walks = (np.abs(ankles[:, 0, 2] - ankles[:, 1, 2]) > 0.02) & (pace > 0.3)
+    if walks.sum() < 1.0 * fps:
+        return None
+    # a heel that has left the floor goes ahead of the foot
+    walks &= ankles[..., 2].min(-1) <= np.quantile(ankles[walks, :, 2].min(-1), 0.4)
+    ratio = (pelvis[walks] * moves[walks]).sum(-1) / (pace[walks] ** 2)
+    return float(np.median(ratio))

@@ -1,0 +1,160 @@
+"""Planning a walk from the midst of any motion.
+
+The swinging foot lands first, from where it is and as fast as it is; the pelvis goes on from its place and velocity.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from mimicbench.core import rotations as rot
+from mimicbench.core.curves import minimum_jerk, smooth_below
+from mimicbench.references.body.body import Body
+from mimicbench.references.locomotion.feet import rolled, swing_share
+from mimicbench.references.locomotion.gait import Footsteps, Gait, Route, ahead_of, body_places, first_side, place_feet
+from mimicbench.references.body.limbs import ease
+from mimicbench.references.locomotion.states import LONG_AGO, BodyState, state_of_walk
+from mimicbench.references.locomotion.walking import FPS, Walk, follow, highest_pelvis, standing_height, walk
+
+MOVES = 0.12
+"""A pelvis that is faster walks [m/s]."""
+JOINS = 0.6
+"""Within so many seconds the pelvis joins the plan."""
+FARTHEST = 0.998
+"""Share of its length to which a leg may be stretched meanwhile."""
+
+
+def in_stride(body: Body, xy: np.ndarray, yaw: float, gait: Gait, phase: float) -> BodyState:
+    """Somebody who walks steadily and passes (2,) [m] in direction `yaw` [rad] at a phase of the gait cycle in [0, 1).
+
+    At phase 0 the left heel strikes.
+    """
+    far = 10 * gait.speed * gait.period
+    way = walk(body, Route(np.array([[0.0, 0.0], [far, 0.0]])), 0.0, np.array([far, 0.0]), 0.0, gait, 0.5)
+    strikes = way.steps.touch_down[way.steps.side == 0]
+    strike = strikes[np.searchsorted(strikes, 4.5 * gait.period + gait.stand)]
+    return state_of_walk(way, round(float(strike + (phase % 1.0) * 2 * gait.period) * FPS)).moved(xy, yaw)
+
+
+def walk_from(body: Body, state: BodyState, route: Route, stop_xy: np.ndarray, stop_yaw: float, gait: Gait, after: float, duration: float = 0.0) -> Walk:
+    """As `walking.walk`, but from the midst of a motion: the first frame is the state, and goes on with its velocity.
+
+    The route begins at the state's `place`. Who moves fast goes on for a step before a sharp turn.
+    """
+    steps = continue_footsteps(body, state, route, stop_xy, stop_yaw, gait)
+    way = follow(body, steps, gait, after, duration, state.feet, state.pelvis_pos_w[:2])
+    yaw = ease(way.yaw + way.twist, way.yaw[0] + _near(state.yaw - way.yaw[0]), state.yaw_rate, FPS, JOINS) - way.twist
+    pelvis = way.pelvis_pos_w.copy()
+    pelvis[:, :2] = ease(pelvis[:, :2], state.pelvis_pos_w[:2], state.pelvis_vel_w[:2], FPS, JOINS)
+    turned = yaw + way.twist
+    height = ease(standing_height(body, pelvis[:, :2], turned, way.feet, gait.rolls), state.pelvis_pos_w[2], state.pelvis_vel_w[2], FPS, JOINS)
+    # where the pelvis is carried farther than was planned, it sinks as much as the legs need
+    spare = highest_pelvis(body, pelvis[:, :2], turned, way.feet, FARTHEST) + body.hip_drop - height
+    pelvis[:, 2] = height + minimum_jerk(way.time * FPS / 4) * smooth_below(np.minimum(spare, 0.0), 3)
+    return replace(
+        way, yaw=yaw, pelvis_pos_w=pelvis,
+        list=ease(way.list, state.roll, state.roll_rate, FPS, JOINS), look=ease(way.look, state.look, state.look_rate, FPS, JOINS),
+    )  # fmt: skip
+
+
+def continue_footsteps(body: Body, state: BodyState, route: Route, stop_xy: np.ndarray, stop_yaw: float, gait: Gait) -> Footsteps:
+    """Footsteps from a state on: first those that brought the feet here, at negative times, then those that are to come."""
+    state = _since_when(body, state, gait)
+    feet, swing, scale = state.feet, gait.swing_time, body.size
+    forward = ahead_of(state.yaw)
+    speed = float(state.pelvis_vel_w[:2] @ forward)
+    route = Route(np.concatenate([state.place[None], route.points[1:]]))
+    walking, side, lift = _next_swing(state, gait, speed)
+    if walking:
+        centers, yaws = _catch(state, route, lift + swing, speed, stop_xy, stop_yaw, gait)
+    else:
+        centers, yaws = body_places(state.yaw, route, stop_xy, stop_yaw, gait)
+        side = first_side(state.yaw, yaws)
+    centers, yaws = [*centers, stop_xy], [*yaws, yaws[-1]]
+    # flat feet that what bears has rolled from
+    flat = feet.pos_w - rolled(body, feet.pitch, feet.yaw, (feet.pitch < 0).astype(float))
+    heading = state.yaw + rot.wrap_angle(feet.yaw - state.yaw)
+    sides, xy = place_feet(flat[:, :2], list(heading), centers, yaws, side, gait, scale)
+    for _ in range(2):  # feet that had to keep to their side end beside the goal: one step more each
+        if len(xy) < 2 or np.linalg.norm(xy[-2:].mean(0) - stop_xy) < 0.02:
+            break
+        centers, yaws = [*centers, stop_xy], [*yaws, yaws[-1]]
+        sides, xy = place_feet(flat[:, :2], list(heading), centers, yaws, side, gait, scale)
+    count = _needed(flat[:, :2], heading, sides, xy, yaws, 0 if feet.bears.all() else 1)
+    touch_down = lift + swing + gait.period * np.arange(count)
+    # where the feet came from, so that they roll now as they would have
+    first, stride = flat[:, :2].copy(), 2 * gait.period * max(speed, 0.0) * forward
+    past = sorted((float(state.since[foot]), foot) for foot in (0, 1) if feet.bears[foot] and state.since[foot] < 2 * gait.period)[::-1]
+    for _, foot in past:
+        first[foot] -= stride
+    if not feet.bears[side] and count:
+        gone = min(float(swing_share(-lift / swing, gait)), 0.75)
+        first[side] += (first[side] - xy[0]) * gone / (1 - gone)
+    came = np.array([foot for _, foot in past], int)
+    landed = -np.array([since for since, _ in past])
+    return Footsteps(
+        first, state.yaw, np.concatenate([came, sides[:count]]), np.concatenate([flat[came, :2], xy[:count]]),
+        np.concatenate([heading[came], yaws[:count]]), np.concatenate([landed - swing, touch_down - swing]), np.concatenate([landed, touch_down]), heading,
+    )  # fmt: skip
+
+
+def _since_when(body: Body, state: BodyState, gait: Gait) -> BodyState:
+    """The state with what a single moment tells of feet that nobody saw lift off or land: of those that swing their height, else which is in front."""
+    feet, since = state.feet, state.since.copy()
+    flat = feet.pos_w - rolled(body, feet.pitch, feet.yaw, (feet.pitch < 0).astype(float))
+    for side in np.flatnonzero(~feet.bears & (since >= LONG_AGO)):
+        high = float(np.clip((flat[side, 2] - body.sole) / (gait.clearance * body.size), 0.0, 1.0))
+        # of the arc (4 u (1 - u))^3 in `feet`
+        away = 0.5 * np.sqrt(1.0 - high ** (1 / 3))
+        since[side] = gait.swing_time * (0.5 - away if feet.vel_w[side, 2] > 0 else 0.5 + away)
+    forward = ahead_of(state.yaw)
+    if feet.bears.all() and (since >= LONG_AGO).all() and abs(state.pelvis_vel_w[:2] @ forward) > MOVES:
+        since[int(np.argmax(feet.pos_w[:, :2] @ forward * np.sign(state.pelvis_vel_w[:2] @ forward)))] = 0.5 * gait.overlap * gait.period
+    return replace(state, since=since)
+
+
+def _next_swing(state: BodyState, gait: Gait, speed: float) -> tuple[bool, int, float]:
+    """Whether the body is walking, which foot swings or will next, and when it lifts off [s], negative if it has."""
+    bears, shift = state.feet.bears, gait.overlap * gait.period
+    if not bears.all():
+        side = int(np.argmin(bears)) if bears.any() else int(np.argmax(state.feet.pos_w[:, 2]))
+        left = max(gait.swing_time - float(state.since[side]), 4 / FPS)
+        return True, side, left - gait.swing_time
+    last = int(np.argmin(state.since))
+    if abs(speed) > MOVES or state.since[last] < shift:
+        return True, 1 - last, max(shift - float(state.since[last]), 1 / FPS)
+    return False, 0, max(0.5 * gait.stand, shift)
+
+
+def _catch(
+    state: BodyState, route: Route, lands: float, speed: float, stop_xy: np.ndarray, stop_yaw: float, gait: Gait
+) -> tuple[list[np.ndarray], list[float]]:
+    """Places and headings of the body at the touch-downs; the first, in `lands` seconds, is where its speed carries it."""
+    total, most = route.length, gait.max_turn * min(1.0, lands / gait.period)
+    if total <= 0.05:  # what is left is a turn on the spot
+        return body_places(state.yaw, route, stop_xy, stop_yaw, gait)
+    gone = min(total, max(0.0, speed) * lands + 0.5 * min(max(speed, 0.3 * gait.speed), gait.speed) * gait.period)
+    error = float(rot.wrap_angle(route.at(min(0.15, total))[1] - state.yaw))
+    yaw = state.yaw + float(np.clip(error, -most, most))
+    sharp = float(minimum_jerk(np.array((abs(error) - 0.4) / 0.8)))
+    slow = min(speed, gait.speed) * (lands + 0.3 * gait.period)
+    straight = state.place + max(0.0, slow) * ahead_of(state.yaw)
+    center = route.at(gone * (1 - sharp))[0] * (1 - sharp) + straight * sharp
+    rest = Route(np.concatenate([center[None], route.after(gone * (1 - sharp))[1:]]))
+    centers, yaws = body_places(yaw, rest, stop_xy, stop_yaw, gait, float(np.clip(speed / gait.speed, 0.6, 1.0)))
+    return [center, *centers], [yaw, *yaws]
+
+
+def _needed(foot_xy: np.ndarray, foot_yaw: np.ndarray, sides: np.ndarray, xy: np.ndarray, yaws: list[float], least: int) -> int:
+    """How many of the steps are needed: the last ones may leave the feet where they already are."""
+    places, turns = [foot_xy[0], foot_xy[1]], [float(foot_yaw[0]), float(foot_yaw[1])]
+    needed = least
+    for i, side in enumerate(sides):
+        if np.linalg.norm(xy[i] - places[side]) > 0.02 or abs(yaws[i] - turns[side]) > 0.03:
+            needed = max(needed, i + 1)
+        places[side], turns[side] = xy[i], yaws[i]
+    return needed
+
+
+def _near(angle: float) -> float:
+    return float(rot.wrap_angle(angle))

@@ -1,0 +1,1 @@
+"""Synthetic clips, one file a task, and planning from anywhere."""

@@ -1,0 +1,111 @@
+"""`lie-sofa`: walk to the front of a sofa, sit down on its edge, swing the legs up, lie down along it with the feet on the seat."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from mimicbench.core.motion import HumanMotion
+from mimicbench.core.seeds import rng
+from mimicbench.objects.shape import SceneObject
+from mimicbench.objects.families.upholstery import HEAD_ROOM
+from mimicbench.references.actions.berths import Berth, perch
+from mimicbench.references.body.body import Body, roam_body
+from mimicbench.references.locomotion.course import Course
+from mimicbench.references.locomotion.gait import Gait, Route, around_box, plan_footsteps
+from mimicbench.references.actions.lying import LieStyle, draw_style, lie_course, lie_down, needed_time
+from mimicbench.references.locomotion.walking import draw_start
+
+MARGIN = 0.40
+"""Between the way and the sofa [m]."""
+TRIES = 60
+"""Starts that are drawn to find one from which there is time enough; on the largest sofas the quickest of them may take longer."""
+
+
+def synthesize_lie_sofa(clip_id: str, obj: SceneObject, seed: int) -> HumanMotion:
+    """One clip. Raises BadObject if there is nothing to lie on."""
+    height = obj.require_seat()
+    random = rng(seed, clip_id, obj.id)
+    low, high = obj.seat_polygon.min(0), obj.seat_polygon.max(0)
+    span = float(max(high[1] - obj.head_xy[1], obj.head_xy[1] - low[1]))
+    # the shortest people stay away from the highest sofas, where their feet would hang, and tall ones from the shortest sofas
+    shortest = max(0.96, min(1.08, 2.0 * height))
+    scale = random.uniform(shortest, max(shortest + 0.02, min(1.15, (span + 0.03) / 1.25)))
+    duration = 12.1 + 0.05 * float(np.clip(random.standard_normal(), -2.0, 2.0))
+    style = replace(draw_style(random, scale, duration, (0.66, 0.72)), hands=1.0)
+    plans, ends = [], []
+    for _ in range(TRIES):
+        start_xy, start_yaw = draw_start(random, obj)
+        body, berth, route = _plan(obj, start_xy, style)
+        plans.append((body, berth, route, start_yaw))
+        ends.append(plan_footsteps(start_yaw, route, berth.stop_xy, 0.0, gait_of(style), body.size).end - style.lead + needed_time(style))
+        if ends[-1] <= duration:
+            break
+    body, berth, route, start_yaw = plans[int(np.argmin(ends))]
+    return lie_down(clip_id, "lie-sofa", obj, body, berth, route, start_yaw, gait_of(style), style)
+
+
+def make_lie_sofa(clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: LieStyle) -> HumanMotion:
+    """The clip that follows from a start, a sofa and a style, in closed form.
+
+    The point between the ankles starts at `start_xy` (2,) [m] with heading `start_yaw` [rad].
+    """
+    body, berth, route = _plan(obj, start_xy, style)
+    return lie_down(clip_id, "lie-sofa", obj, body, berth, route, start_yaw, gait_of(style), style)
+
+
+def lie_sofa_courses(obj: SceneObject, style: LieStyle) -> tuple[Course, ...]:
+    """The one way to lie down on a sofa in a style."""
+    body = roam_body(style.body_scale)
+    berth = find_berth(obj, body)
+    return (lie_course("lie-sofa", obj, body, berth, partial(_route, obj, berth), gait_of(style), style),)
+
+
+def gait_of(style: LieStyle) -> Gait:
+    """This skeleton's legs are a tenth shorter than those that the gait's defaults are for: quicker steps and shorter turns."""
+    return Gait(speed=style.speed, step_time=0.74, max_turn=0.60, stand=0.6)
+
+
+def _plan(obj: SceneObject, start_xy: np.ndarray, style: LieStyle) -> tuple[Body, Berth, Route]:
+    """Who lies down, where, and the way there."""
+    body = roam_body(style.body_scale)
+    berth = find_berth(obj, body)
+    return body, berth, _route(obj, berth, start_xy)
+
+
+def _route(obj: SceneObject, berth: Berth, start_xy: np.ndarray) -> Route:
+    """The way around the sofa to in front of the berth."""
+    low, high = obj.bounds()
+    before = np.array([max(berth.stop_xy[0] + 0.25, high[0] + MARGIN), berth.stop_xy[1]])
+    return around_box(start_xy, before, low[:2], high[:2], MARGIN)
+
+
+def find_berth(obj: SceneObject, body: Body) -> Berth:
+    """Where a body lies on a sofa: along the middle of its seat, the head at the pillow."""
+    height = obj.require_seat()
+    low, high = obj.seat_polygon.min(0), obj.seat_polygon.max(0)
+    side = 1.0 if obj.head_xy[1] > (low[1] + high[1]) / 2 else -1.0
+    offsets = body.skeleton.offsets
+    spine = float(offsets[[*body.spine, *body.neck], 2].sum()) + 0.085 * body.size
+    # who has little room for the legs moves the head up to the end
+    span = side * (float(obj.head_xy[1]) - float(low[1] if side > 0 else high[1]))
+    up = float(np.clip(1.30 * body.size - span, 0.02, max(0.02, HEAD_ROOM - 0.105 * body.size)))
+    y = float(obj.head_xy[1]) - side * (spine - up)
+    corners = obj.corners()
+    least, most = corners.min(1), corners.max(1)
+
+    def blocked(at: float) -> float:
+        """How far the sofa reaches out in front of the edge there."""
+        there = (least[:, 1] < at + 0.24) & (most[:, 1] > at - 0.24) & (least[:, 2] < height + 0.1)
+        return float(most[there, 0].max()) - float(high[0]) if there.any() else 0.0
+
+    # where a chaise reaches to the front, sit down beside it
+    at = next((y + side * d for d in np.arange(0.0, 0.45, 0.05) if blocked(y + side * d) < 0.05), y)
+    depth, ahead = perch(body, height, max(0.06, blocked(at) + 0.07))
+    foot_end = float(low[1] if side > 0 else high[1])
+    end = (side * (most if side > 0 else least)[:, 1] < side * foot_end + 0.06) & (most[:, 2] > height + 0.03)
+    room = side * (y - foot_end) + (0.0 if end.any() else 0.05)
+    pillow = float(most[(np.abs(obj.box_pos[:, :2] - obj.head_xy) < 0.03).all(-1), 2].max(initial=height)) - height
+    front = float(high[0])
+    lying, seat, stop = np.array([float(obj.head_xy[0]), y]), np.array([front - depth, at]), np.array([front + ahead, at])
+    return Berth(height, pillow, np.array([0.0, side]), np.array([1.0, 0.0]), lying, seat, stop, room, bool(end.any()), False)

@@ -1,0 +1,175 @@
+"""`lift-box`: come a few steps up to a box, bend, clasp it by its left and right side, lift it, and hold it."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from mimicbench.core import rotations as rot
+from mimicbench.core.curves import minimum_jerk
+from mimicbench.core.motion import HumanMotion
+from mimicbench.core.seeds import rng
+from mimicbench.objects.shape import SceneObject
+from mimicbench.references.body.body import Body, core4d_body
+from mimicbench.references.locomotion.course import Course
+from mimicbench.references.locomotion.gait import Gait, Route
+from mimicbench.references.body.limbs import about_y
+from mimicbench.references.body.posing import blend, pose, reach
+from mimicbench.references.actions.postures import Ground, Posture, elbow_axes, find_posture
+from mimicbench.references.actions.reaching import SIZES, cut, draw_approach, lay_hands, reach_past, settle, steps_up_to
+from mimicbench.references.locomotion.walking import FPS, Walk, follow
+
+STRIDES = Gait(speed=0.62, step_time=0.68, stand=0.5, clearance=0.055)
+"""Short steps."""
+SIDES = np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
+"""(2, 3) out of the box, where the left and the right hand clasp it."""
+HANDS_OFF = 0.024
+"""[m] between a side of the box and a wrist that clasps it: palms give by the rest."""
+FARTHEST_FORWARD = 0.13
+"""[m] in front of the middle; a box that is held farther from its middle would swing."""
+HOLD = 0.35
+"""[s] for which the box is held in the end, at least."""
+WEIGHT = 60.0
+"""[kg] of a person of size 1, whose balance the box shifts."""
+
+
+@dataclass(frozen=True)
+class LiftStyle:
+    """What a clip chooses beyond its start and its box; stored with it."""
+
+    body_scale: float
+    """Size of the body; 1 is 1.80 m tall."""
+    walking: float
+    """The clip begins so long before the last foot lands [s]."""
+    overlap: float
+    """The hands leave so long before the last foot has landed [s]."""
+    reach_duration: float
+    """From there until both hands clasp the box [s]."""
+    lift_duration: float
+    """From the clasp until the box is up [s]."""
+    duration: float
+    """Of the whole clip [s]."""
+    clasp_height: float
+    """Where the hands clasp the box, as a share of its height."""
+    clasp_forward: float
+    """And how far in front of its middle [m]."""
+    lift: float
+    """How high the box is lifted [m]."""
+    pull: float
+    """How far it is drawn to the body meanwhile [m]."""
+    tilt: float
+    """How far its upper side leans towards the body in the end [rad]."""
+    arm_swing: float
+    """Swing of the arms, as a share of the usual."""
+
+
+class Lifting(NamedTuple):
+    """How a box is lifted, and by whom."""
+
+    clasp: np.ndarray
+    """(2, 3) where the wrists clasp it [m]."""
+    carried: np.ndarray
+    """(3,) how far it is carried [m]."""
+    body: Body
+    ground: Ground
+    grip: Posture
+    """As the hands clasp it."""
+    stand: Posture
+    """As it is up."""
+
+
+def draw_style(random: np.random.Generator) -> LiftStyle:
+    """The few free choices of a clip. The walk is short enough for the box to be held for HOLD seconds."""
+    duration = 4.3 + float(np.clip(0.2 * random.standard_normal(), -0.4, 0.4))
+    reach_duration, lift_duration, overlap = random.uniform(1.0, 1.15), random.uniform(1.1, 1.3), random.uniform(0.15, 0.3)
+    walking = min(random.uniform(0.9, 1.4), duration - reach_duration - lift_duration - HOLD - 0.1 + overlap)
+    return LiftStyle(
+        random.uniform(*SIZES), walking, overlap, reach_duration, lift_duration, duration, clasp_height=random.uniform(0.8, 0.88),
+        clasp_forward=random.uniform(0.02, 0.08), lift=random.uniform(0.27, 0.38), pull=random.uniform(0.05, 0.08), tilt=random.uniform(0.0, 0.04),
+        arm_swing=random.uniform(0.5, 0.9),
+    )  # fmt: skip
+
+
+def synthesize_lift_box(clip_id: str, obj: SceneObject, seed: int) -> HumanMotion:
+    """One clip."""
+    random = rng(seed, clip_id, obj.id)
+    style = draw_style(random)
+    start_xy, start_yaw = draw_approach(random, np.array([stand_off(obj, style.body_scale), 0.0]), np.pi)
+    return make_lift_box(clip_id, obj, start_xy, start_yaw, style)
+
+
+def stand_off(obj: SceneObject, scale: float) -> float:
+    """Where along x the ankles are of somebody of that size who stands before the box [m]: close, with room for the toes."""
+    return float(obj.bounds()[1][0]) + core4d_body(scale).toe + 0.035
+
+
+def make_lift_box(clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: LiftStyle) -> HumanMotion:
+    """The clip that follows from a start, a box and a style, in closed form.
+
+    The point between the ankles comes from `start_xy` (2,) [m] with heading `start_yaw` [rad].
+    """
+    course = lift_course(obj, style)
+    steps = steps_up_to(start_xy, start_yaw, course.stop_xy, course.stop_yaw, STRIDES, course.body.size)
+    skipped = max(0, round((steps.end - style.walking) * FPS))
+    way = follow(course.body, steps, STRIDES, 0.5, skipped / FPS + style.duration)
+    return cut(course.act(clip_id, way), skipped, skipped + round(style.duration * FPS) + 1)
+
+
+def lift_course(obj: SceneObject, style: LiftStyle) -> Course:
+    """Where to stand before a box, and how to lift it from there."""
+    found = _who_lifts(obj, style)
+    body, ground = found.body, found.ground
+
+    detour: list[int] = []  # found once, good for all
+
+    def act(clip_id: str, way: Walk) -> HumanMotion:
+        return _lift(clip_id, obj, style, found, way, detour)
+
+    after = style.reach_duration - style.overlap + 0.1 + style.lift_duration + HOLD
+    return Course(body, STRIDES, ground.middle, ground.yaw, lambda start_xy: Route(np.stack([start_xy, ground.middle])), after, act)
+
+
+def _lift(clip_id: str, obj: SceneObject, style: LiftStyle, found: Lifting, way: Walk, detour: list[int]) -> HumanMotion:
+    """The clip that follows from a walk up to the box."""
+    clasp, carried, body, _, grip, stand = found
+    progress = (way.time - way.end + style.overlap) / style.reach_duration
+    lifting = (way.time - way.end + style.overlap - style.reach_duration - 0.1) / style.lift_duration
+    up = minimum_jerk(lifting)
+    box_quat = about_y(style.tilt * up)
+    # it turns about the line between the hands
+    axis = clasp.mean(0)
+    box_pos = axis + up[:, None] * carried - rot.rotate(box_quat, axis)
+    trunk = settle(way, body.size, [(grip, minimum_jerk(progress / 0.92)), (stand, up)], np.mean(clasp, 0) + up[:, None] * carried)
+    reaching = reach_past(body, obj, trunk, way.legs(), way.arms(body, style.arm_swing), clasp, SIDES, float(grip.elbow), progress, detour)
+    hands = box_pos[:, None] + rot.rotate(box_quat[:, None], clasp)
+    holding = reach(body, trunk, hands, elbow_axes(trunk.chest_quat_w, grip.elbow + up * (stand.elbow - grip.elbow)))
+    arms = blend(reaching, holding, (progress >= 1.0).astype(float))
+    quat = lay_hands(body, pose(body, trunk, way.legs(), arms), trunk, SIDES, minimum_jerk(progress / 0.95))
+    contacts = np.concatenate([way.feet.contact, np.repeat((progress >= 0.97)[:, None], 2, 1)], -1)
+    return HumanMotion(
+        clip_id, "lift-box", body.skeleton, FPS, trunk.pelvis_pos_w, quat, obj.id, ("left_foot", "right_foot", "left_hand", "right_hand"),
+        contacts, {**{name: float(value) for name, value in vars(style).items()}, "body_scale": body.size, "clasp_forward": float(clasp[0, 0])},
+        object_pos_w=box_pos, object_quat_w=box_quat,
+    )  # fmt: skip
+
+
+def _who_lifts(obj: SceneObject, style: LiftStyle) -> Lifting:
+    """Who is too small for the box clasps it farther in front, or grows."""
+    low, high = obj.bounds()
+    best, least = None, np.inf
+    for scale in (style.body_scale, *(larger for larger in (0.95, SIZES[1]) if larger > style.body_scale)):
+        body = core4d_body(scale)
+        ground = Ground.at(body, np.array([stand_off(obj, scale), 0.0]), np.pi, STRIDES)
+        for forward in (style.clasp_forward, FARTHEST_FORWARD):
+            clasp = np.array([[forward, y, style.clasp_height * high[2]] for y in (low[1] - HANDS_OFF, high[1] + HANDS_OFF)])
+            carried = np.array([style.pull, 0.0, style.lift])
+            grip, short = find_posture(body, ground, clasp, obj, np.zeros(3))
+            if short > least:
+                continue
+            stand, later = find_posture(body, ground, clasp + carried, obj, carried, float(obj.mass or 0.0) / (WEIGHT * body.size**3))
+            if best is None or max(short, later) < least - 1e-9:
+                best, least = Lifting(clasp, carried, body, ground, grip, stand), max(short, later)
+            if least < 1e-3:
+                return best
+    assert best is not None
+    return best
