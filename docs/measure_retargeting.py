@@ -15,7 +15,7 @@ from mimicbench.pipelines import compare_retargeting
 from mimicbench.references.make import ReferencesConfig
 from mimicbench.report.provenance import this_machine
 from mimicbench.report.tables import Table, to_markdown
-from mimicbench.retarget.bench import RetargetBenchConfig
+from mimicbench.retarget.baselines.speed import RetargetBenchConfig
 from mimicbench.tasks.registry import TASKS
 from mimicbench.workspace import Workspace, objects_stage, references_stage
 

@@ -13,7 +13,7 @@ from mimicbench.objects.families.chairs import make_chair
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.retarget.clip import Clip
-from mimicbench.retarget.interaction import InteractionConfig, interact, make_problem, refine
+from mimicbench.retarget.methods.interaction import InteractionConfig, interact, make_problem, refine
 from mimicbench.retarget.kinematics import Pose, tree_of
 from mimicbench.retarget.samples import Masses, Scene, balls_of, point_rows
 from mimicbench.retarget.solver import move
@@ -95,7 +95,7 @@ def test_keeps_the_interaction(index: int) -> None:
 
 
 def test_better_than_nothing_about_the_scene() -> None:
-    from mimicbench.retarget.optimization import optimize
+    from mimicbench.retarget.methods.optimization import optimize
 
     clip = sitting_down(1)
     ours, plain = interact(clip).measures, optimize(clip).measures

@@ -11,7 +11,7 @@ from mimicbench.imitate.planner import PlannerConfig, load_planner, plan_size, s
 from mimicbench.objects.families.chairs import make_chair
 from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.retarget.clip import Clip
-from mimicbench.retarget.optimization import optimize
+from mimicbench.retarget.methods.optimization import optimize
 from mimicbench.robots.description import load_robot
 from mimicbench.sensors.proprioception import Odometry
 from mimicbench.sim.scene import CONTROL_DT

@@ -14,18 +14,18 @@ from mimicbench.core.errors import BadMotion, UnknownName
 from mimicbench.core.motion import HumanMotion, RobotMotion, Skeleton
 from mimicbench.objects.families.chairs import make_chair
 from mimicbench.references.body.skeletons import UNIHSI
-from mimicbench.retarget import optimization as opt
-from mimicbench.retarget.adam import adam
-from mimicbench.retarget.bench import frames_per_second
+from mimicbench.retarget.methods import optimization as opt
+from mimicbench.retarget.baselines.adam import adam
+from mimicbench.retarget.baselines.speed import frames_per_second
 from mimicbench.retarget.clip import Clip
-from mimicbench.retarget.copy_rotation import copy_rotations
+from mimicbench.retarget.methods.copy_rotation import copy_rotations
 from mimicbench.retarget.grounding import ground, sole_heights, stance
 from mimicbench.retarget.h1_tables import UNIHSI_H1
 from mimicbench.retarget.kinematics import Jacobian, Links, Pose, tree_of
 from mimicbench.retarget.mapping import Bound, bind
 from mimicbench.retarget.mappings import find_mapping
-from mimicbench.retarget.methods import METHODS
-from mimicbench.retarget.optimization import PAPER, OptimizationConfig, optimize
+from mimicbench.retarget.registry import METHODS
+from mimicbench.retarget.methods.optimization import PAPER, OptimizationConfig, optimize
 from mimicbench.retarget.solver import _solve_with, move, solve
 from mimicbench.robots.description import load_robot
 

@@ -14,7 +14,7 @@ from mimicbench.objects.make import ObjectsConfig
 from mimicbench.references.make import ReferencesConfig
 from mimicbench.retarget.make import RetargetConfig
 from mimicbench.retarget.mapping import Preset
-from mimicbench.retarget.methods import METHODS
+from mimicbench.retarget.registry import METHODS
 from mimicbench.workspace import (
     Say,
     Workspace,
@@ -129,7 +129,7 @@ def compare_retargeting(
 ) -> Comparison:
     """The first `clips` clips of each task by every method, with a page in `folder`."""
     from mimicbench.report.retargeting import Comparison, MethodResult, SideBySide, draw_side_by_side, write_comparison
-    from mimicbench.retarget.bench import frames_per_second
+    from mimicbench.retarget.baselines.speed import frames_per_second
     from mimicbench.retarget.clip import Clip
     from mimicbench.sensors.opengl import NoPictures, draw_apart
 

@@ -19,7 +19,7 @@ from mimicbench.objects.make import ObjectsConfig, make_objects, read_objects
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.make import ReferencesConfig, import_references, make_references, remake
 from mimicbench.retarget.make import RetargetConfig, make_retargeted, read_retargeted
-from mimicbench.retarget.methods import get_method
+from mimicbench.retarget.registry import get_method
 from mimicbench.robots.description import Robot, load_robot
 from mimicbench.sim.devices import CPU
 from mimicbench.tasks.registry import get_task

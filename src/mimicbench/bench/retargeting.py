@@ -7,7 +7,7 @@ from mimicbench.objects.registry import FAMILIES
 from mimicbench.references.paper import PAPER_SETS
 from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.report.tables import Table
-from mimicbench.retarget.bench import RetargetBenchConfig, bench_retargeting
+from mimicbench.retarget.baselines.speed import RetargetBenchConfig, bench_retargeting
 from mimicbench.retarget.clip import Clip
 from mimicbench.robots.description import load_robot
 from mimicbench.tasks.registry import get_task

@@ -9,9 +9,9 @@ import torch
 
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.references.synthesis.registry import synthesize
-from mimicbench.retarget.bench import frames_per_second
+from mimicbench.retarget.baselines.speed import frames_per_second
 from mimicbench.retarget.clip import Clip
-from mimicbench.retarget.methods import get_method
+from mimicbench.retarget.registry import get_method
 from mimicbench.robots.description import Robot
 from mimicbench.sim.backends import check_device
 from mimicbench.tasks.task import Task

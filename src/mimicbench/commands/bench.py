@@ -41,7 +41,7 @@ def bench_retarget(
     """Measure every way to retarget on one core, beside the paper's Adam and a per-frame inverse kinematics with mink."""
     from mimicbench.bench.retargeting import ClipsConfig, bench, speed_table
     from mimicbench.report.tables import to_terminal
-    from mimicbench.retarget.bench import RetargetBenchConfig
+    from mimicbench.retarget.baselines.speed import RetargetBenchConfig
     from mimicbench.tasks.registry import TASKS, get_task
 
     chosen = tuple(get_task(task).slug for task in tasks or TASKS)

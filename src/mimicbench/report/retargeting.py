@@ -18,7 +18,7 @@ from mimicbench.report.render import Picture, frame_all, human_frames, robot_fra
 from mimicbench.report.showcase import moments, positions
 from mimicbench.report.tables import Cell, Reported, Table, to_csv, to_markdown
 from mimicbench.report.video import strip, write_jpeg
-from mimicbench.retarget.methods import METHODS
+from mimicbench.retarget.registry import METHODS
 from mimicbench.robots.description import load_robot
 from mimicbench.sim.scene import build_model
 

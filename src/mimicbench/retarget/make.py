@@ -12,8 +12,8 @@ from mimicbench.core.stage import Stage, open_stage
 from mimicbench.objects.shape import SceneObject, load_object
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.mapping import Preset
-from mimicbench.retarget.methods import get_method
-from mimicbench.retarget.verdict import Outcome, outcome, summary
+from mimicbench.retarget.registry import get_method
+from mimicbench.retarget.acceptance import Outcome, outcome, summary
 from mimicbench.robots.description import Robot, load_robot
 
 Fulfils = Callable[[RobotMotion, SceneObject, Robot], bool]
@@ -26,7 +26,7 @@ class RetargetConfig:
 
     robot: str = "h1"
     method: str = "optimization"
-    """One of `mimicbench.retarget.methods.METHODS`."""
+    """One of `mimicbench.retarget.registry.METHODS`."""
     preset: Preset | None = None
     """`paper`: tables and loss to the letter; `improved`: what we find to be better; None: the method's default."""
 

@@ -22,10 +22,10 @@ from scipy.interpolate import CubicSpline
 from mimicbench.core import rotations as rot
 from mimicbench.core.curves import smooth_above
 from mimicbench.core.motion import RobotMotion
-from mimicbench.retarget.anchors import Anchors, anchors_of
+from mimicbench.retarget.methods.anchors import Anchors, anchors_of
 from mimicbench.retarget.clip import Clip, storable
-from mimicbench.retarget.copy_rotation import copy_rotations
-from mimicbench.retarget.interaction_loss import InteractionConfig, Problem
+from mimicbench.retarget.methods.copy_rotation import copy_rotations
+from mimicbench.retarget.methods.interaction_loss import InteractionConfig, Problem
 from mimicbench.retarget.kinematics import Pose, tree_of
 from mimicbench.retarget.mapping import followed_points
 from mimicbench.retarget.mappings import find_mapping

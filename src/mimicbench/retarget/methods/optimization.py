@@ -17,7 +17,7 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import RobotMotion
 from mimicbench.retarget.clip import Clip, storable
-from mimicbench.retarget.copy_rotation import copy_rotations
+from mimicbench.retarget.methods.copy_rotation import copy_rotations
 from mimicbench.retarget.kinematics import Jacobian, Links, Pose, Tree, tree_of
 from mimicbench.retarget.mapping import Bound, Preset, followed_points
 from mimicbench.retarget.solver import Model, solve

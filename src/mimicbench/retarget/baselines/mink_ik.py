@@ -12,7 +12,7 @@ import numpy as np
 
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.retarget.kinematics import Pose
-from mimicbench.retarget.optimization import Problem
+from mimicbench.retarget.methods.optimization import Problem
 from mimicbench.robots.description import Robot
 from mimicbench.sim.scene import add_links
 

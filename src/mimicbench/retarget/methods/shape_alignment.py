@@ -15,7 +15,7 @@ from mimicbench.core.motion import RobotMotion, Skeleton, forward_kinematics
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.mapping import Mapping
 from mimicbench.retarget.mappings import find_mapping
-from mimicbench.retarget.optimization import OptimizationConfig, optimize_towards
+from mimicbench.retarget.methods.optimization import OptimizationConfig, optimize_towards
 from mimicbench.robots.description import Robot
 
 

@@ -1,0 +1,1 @@
+"""The ways to retarget, one file each."""
