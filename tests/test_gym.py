@@ -23,9 +23,9 @@ from mimicbench.objects.touch import STAND_OFF
 from mimicbench.sensors.opengl import NoPictures
 from mimicbench.sensors.rays import FARTHEST
 from mimicbench.sensors.render import FLOOR, NOTHING, OBJECT, ROBOT
-from mimicbench.tasks.gym import TaskEnv, TaskVectorEnv
+from mimicbench.envs.gym import TaskEnv, TaskVectorEnv
 from mimicbench.tasks.registry import TASKS, get_task
-from mimicbench.tasks.start import Stance, Starts, clipped, draw_start, start_of
+from mimicbench.envs.start import Stance, Starts, clipped, draw_start, start_of
 from mimicbench.track.reference import ReferenceBank
 from stool import H1, JOINT, block, seated
 

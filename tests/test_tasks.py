@@ -15,13 +15,13 @@ from mimicbench.objects.families.household import make_household
 from mimicbench.objects.shape import SceneObject
 from mimicbench.sim.native import NativePhysics
 from mimicbench.sim.scene import CONTROL_DT
-from mimicbench.tasks.judge import Judge
+from mimicbench.envs.judge import Judge
 from mimicbench.tasks.lie_bed import LIE_BED
 from mimicbench.tasks.lie_sofa import LIE_SOFA
 from mimicbench.tasks.lift_box import LIFT_BOX
 from mimicbench.tasks.registry import TASKS, get_task
 from mimicbench.tasks.sit_chair import SIT_CHAIR
-from mimicbench.tasks.start import Stance, draw_start
+from mimicbench.envs.start import Stance, draw_start
 from mimicbench.tasks.task import REST, BodyPoints, ObjectFacts, first_run, longest_run
 from mimicbench.tasks.touch_points import TOUCH_POINTS
 from stool import H1, block, place, seated, standing

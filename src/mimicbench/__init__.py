@@ -20,7 +20,7 @@ def register_environments(gymnasium: ModuleType) -> None:
     """Tell Gymnasium, the module, where its `make` and `make_vec` find the environments."""
     for name, task in ENVIRONMENTS.items():
         gymnasium.register(
-            f"mimicbench/{name}-v0", "mimicbench.tasks.gym:TaskEnv", vector_entry_point="mimicbench.tasks.gym:TaskVectorEnv", kwargs={"task": task}
+            f"mimicbench/{name}-v0", "mimicbench.envs.gym:TaskEnv", vector_entry_point="mimicbench.envs.gym:TaskVectorEnv", kwargs={"task": task}
         )
 
 

@@ -20,7 +20,7 @@ from mimicbench.core.seeds import rng
 from mimicbench.objects.registry import make_object
 from mimicbench.robots.description import load_robot
 from mimicbench.sensors.bench import bench_senses
-from mimicbench.tasks.gym import TaskVectorEnv
+from mimicbench.envs.gym import TaskVectorEnv
 from mimicbench.tasks.registry import TASKS
 
 WITHOUT_MAP = ("proprio", "state", "time")

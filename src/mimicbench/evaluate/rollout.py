@@ -18,8 +18,8 @@ from mimicbench.sensors.proprioception import Odometry, body_state, s_current
 from mimicbench.sim.backends import make_physics
 from mimicbench.sim.physics import Physics
 from mimicbench.sim.scene import CONTROL_DT
-from mimicbench.tasks.judge import Judge
-from mimicbench.tasks.start import put_at_start, start_of
+from mimicbench.envs.judge import Judge
+from mimicbench.envs.start import put_at_start, start_of
 from mimicbench.tasks.task import Task
 from mimicbench.track.rollout import Rollout
 

@@ -14,7 +14,7 @@ from mimicbench.robots.description import Robot
 from mimicbench.sim.backends import make_physics
 from mimicbench.sim.devices import tensor_device
 from mimicbench.sim.scene import CONTROL_DT
-from mimicbench.tasks.judge import Judge
+from mimicbench.envs.judge import Judge
 from mimicbench.tasks.task import Task
 from mimicbench.track.checkpoint import Tracker
 from mimicbench.track.reference import ReferenceBank

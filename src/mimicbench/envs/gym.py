@@ -15,10 +15,10 @@ from gymnasium.vector.utils import batch_space
 
 from mimicbench.core.errors import MimicbenchError, UnknownName
 from mimicbench.sim.scene import CONTROL_DT
-from mimicbench.tasks.episodes import EnvConfig, Episodes
+from mimicbench.envs.episodes import EnvConfig, Episodes
 from mimicbench.tasks.registry import get_task
-from mimicbench.tasks.spaces import action_space, batched, observation_space
-from mimicbench.tasks.view import View
+from mimicbench.envs.spaces import action_space, batched, observation_space
+from mimicbench.envs.view import View
 
 Observation = dict[str, Any]
 """Arrays by the names of senses; see TaskEnv."""
@@ -94,7 +94,7 @@ class TaskEnv(gymnasium.Env[Observation, np.ndarray]):
 
     ## Arguments
 
-    Those of `mimicbench.tasks.episodes.EnvConfig`: `split`, `control`, `preset`, `observe`, `cameras`, `time_limit`, `starts`, `objects`, `pool`,
+    Those of `mimicbench.envs.episodes.EnvConfig`: `split`, `control`, `preset`, `observe`, `cameras`, `time_limit`, `starts`, `objects`, `pool`,
     `robot`, `workers`, `device`, `height`, `width`; and `render_mode`, None or `"rgb_array"`, which needs OpenGL.
 
     ## Version history

@@ -9,7 +9,7 @@ from mimicbench.robots.description import Robot
 from mimicbench.sensors.heightmap import CELLS
 from mimicbench.sensors.rays import FARTHEST
 from mimicbench.sim.scene import CONTROL_DT
-from mimicbench.tasks.episodes import BOUND, Episodes
+from mimicbench.envs.episodes import BOUND, Episodes
 
 
 def action_space(robot: Robot, control: str) -> spaces.Box:

@@ -19,9 +19,9 @@ from mimicbench.sensors.targets import target_map
 from mimicbench.sim.backends import check_device, make_physics
 from mimicbench.sim.physics import LinkState, Physics
 from mimicbench.sim.scene import CONTROL_DT
-from mimicbench.tasks.eyes import Eyes
-from mimicbench.tasks.judge import Judge
-from mimicbench.tasks.start import Start, Starts, put_at_start
+from mimicbench.envs.eyes import Eyes
+from mimicbench.envs.judge import Judge
+from mimicbench.envs.start import Start, Starts, put_at_start
 from mimicbench.tasks.task import Task
 
 SENSES = ("proprio", "state", "time", "elevation", "depth", "color", "labels")

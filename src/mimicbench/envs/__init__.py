@@ -1,0 +1,1 @@
+"""Episodes of a task: how they start, run, are observed and judged."""
