@@ -19,7 +19,7 @@ from mimicbench.bench.memory import resident_bytes
 from mimicbench.core.seeds import rng
 from mimicbench.objects.registry import make_object
 from mimicbench.robots.description import load_robot
-from mimicbench.sensors.bench import bench_senses
+from mimicbench.bench.sensors import bench_senses
 from mimicbench.envs.gym import TaskVectorEnv
 from mimicbench.tasks.registry import TASKS
 
