@@ -15,9 +15,9 @@ from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.objects.shape import SceneObject
+from mimicbench.references.importers.recording import Wishes
 from mimicbench.references.importers.registry import import_recording
 from mimicbench.references.recordings.real_clips import find_clips
-from mimicbench.references.importers.recording import Wishes
 from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.report.render import Picture, frame_all, human_frames
 from mimicbench.report.video import strip

@@ -12,11 +12,11 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.references.body.body import body_of
 from mimicbench.references.checks.gait_measures import measure_gait, summarize, walking_model
-from mimicbench.references.paper import PAPER_SETS
 from mimicbench.references.checks.quality import gate
+from mimicbench.references.importers.unihsi import import_skeleton_motion
+from mimicbench.references.paper import PAPER_SETS
 from mimicbench.references.recordings.real_clips import sitting_clips
 from mimicbench.references.synthesis.registry import synthesize
-from mimicbench.references.importers.unihsi import import_skeleton_motion
 from mimicbench.report.tables import Cell, Table, to_markdown
 from mimicbench.tasks.registry import TASKS
 

@@ -11,14 +11,14 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import HumanMotion, Skeleton
 from mimicbench.core.stage import read_stage
-from mimicbench.objects.registry import FAMILIES
 from mimicbench.objects.make import ObjectsConfig, make_objects, read_objects
+from mimicbench.objects.registry import FAMILIES
 from mimicbench.objects.shape import SceneObject, split_of
 from mimicbench.references.augment import AugmentConfig, make_augmented, mirror, mirrored_joints, mirrored_object, resize, restart, retime, variant
 from mimicbench.references.body.body import body_of
-from mimicbench.references.make import ReferencesConfig, make_references
-from mimicbench.references.checks.quality import check_clip, gate
 from mimicbench.references.body.skeletons import SKELETONS
+from mimicbench.references.checks.quality import check_clip, gate
+from mimicbench.references.make import ReferencesConfig, make_references
 from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.references.warp import approach_end, contact, rescaled, turned_approach
 from mimicbench.tasks.registry import TASKS

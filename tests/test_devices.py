@@ -16,6 +16,7 @@ from mimicbench import cli
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError, UnknownName
 from mimicbench.core.motion import RobotMotion
+from mimicbench.envs.gym import TaskEnv, TaskVectorEnv
 from mimicbench.evaluate.rollout import run_policy
 from mimicbench.imitate.demos import observed_states
 from mimicbench.imitate.make import load_any
@@ -23,7 +24,6 @@ from mimicbench.imitate.planner import PlannerConfig
 from mimicbench.sensors.proprioception import s_current
 from mimicbench.sim.backends import make_physics
 from mimicbench.sim.devices import tensor_device
-from mimicbench.envs.gym import TaskEnv, TaskVectorEnv
 from mimicbench.tasks.sit_chair import SIT_CHAIR
 from mimicbench.track.checkpoint import load_tracker
 from mimicbench.track.env import TrackingConfig

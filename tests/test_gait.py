@@ -9,11 +9,11 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import HumanMotion
 from mimicbench.references.body.body import Body, core4d_body, roam_body, unihsi_body
-from mimicbench.references.locomotion.feet import rolled
-from mimicbench.references.locomotion.gait import Gait, Route, around_box
 from mimicbench.references.body.limbs import ease
 from mimicbench.references.body.posing import Trunk, pose
 from mimicbench.references.checks.quality import bearing_points, stance_slides
+from mimicbench.references.locomotion.feet import rolled
+from mimicbench.references.locomotion.gait import Gait, Route, around_box
 from mimicbench.references.locomotion.replan import in_stride, walk_from
 from mimicbench.references.locomotion.states import BodyState, state_of_motion, state_of_walk
 from mimicbench.references.locomotion.walking import FPS, Walk, walk

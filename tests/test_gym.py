@@ -17,15 +17,15 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion, BadObject, MimicbenchError, UnknownName
 from mimicbench.core.motion import RobotMotion
 from mimicbench.core.seeds import rng
+from mimicbench.envs.gym import TaskEnv, TaskVectorEnv
+from mimicbench.envs.start import Stance, Starts, clipped, draw_start, start_of
 from mimicbench.objects.registry import FAMILIES, make_object
 from mimicbench.objects.shape import save_object, split_of
 from mimicbench.objects.touch import STAND_OFF
 from mimicbench.sensors.opengl import NoPictures
 from mimicbench.sensors.rays import FARTHEST
 from mimicbench.sensors.render import FLOOR, NOTHING, OBJECT, ROBOT
-from mimicbench.envs.gym import TaskEnv, TaskVectorEnv
 from mimicbench.tasks.registry import TASKS, get_task
-from mimicbench.envs.start import Stance, Starts, clipped, draw_start, start_of
 from mimicbench.track.reference import ReferenceBank
 from stool import H1, JOINT, block, seated
 

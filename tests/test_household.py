@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from joined import joined
 from mimicbench.core.seeds import rng
-from mimicbench.objects.registry import make_object
 from mimicbench.objects.families.household import KINDS, build, draw_draft, make_household, make_untouched
+from mimicbench.objects.registry import make_object
 from mimicbench.objects.shape import SLOTS, load_object, save_object
 from mimicbench.objects.surface import box_distance
 from mimicbench.objects.touch import HIGHEST, LOWEST, MOST_POINTS, find_pairs, with_touch_points

@@ -19,16 +19,16 @@ from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError, UnknownN
 from mimicbench.core.motion import forward_kinematics
 from mimicbench.core.untrusted import load_torch
 from mimicbench.references.body.body import body_of
+from mimicbench.references.body.skeletons import CORE4D, ROAM, SKELETONS, UNIHSI
+from mimicbench.references.checks.quality import check_clip
 from mimicbench.references.importers.bvh import read_bvh, world
-from mimicbench.references.importers.registry import FORMATS, detect_format, import_recording
 from mimicbench.references.importers.intermimic import BODY_POS, SOURCES
 from mimicbench.references.importers.joint_names import split_name
-from mimicbench.references.checks.quality import check_clip
-from mimicbench.references.recordings.real_clips import TASKS, find_clips
 from mimicbench.references.importers.recording import Wishes, stride_scale
+from mimicbench.references.importers.registry import FORMATS, detect_format, import_recording
 from mimicbench.references.importers.rest_pose import axis_up, turned
 from mimicbench.references.importers.roam import read_pose
-from mimicbench.references.body.skeletons import CORE4D, ROAM, SKELETONS, UNIHSI
+from mimicbench.references.recordings.real_clips import TASKS, find_clips
 
 DATA = Path(__file__).parents[1].parent / "shared" / "data"
 real = pytest.mark.skipif(not DATA.is_dir(), reason=f"the real recordings are not at {DATA}")

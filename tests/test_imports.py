@@ -9,7 +9,7 @@ import pytest
 
 SOURCE = Path(__file__).parents[1] / "src" / "mimicbench"
 LEVELS = (
-    {"core"}, {"robot", "objects"}, {"references", "sim"}, {"sense", "retarget"}, {"tasks"}, {"track"}, {"imitate"}, {"evaluate"}, {"report"},
+    {"core"}, {"robots", "objects"}, {"references", "sim"}, {"sensors", "retarget"}, {"tasks"}, {"envs"}, {"track"}, {"imitate"}, {"evaluate"}, {"report"},
     {"workspace"}, {"pipelines"}, {"bench"}, {"commands"}, {"cli"},
 )  # fmt: skip
 """Each may import what stands before it, and itself; never its neighbors on the same level."""

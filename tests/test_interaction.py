@@ -13,8 +13,8 @@ from mimicbench.objects.families.chairs import make_chair
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.retarget.clip import Clip
-from mimicbench.retarget.methods.interaction import InteractionConfig, interact, make_problem, refine
 from mimicbench.retarget.kinematics import Pose, tree_of
+from mimicbench.retarget.methods.interaction import InteractionConfig, interact, make_problem, refine
 from mimicbench.retarget.samples import Masses, Scene, balls_of, point_rows
 from mimicbench.retarget.solver import move
 from mimicbench.robots.description import load_robot

@@ -8,17 +8,17 @@ import pytest
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.families.beds import make_bed
-from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.families.sofas import make_couch
-from mimicbench.references.body.angles import joint_angles
+from mimicbench.objects.shape import SceneObject
 from mimicbench.references.actions.berths import perch
+from mimicbench.references.actions.lying import LieStyle
+from mimicbench.references.body.angles import joint_angles
 from mimicbench.references.body.body import body_of, roam_body, unihsi_body
+from mimicbench.references.checks.quality import gate
 from mimicbench.references.synthesis.lie_bed import find_berth as find_bed_berth
 from mimicbench.references.synthesis.lie_bed import make_lie_bed
 from mimicbench.references.synthesis.lie_sofa import find_berth as find_sofa_berth
 from mimicbench.references.synthesis.lie_sofa import make_lie_sofa
-from mimicbench.references.actions.lying import LieStyle
-from mimicbench.references.checks.quality import gate
 from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.tasks.registry import get_task
 

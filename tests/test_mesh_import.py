@@ -20,12 +20,12 @@ from mimicbench.core.bounded import run_bounded
 from mimicbench.core.errors import BadFile, BadObject, MimicbenchError
 from mimicbench.objects.families.chairs import make_chair
 from mimicbench.objects.importing.convex import box_around, fewer_corners, split, topology
-from mimicbench.objects.registry import make_object
 from mimicbench.objects.importing.mend import close_holes
 from mimicbench.objects.importing.mesh import MAX_BYTES, Mesh, check_bytes, checked, parse_bytes
 from mimicbench.objects.importing.own import ImportConfig, import_mesh, import_objects, own_ids, tops
 from mimicbench.objects.importing.placing import KINDS, Wishes, place
 from mimicbench.objects.importing.planes import SIT, find_plane, surfaces
+from mimicbench.objects.registry import make_object
 from mimicbench.objects.shape import SLOTS, load_object
 from mimicbench.sim.native import NativePhysics
 from mimicbench.sim.scene import MESH_NODES, build_model

@@ -11,8 +11,8 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.families.boxes import make_box
 from mimicbench.objects.families.chairs import make_chair
-from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.families.sofas import make_sofa
+from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body.angles import joint_angles
 from mimicbench.references.body.body import Body, body_of, core4d_body, roam_body, unihsi_body
 from mimicbench.references.body.limbs import about_x, about_y

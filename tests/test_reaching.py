@@ -9,11 +9,11 @@ from mimicbench.objects.families.boxes import make_box
 from mimicbench.objects.families.household import make_household
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.actions import postures, reaching
-from mimicbench.references.synthesis import lift_box, touch_points
 from mimicbench.references.body.body import body_of, core4d_body
-from mimicbench.references.locomotion.gait import Gait
 from mimicbench.references.body.posing import Arms, Legs, Trunk, pose, reach, shoulders
 from mimicbench.references.checks.quality import check_clip, faults
+from mimicbench.references.locomotion.gait import Gait
+from mimicbench.references.synthesis import lift_box, touch_points
 from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.references.synthesis.touch_points import synthesize_touch_points
 

@@ -15,17 +15,17 @@ from mimicbench.core.files import read_json, write_json
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.families.beds import make_bed
 from mimicbench.objects.families.chairs import make_chair
-from mimicbench.objects.make import ObjectsConfig, make_objects
 from mimicbench.objects.families.sofas import make_sofa
+from mimicbench.objects.make import ObjectsConfig, make_objects
 from mimicbench.references.body.body import unihsi_body
-from mimicbench.references.locomotion.gait import Gait, Route
+from mimicbench.references.body.posing import Trunk, pose
 from mimicbench.references.checks.gait_measures import measure_gait, summarize, walking_model
+from mimicbench.references.checks.stats import object_size, pairwise, set_statistics, spread
+from mimicbench.references.locomotion.gait import Gait, Route
+from mimicbench.references.locomotion.walking import FPS, walk
 from mimicbench.references.make import ReferencesConfig, make_references, remake
 from mimicbench.references.paper import PAPER_SETS
-from mimicbench.references.body.posing import Trunk, pose
-from mimicbench.references.checks.stats import object_size, pairwise, set_statistics, spread
 from mimicbench.references.synthesis.registry import synthesize
-from mimicbench.references.locomotion.walking import FPS, walk
 from mimicbench.report.dataset import dataset_picture, statistics_table, variety_table
 from mimicbench.report.tables import to_markdown
 from mimicbench.tasks.registry import TASKS

@@ -11,14 +11,14 @@ from mimicbench.core.errors import BadObject, UnknownName
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.families.chairs import make_chair
 from mimicbench.objects.shape import SceneObject
+from mimicbench.references.actions.sitting import SitStyle
 from mimicbench.references.body import skeletons as human
-from mimicbench.references.locomotion.balance import balance, support_point
 from mimicbench.references.body.body import unihsi_body
-from mimicbench.references.locomotion.feet import swing_feet
-from mimicbench.references.locomotion.gait import Gait, around_box, plan_footsteps
 from mimicbench.references.body.limbs import two_link
 from mimicbench.references.checks.quality import Limits, check_clip, faults, is_good
-from mimicbench.references.actions.sitting import SitStyle
+from mimicbench.references.locomotion.balance import balance, support_point
+from mimicbench.references.locomotion.feet import swing_feet
+from mimicbench.references.locomotion.gait import Gait, around_box, plan_footsteps
 from mimicbench.references.synthesis.registry import synthesize
 
 CLIPS = 48

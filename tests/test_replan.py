@@ -12,11 +12,11 @@ from mimicbench.core.errors import BadMotion, UnknownName
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.registry import make_object
 from mimicbench.objects.shape import SceneObject
-from mimicbench.references.body.body import body_of
-from mimicbench.references.synthesis.planning import plan
-from mimicbench.references.checks.quality import Limits, check_clip, faults
 from mimicbench.references.actions.reaching import cut
+from mimicbench.references.body.body import body_of
+from mimicbench.references.checks.quality import Limits, check_clip, faults
 from mimicbench.references.locomotion.states import BodyState, BoxState, state_of_motion, state_of_points
+from mimicbench.references.synthesis.planning import plan
 from mimicbench.references.synthesis.registry import TASKS, synthesize
 from mimicbench.tasks.registry import get_task
 

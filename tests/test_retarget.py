@@ -14,18 +14,18 @@ from mimicbench.core.errors import BadMotion, UnknownName
 from mimicbench.core.motion import HumanMotion, RobotMotion, Skeleton
 from mimicbench.objects.families.chairs import make_chair
 from mimicbench.references.body.skeletons import UNIHSI
-from mimicbench.retarget.methods import optimization as opt
 from mimicbench.retarget.baselines.adam import adam
 from mimicbench.retarget.baselines.speed import frames_per_second
 from mimicbench.retarget.clip import Clip
-from mimicbench.retarget.methods.copy_rotation import copy_rotations
 from mimicbench.retarget.grounding import ground, sole_heights, stance
 from mimicbench.retarget.h1_tables import UNIHSI_H1
 from mimicbench.retarget.kinematics import Jacobian, Links, Pose, tree_of
 from mimicbench.retarget.mapping import Bound, bind
 from mimicbench.retarget.mappings import find_mapping
-from mimicbench.retarget.registry import METHODS
+from mimicbench.retarget.methods import optimization as opt
+from mimicbench.retarget.methods.copy_rotation import copy_rotations
 from mimicbench.retarget.methods.optimization import PAPER, OptimizationConfig, optimize
+from mimicbench.retarget.registry import METHODS
 from mimicbench.retarget.solver import _solve_with, move, solve
 from mimicbench.robots.description import load_robot
 
@@ -292,8 +292,8 @@ def test_frames_per_second_counts() -> None:
 
 @pytest.mark.skipif(not CLIPS.is_dir(), reason="the recorded UniHSI clips are not here")
 def test_real_people_become_robots() -> None:
-    from mimicbench.references.recordings.real_clips import sitting_clips
     from mimicbench.references.importers.unihsi import import_skeleton_motion
+    from mimicbench.references.recordings.real_clips import sitting_clips
 
     (motion, obj), *_ = sitting_clips(import_skeleton_motion(CLIPS / "armchair.npy"), "sit-chair")
     result = optimize(Clip(motion, obj, H1))

@@ -20,22 +20,22 @@ from mimicbench.objects.shape import SceneObject, save_object
 from mimicbench.references.body.body import body_of
 from mimicbench.references.body.skeletons import CORE4D, ROAM, UNIHSI
 from mimicbench.report.retargeting import Comparison, MethodResult, measures_table, write_comparison
-from mimicbench.retarget.methods import optimization as opt
+from mimicbench.retarget.acceptance import MEASURES, PROMISED, Limits, outcome, summary, unsolved
 from mimicbench.retarget.baselines.adam import adam
+from mimicbench.retarget.baselines.mink_ik import solve_frames
 from mimicbench.retarget.baselines.speed import RetargetBenchConfig, bench_retargeting
 from mimicbench.retarget.clip import Clip
-from mimicbench.retarget.methods.copy_rotation import copy_rotations
 from mimicbench.retarget.h1_tables import CORE4D_H1, ROAM_H1, UNIHSI_H1
 from mimicbench.retarget.kinematics import Pose, tree_of
 from mimicbench.retarget.make import RetargetConfig, make_retargeted, read_retargeted
 from mimicbench.retarget.mapping import bind
 from mimicbench.retarget.mappings import find_mapping
-from mimicbench.retarget.registry import METHODS, get_method
-from mimicbench.retarget.baselines.mink_ik import solve_frames
+from mimicbench.retarget.methods import optimization as opt
+from mimicbench.retarget.methods.copy_rotation import copy_rotations
 from mimicbench.retarget.methods.optimization import PAPER
 from mimicbench.retarget.methods.shape_alignment import align
+from mimicbench.retarget.registry import METHODS, get_method
 from mimicbench.retarget.solver import solve
-from mimicbench.retarget.acceptance import MEASURES, PROMISED, Limits, outcome, summary, unsolved
 from mimicbench.robots.description import load_robot
 
 H1 = load_robot("h1")

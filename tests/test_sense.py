@@ -8,11 +8,11 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mimicbench.bench.sensors import bench_senses
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import RobotMotion
 from mimicbench.evaluate.rollout import run_policy
 from mimicbench.objects.families.chairs import make_chair
-from mimicbench.bench.sensors import bench_senses
 from mimicbench.sensors.cameras import CameraMaps
 from mimicbench.sensors.elevation import camera_map, down_map, map_from_depth
 from mimicbench.sensors.heightmap import CELL, box_heightmap, cell_centers

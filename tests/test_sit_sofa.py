@@ -8,14 +8,14 @@ import pytest
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadObject
 from mimicbench.core.motion import HumanMotion
-from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.families.sofas import make_sofa
+from mimicbench.objects.shape import SceneObject
+from mimicbench.references.actions.seats import armrest, lean_against, place_at, places
+from mimicbench.references.actions.sitting import SitStyle
 from mimicbench.references.body.body import body_of, roam_body
 from mimicbench.references.checks.quality import check_clip, faults
-from mimicbench.references.actions.seats import armrest, lean_against, place_at, places
-from mimicbench.references.synthesis.sit_sofa import make_sit_sofa
-from mimicbench.references.actions.sitting import SitStyle
 from mimicbench.references.synthesis.registry import synthesize
+from mimicbench.references.synthesis.sit_sofa import make_sit_sofa
 
 CLIPS = 24
 PLAIN = SitStyle(1.06, 0.66, 1.8, 0.6, 0.05, 0.0, 0.0, 1.0)

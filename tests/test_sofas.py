@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 
 from furniture_checks import ball_at_rest, check_plane, check_stands_in_one_piece, sizes
 from mimicbench.core.errors import BadObject
-from mimicbench.objects.registry import make_object
 from mimicbench.objects.families.joinery import GROOVE
-from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.families.sofas import COUCHES, SOFAS, make_couch, make_sofa
 from mimicbench.objects.families.upholstery import MIN_BETWEEN_ARMS, MIN_LYING_DEPTH, MIN_SEAT_DEPTH, SofaShape, build_sofa
+from mimicbench.objects.registry import make_object
+from mimicbench.objects.shape import SceneObject
 
 MAKERS = st.sampled_from([make_sofa, make_couch])
 

@@ -10,18 +10,18 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadObject, UnknownName
 from mimicbench.core.motion import RobotMotion
 from mimicbench.core.seeds import rng
+from mimicbench.envs.judge import Judge
+from mimicbench.envs.start import Stance, draw_start
 from mimicbench.objects.families.chairs import make_chair
 from mimicbench.objects.families.household import make_household
 from mimicbench.objects.shape import SceneObject
 from mimicbench.sim.native import NativePhysics
 from mimicbench.sim.scene import CONTROL_DT
-from mimicbench.envs.judge import Judge
 from mimicbench.tasks.lie_bed import LIE_BED
 from mimicbench.tasks.lie_sofa import LIE_SOFA
 from mimicbench.tasks.lift_box import LIFT_BOX
 from mimicbench.tasks.registry import TASKS, get_task
 from mimicbench.tasks.sit_chair import SIT_CHAIR
-from mimicbench.envs.start import Stance, draw_start
 from mimicbench.tasks.task import REST, BodyPoints, ObjectFacts, first_run, longest_run
 from mimicbench.tasks.touch_points import TOUCH_POINTS
 from stool import H1, block, place, seated, standing

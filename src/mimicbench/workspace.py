@@ -32,8 +32,8 @@ if TYPE_CHECKING:  # these bring torch, which the earlier stages do without
     from mimicbench.imitate.demos import DemosConfig
     from mimicbench.imitate.make import ImitateConfig
     from mimicbench.references.augment import AugmentConfig
-    from mimicbench.references.importers.recording import Wishes
     from mimicbench.references.checks.stats import SetStatistics
+    from mimicbench.references.importers.recording import Wishes
     from mimicbench.track.train import TrackConfig
 
 Say = Callable[[str], None]

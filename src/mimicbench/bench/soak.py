@@ -16,12 +16,12 @@ from mujoco.batch import Batch
 from mimicbench.bench.memory import resident_bytes
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.seeds import rng
+from mimicbench.envs.gym import TaskVectorEnv
+from mimicbench.envs.spaces import action_space
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.robots.description import Robot, load_robot
 from mimicbench.sim.scene import build_model
-from mimicbench.envs.gym import TaskVectorEnv
 from mimicbench.tasks.registry import TASKS, get_task
-from mimicbench.envs.spaces import action_space
 
 PAPER_COUNTS = {"chair": 4600, "sofa": 1500, "bed": 350, "couch": 1800, "household": 2300, "box": 30}
 """Objects of each family in the paper's table: 10.6 thousand."""

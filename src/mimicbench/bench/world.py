@@ -16,11 +16,11 @@ import numpy as np
 import torch
 
 from mimicbench.bench.memory import resident_bytes
+from mimicbench.bench.sensors import bench_senses
 from mimicbench.core.seeds import rng
+from mimicbench.envs.gym import TaskVectorEnv
 from mimicbench.objects.registry import make_object
 from mimicbench.robots.description import load_robot
-from mimicbench.bench.sensors import bench_senses
-from mimicbench.envs.gym import TaskVectorEnv
 from mimicbench.tasks.registry import TASKS
 
 WITHOUT_MAP = ("proprio", "state", "time")

@@ -10,6 +10,9 @@ import torch
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError, UnknownName
 from mimicbench.core.motion import RobotMotion
+from mimicbench.envs.eyes import Eyes
+from mimicbench.envs.judge import Judge
+from mimicbench.envs.start import Start, Starts, put_at_start
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import load_robot
 from mimicbench.sensors.elevation import camera_map
@@ -19,9 +22,6 @@ from mimicbench.sensors.targets import target_map
 from mimicbench.sim.backends import check_device, make_physics
 from mimicbench.sim.physics import LinkState, Physics
 from mimicbench.sim.scene import CONTROL_DT
-from mimicbench.envs.eyes import Eyes
-from mimicbench.envs.judge import Judge
-from mimicbench.envs.start import Start, Starts, put_at_start
 from mimicbench.tasks.task import Task
 
 SENSES = ("proprio", "state", "time", "elevation", "depth", "color", "labels")

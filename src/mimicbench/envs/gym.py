@@ -14,11 +14,11 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from mimicbench.core.errors import MimicbenchError, UnknownName
-from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.envs.episodes import EnvConfig, Episodes
-from mimicbench.tasks.registry import get_task
 from mimicbench.envs.spaces import action_space, batched, observation_space
 from mimicbench.envs.view import View
+from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.tasks.registry import get_task
 
 Observation = dict[str, Any]
 """Arrays by the names of senses; see TaskEnv."""

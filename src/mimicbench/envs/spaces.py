@@ -5,11 +5,11 @@ from gymnasium import spaces
 from gymnasium.vector.utils import batch_space
 
 from mimicbench.core.errors import UnknownName
+from mimicbench.envs.episodes import BOUND, Episodes
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.heightmap import CELLS
 from mimicbench.sensors.rays import FARTHEST
 from mimicbench.sim.scene import CONTROL_DT
-from mimicbench.envs.episodes import BOUND, Episodes
 
 
 def action_space(robot: Robot, control: str) -> spaces.Box:

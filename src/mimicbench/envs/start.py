@@ -16,8 +16,8 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion, BadObject, UnknownName
 from mimicbench.core.motion import RobotMotion
 from mimicbench.core.seeds import rng
-from mimicbench.objects.registry import FAMILIES, make_object
 from mimicbench.objects.make import read_objects
+from mimicbench.objects.registry import FAMILIES, make_object
 from mimicbench.objects.shape import SceneObject, split_of
 from mimicbench.objects.touch import stance_before, touch_pair
 from mimicbench.references.locomotion.walking import draw_start as draw_place

@@ -9,6 +9,8 @@ import torch
 
 import mimicbench
 from mimicbench.core.motion import RobotMotion
+from mimicbench.envs.judge import Judge
+from mimicbench.envs.start import put_at_start, start_of
 from mimicbench.evaluate.rows import EpisodeRow
 from mimicbench.imitate.policy import Policy, Senses
 from mimicbench.objects.shape import SceneObject
@@ -18,8 +20,6 @@ from mimicbench.sensors.proprioception import Odometry, body_state, s_current
 from mimicbench.sim.backends import make_physics
 from mimicbench.sim.physics import Physics
 from mimicbench.sim.scene import CONTROL_DT
-from mimicbench.envs.judge import Judge
-from mimicbench.envs.start import put_at_start, start_of
 from mimicbench.tasks.task import Task
 from mimicbench.track.rollout import Rollout
 

@@ -8,8 +8,8 @@ from mimicbench.objects.families.beds import make_bed
 from mimicbench.objects.families.boxes import make_box
 from mimicbench.objects.families.chairs import make_chair
 from mimicbench.objects.families.household import make_household
-from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.families.sofas import make_couch, make_sofa
+from mimicbench.objects.shape import SceneObject
 
 FAMILIES: dict[str, Callable[[int, int], SceneObject]] = {
     "chair": make_chair,

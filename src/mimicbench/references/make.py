@@ -14,10 +14,10 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.core.parallel import map_items
 from mimicbench.core.stage import HEADER, Stage, open_stage
 from mimicbench.objects.shape import load_object, save_object, split_of
-from mimicbench.references.importers.registry import import_recording
 from mimicbench.references.checks.quality import Fulfils, gate
-from mimicbench.references.recordings.real_clips import Clip, find_clips
 from mimicbench.references.importers.recording import Wishes
+from mimicbench.references.importers.registry import import_recording
+from mimicbench.references.recordings.real_clips import Clip, find_clips
 from mimicbench.references.synthesis.registry import clip_id, synthesize
 
 MOST_TRIES = 3

@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from mimicbench.references.paper import PAPER_SETS, Spread
 from mimicbench.references.checks.stats import SetStatistics
+from mimicbench.references.paper import PAPER_SETS, Spread
 from mimicbench.report.plots import INK, MUTED, SERIES, styled
 from mimicbench.report.tables import Table
 

@@ -10,10 +10,10 @@ from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.core.parallel import map_items
 from mimicbench.core.stage import Stage, open_stage
 from mimicbench.objects.shape import SceneObject, load_object
+from mimicbench.retarget.acceptance import Outcome, outcome, summary
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.mapping import Preset
 from mimicbench.retarget.registry import get_method
-from mimicbench.retarget.acceptance import Outcome, outcome, summary
 from mimicbench.robots.description import Robot, load_robot
 
 Fulfils = Callable[[RobotMotion, SceneObject, Robot], bool]

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 from mimicbench.core.errors import MimicbenchError, UnknownName
 from mimicbench.core.motion import RobotMotion
+from mimicbench.retarget.acceptance import PROMISED, Limits
 from mimicbench.retarget.clip import Clip
+from mimicbench.retarget.mapping import Preset
 from mimicbench.retarget.methods.copy_rotation import copy_rotation
 from mimicbench.retarget.methods.interaction import interact
-from mimicbench.retarget.mapping import Preset
 from mimicbench.retarget.methods.optimization import PAPER, OptimizationConfig, optimize
 from mimicbench.retarget.methods.shape_alignment import align_and_optimize
-from mimicbench.retarget.acceptance import PROMISED, Limits
 
 
 @dataclass(frozen=True)

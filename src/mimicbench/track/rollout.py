@@ -9,12 +9,12 @@ import torch
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import RobotMotion
 from mimicbench.core.seeds import rng
+from mimicbench.envs.judge import Judge
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
 from mimicbench.sim.backends import make_physics
 from mimicbench.sim.devices import tensor_device
 from mimicbench.sim.scene import CONTROL_DT
-from mimicbench.envs.judge import Judge
 from mimicbench.tasks.task import Task
 from mimicbench.track.checkpoint import Tracker
 from mimicbench.track.reference import ReferenceBank

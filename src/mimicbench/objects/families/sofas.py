@@ -11,8 +11,8 @@ import numpy as np
 
 from mimicbench.core.seeds import rng
 from mimicbench.objects.families.draws import FABRICS, WOODS, Range, SizeDistribution, tint, truncated
-from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.families.upholstery import MIN_BETWEEN_ARMS, SofaShape, build_sofa
+from mimicbench.objects.shape import SceneObject
 
 SEAT: Range = (0.415, 0.032, 0.35, 0.50)
 MAX_SEAT_DEPTH = 0.64

@@ -172,7 +172,9 @@ def _coacd(mesh: Mesh, limit: int) -> list[np.ndarray]:
     for fineness in (2, 1):
         arrays = {"vertices": mesh.vertices, "faces": mesh.faces, "limit": np.array(limit), "fineness": np.array(fineness)}
         try:
-            found = run_bounded("mimicbench.objects.importing.convex", "coacd_pieces", arrays, SPLIT_SECONDS, SPLIT_BYTES, "it cannot be split into convex pieces: ")
+            found = run_bounded(
+                "mimicbench.objects.importing.convex", "coacd_pieces", arrays, SPLIT_SECONDS, SPLIT_BYTES, "it cannot be split into convex pieces: "
+            )
         except BadFile as error:
             reason = str(error)
             continue

@@ -17,11 +17,11 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.references.actions import on_side
 from mimicbench.references.actions.berths import SINK, Berth, lifted_share, resting_foot
 from mimicbench.references.body.body import Body
-from mimicbench.references.locomotion.course import Course
-from mimicbench.references.locomotion.gait import Gait, Route, last_turn
 from mimicbench.references.body.hands import keep_off, lay_on_body, point_hands
 from mimicbench.references.body.limbs import about_y, two_link
 from mimicbench.references.body.posing import Arms, Legs, Trunk, blend, pose, reach, shoulders, thigh_orientations
+from mimicbench.references.locomotion.course import Course
+from mimicbench.references.locomotion.gait import Gait, Route, last_turn
 from mimicbench.references.locomotion.walking import FPS, Walk, walk
 
 CONTACT_NAMES = ("left_foot", "right_foot", "pelvis", "back", "left_hand", "right_hand")

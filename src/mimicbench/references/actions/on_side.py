@@ -4,10 +4,10 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.curves import minimum_jerk
+from mimicbench.references.actions.reaching import within_reach, wrists_of
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.limbs import about_x, about_y, two_link
 from mimicbench.references.body.posing import Arms, Legs, Trunk, reach, shoulders
-from mimicbench.references.actions.reaching import within_reach, wrists_of
 
 ROLL = 1.25
 """How far the body turns over [rad]: a little less than onto its shoulder."""

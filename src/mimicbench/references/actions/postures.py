@@ -14,10 +14,10 @@ from mimicbench.core.motion import forward_kinematics
 from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.surface import box_distance
 from mimicbench.references.body.body import Body
-from mimicbench.references.locomotion.gait import Gait
 from mimicbench.references.body.limbs import about_y
-from mimicbench.references.checks.penetration import OWN, own_depth
 from mimicbench.references.body.posing import Legs, Trunk, pose, reach, shoulders, thigh_orientations
+from mimicbench.references.checks.penetration import OWN, own_depth
+from mimicbench.references.locomotion.gait import Gait
 from mimicbench.references.locomotion.walking import REACH
 
 FORWARD = 0.05

@@ -10,11 +10,11 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.curves import minimum_jerk
 from mimicbench.core.motion import HumanMotion, forward_kinematics
 from mimicbench.objects.shape import SceneObject
+from mimicbench.references.actions.postures import NOD, STRETCH, Posture, chest_turn, depth, elbow_axes, in_own_way
 from mimicbench.references.body.body import Body
-from mimicbench.references.locomotion.gait import Footsteps, Gait
 from mimicbench.references.body.limbs import about_y
 from mimicbench.references.body.posing import Arms, Legs, Trunk, blend, pose, reach, shoulders
-from mimicbench.references.actions.postures import NOD, STRETCH, Posture, chest_turn, depth, elbow_axes, in_own_way
+from mimicbench.references.locomotion.gait import Footsteps, Gait
 from mimicbench.references.locomotion.walking import Walk
 
 Some = TypeVar("Some", Trunk, Legs, Arms)

@@ -12,13 +12,13 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.curves import minimum_jerk
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.shape import SceneObject
+from mimicbench.references.actions.seats import Leaning, Place, armrest, beside_thigh, feet_allowed, lean_against, place_at
 from mimicbench.references.body.body import Body
-from mimicbench.references.locomotion.course import Course
-from mimicbench.references.locomotion.gait import Gait, Route, around_box, last_turn
 from mimicbench.references.body.hands import keep_off, lay_on_body
 from mimicbench.references.body.limbs import about_y
 from mimicbench.references.body.posing import Arms, Legs, Trunk, blend, pose, reach, shoulders, thigh_orientations
-from mimicbench.references.actions.seats import Leaning, Place, armrest, beside_thigh, feet_allowed, lean_against, place_at
+from mimicbench.references.locomotion.course import Course
+from mimicbench.references.locomotion.gait import Gait, Route, around_box, last_turn
 from mimicbench.references.locomotion.walking import FPS, Walk, walk
 
 CONTACTS = ("left_foot", "right_foot", "pelvis", "back", "left_hand", "right_hand")

@@ -5,10 +5,10 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.curves import smooth
 from mimicbench.core.motion import forward_kinematics
-from mimicbench.references.body.body import Body
-from mimicbench.references.checks.penetration import ARM, own_gaps
-from mimicbench.references.body.posing import Arms, Legs, Trunk, pose, reach
 from mimicbench.references.actions.reaching import WRIST, wrists_of
+from mimicbench.references.body.body import Body
+from mimicbench.references.body.posing import Arms, Legs, Trunk, pose, reach
+from mimicbench.references.checks.penetration import ARM, own_gaps
 
 OFF = ("pelvis", "trunk", "thigh", "shin")
 """What hands are pushed out of."""

@@ -13,10 +13,10 @@ from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import Skeleton, forward_kinematics
 from mimicbench.core.untrusted import load_npz
 from mimicbench.references.body.body import core4d_body
+from mimicbench.references.body.skeletons import CORE4D
 from mimicbench.references.importers.core4d import FEET, HEAD, check_joints, smpl_recording
 from mimicbench.references.importers.recording import MAX_BYTES, Recording, Wishes, check_array, check_rate, stride_scale
 from mimicbench.references.importers.rest_pose import axis_up, guess_up
-from mimicbench.references.body.skeletons import CORE4D
 
 RATES = ("mocap_framerate", "mocap_frame_rate", "fps", "frame_rate")
 ROOTS, BODIES, PLACES = ("root_orient", "global_orient"), ("pose_body", "body_pose"), ("trans", "transl")

@@ -16,10 +16,10 @@ from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import MAX_FRAMES
 from mimicbench.core.untrusted import read_bytes
 from mimicbench.references.body.body import Body, roam_body
+from mimicbench.references.body.skeletons import ROAM
 from mimicbench.references.importers.joint_names import END, Limbs, find_limbs, onto_roam
 from mimicbench.references.importers.recording import LEG, UNITS, Recording, Wishes, check_rate, check_stride, finish
 from mimicbench.references.importers.rest_pose import Adopted, adopt, axis_up, guess_up, hanging_turns, into_our_rest
-from mimicbench.references.body.skeletons import ROAM
 
 MAX_BYTES = 64 << 20
 MAX_HIERARCHY = 1 << 20

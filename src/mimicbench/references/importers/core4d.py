@@ -12,9 +12,9 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.untrusted import load_npz, load_restricted
 from mimicbench.references.body.body import core4d_body
+from mimicbench.references.body.skeletons import CORE4D
 from mimicbench.references.importers.recording import MAX_BYTES, ObjectTrack, Recording, Wishes, check_array, check_rate, finish
 from mimicbench.references.importers.rest_pose import Adopted, adopt, axis_up, hanging_turns, into_our_rest
-from mimicbench.references.body.skeletons import CORE4D
 
 FPS = 15.0
 """Of CORE4D's real motions."""

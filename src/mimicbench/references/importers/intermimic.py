@@ -8,9 +8,9 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.untrusted import load_torch
 from mimicbench.references.body.body import core4d_body
+from mimicbench.references.body.skeletons import CORE4D
 from mimicbench.references.importers.recording import MAX_BYTES, ObjectTrack, Recording, Wishes, check_array, check_rate, check_unit_quat, finish
 from mimicbench.references.importers.rest_pose import adopt, axis_up, hanging_turns, into_our_rest
-from mimicbench.references.body.skeletons import CORE4D
 
 FPS = 30.0
 WIDTH, BODIES = 591, 52

@@ -12,10 +12,10 @@ from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import MAX_FRAMES
 from mimicbench.core.untrusted import NPY, load_restricted, read_bytes
 from mimicbench.references.body.body import roam_body
+from mimicbench.references.body.skeletons import ROAM
 from mimicbench.references.importers.bvh import numbers
 from mimicbench.references.importers.recording import MAX_BYTES, UNITS, Recording, Wishes, check_array, check_rate, check_velocity, finish
 from mimicbench.references.importers.rest_pose import Adopted, adopt, axis_up, hanging_turns, into_our_rest
-from mimicbench.references.body.skeletons import ROAM
 
 FPS = 25.0
 """ROAM's actors move at this rate."""

@@ -10,6 +10,7 @@ from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import Skeleton, forward_kinematics
 from mimicbench.core.untrusted import load_npz, load_restricted
 from mimicbench.references.body.body import unihsi_body
+from mimicbench.references.body.skeletons import UNIHSI
 from mimicbench.references.importers.recording import (
     MAX_BYTES,
     Recording,
@@ -23,7 +24,6 @@ from mimicbench.references.importers.recording import (
     finish,
 )  # fmt: skip
 from mimicbench.references.importers.rest_pose import adopt, axis_up, into_our_rest
-from mimicbench.references.body.skeletons import UNIHSI
 
 STATES_FPS = 30.0
 """UniHSI controls, and would record, at this rate."""

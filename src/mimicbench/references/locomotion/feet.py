@@ -6,8 +6,8 @@ import numpy as np
 
 from mimicbench.core.curves import minimum_jerk, smooth
 from mimicbench.references.body.body import Body
-from mimicbench.references.locomotion.gait import Footsteps, Gait, left_of
 from mimicbench.references.body.limbs import ease, glide
+from mimicbench.references.locomotion.gait import Footsteps, Gait, left_of
 
 LONG = 0.95
 """A stride for which the feet roll by `Gait.heel_strike` and `Gait.heel_off` [m at size 1]; in proportion for others, up to 1.15 times."""

@@ -8,8 +8,8 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.curves import minimum_jerk, smooth_below
 from mimicbench.core.motion import HumanMotion
 from mimicbench.references.body.body import Body
-from mimicbench.references.locomotion.feet import rolled
 from mimicbench.references.body.limbs import about_y, ease, two_link
+from mimicbench.references.locomotion.feet import rolled
 from mimicbench.references.locomotion.states import BodyState
 
 JOINS = 0.45

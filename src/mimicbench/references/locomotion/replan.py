@@ -10,9 +10,9 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.curves import minimum_jerk, smooth_below
 from mimicbench.references.body.body import Body
+from mimicbench.references.body.limbs import ease
 from mimicbench.references.locomotion.feet import rolled, swing_share
 from mimicbench.references.locomotion.gait import Footsteps, Gait, Route, ahead_of, body_places, first_side, place_feet
-from mimicbench.references.body.limbs import ease
 from mimicbench.references.locomotion.states import LONG_AGO, BodyState, state_of_walk
 from mimicbench.references.locomotion.walking import FPS, Walk, follow, highest_pelvis, standing_height, walk
 

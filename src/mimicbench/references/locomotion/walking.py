@@ -7,12 +7,12 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.curves import smooth, smooth_above, smooth_below
 from mimicbench.objects.shape import SceneObject
-from mimicbench.references.locomotion.balance import balance
 from mimicbench.references.body.body import Body
-from mimicbench.references.locomotion.feet import Feet, FeetStart, body_yaw, stride_difference, swing_feet
-from mimicbench.references.locomotion.gait import Footsteps, Gait, Route, plan_footsteps
 from mimicbench.references.body.limbs import about_x, about_y
 from mimicbench.references.body.posing import Arms, Legs
+from mimicbench.references.locomotion.balance import balance
+from mimicbench.references.locomotion.feet import Feet, FeetStart, body_yaw, stride_difference, swing_feet
+from mimicbench.references.locomotion.gait import Footsteps, Gait, Route, plan_footsteps
 
 FPS = 30.0
 """Frame rate of synthetic clips."""

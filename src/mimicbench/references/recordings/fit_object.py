@@ -10,10 +10,10 @@ from mimicbench.core.errors import BadMotion, BadObject
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.families.chairs import KINDS, build_chair, draw_shape
-from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.families.sofas import draw_sofa
-from mimicbench.objects.surface import box_distance
 from mimicbench.objects.families.upholstery import build_sofa
+from mimicbench.objects.shape import SceneObject
+from mimicbench.objects.surface import box_distance
 from mimicbench.references.body.body import body_of
 
 FAR = 0.2

@@ -12,11 +12,21 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body.body import body_of
 from mimicbench.references.checks.contacts import BEARING_NAMES, detect_bearing
+from mimicbench.references.importers.recording import ObjectTrack, Recording
 from mimicbench.references.recordings.fit_bed import fit_bed, lying_frame
 from mimicbench.references.recordings.fit_box import PALM, BoxTrack, box_between, box_of_mesh, boxed, touched_box
 from mimicbench.references.recordings.fit_object import fit_seat, nearby_distance, sample_body, seated_frame
-from mimicbench.references.importers.recording import ObjectTrack, Recording
-from mimicbench.references.recordings.segments import Handling, HandlingRules, Sitting, SittingRules, find_clasps, find_handling, find_lyings, find_reach, find_sittings
+from mimicbench.references.recordings.segments import (
+    Handling,
+    HandlingRules,
+    Sitting,
+    SittingRules,
+    find_clasps,
+    find_handling,
+    find_lyings,
+    find_reach,
+    find_sittings,
+)
 
 FPS = 30.0
 """Frame rate of the clips that are made."""

@@ -9,10 +9,10 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.actions.berths import Berth, perch
+from mimicbench.references.actions.lying import LieStyle, draw_style, lie_course, lie_down
 from mimicbench.references.body.body import Body, unihsi_body
 from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait, Route, around_box
-from mimicbench.references.actions.lying import LieStyle, draw_style, lie_course, lie_down
 from mimicbench.references.locomotion.walking import draw_start
 
 MARGIN = 0.40

@@ -10,14 +10,14 @@ import numpy as np
 from mimicbench.core.errors import BadMotion, UnknownName
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.shape import SceneObject
+from mimicbench.references.actions.lying import LieStyle
+from mimicbench.references.actions.sitting import LoungeStyle, SitStyle
 from mimicbench.references.locomotion.course import Course
 from mimicbench.references.synthesis.lie_bed import lie_bed_courses, synthesize_lie_bed
 from mimicbench.references.synthesis.lie_sofa import lie_sofa_courses, synthesize_lie_sofa
 from mimicbench.references.synthesis.lift_box import LiftStyle, lift_course, synthesize_lift_box
-from mimicbench.references.actions.lying import LieStyle
 from mimicbench.references.synthesis.sit_chair import sit_chair_courses, synthesize_sit_chair
 from mimicbench.references.synthesis.sit_sofa import sit_sofa_courses, synthesize_sit_sofa
-from mimicbench.references.actions.sitting import LoungeStyle, SitStyle
 from mimicbench.references.synthesis.touch_points import TouchStyle, synthesize_touch_points, touch_course
 
 TASKS: dict[str, Callable[[str, SceneObject, int], HumanMotion]] = {

@@ -7,10 +7,10 @@ import numpy as np
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
+from mimicbench.references.actions.sitting import SitStyle, sit_course, sit_down
 from mimicbench.references.body.body import unihsi_body
 from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait
-from mimicbench.references.actions.sitting import SitStyle, sit_course, sit_down
 from mimicbench.references.locomotion.walking import draw_start
 
 VARIED = 0.4

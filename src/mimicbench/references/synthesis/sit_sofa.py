@@ -8,11 +8,11 @@ from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
+from mimicbench.references.actions.seats import place_at, places
+from mimicbench.references.actions.sitting import LEAN_BACK, PAUSE, UPRIGHT, LoungeStyle, SitStyle, route_to, sit_course, sit_down
 from mimicbench.references.body.body import roam_body
 from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait, plan_footsteps
-from mimicbench.references.actions.seats import place_at, places
-from mimicbench.references.actions.sitting import LEAN_BACK, PAUSE, UPRIGHT, LoungeStyle, SitStyle, route_to, sit_course, sit_down
 from mimicbench.references.locomotion.walking import draw_start
 
 REST = 0.6

@@ -10,13 +10,13 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.touch import stance_before, touch_pair
-from mimicbench.references.body.body import Body, core4d_body
-from mimicbench.references.locomotion.course import Course
-from mimicbench.references.locomotion.gait import Gait, Route
-from mimicbench.references.body.limbs import about_y, glide
-from mimicbench.references.body.posing import pose
 from mimicbench.references.actions.postures import Ground, Posture, chest_turn, find_posture
 from mimicbench.references.actions.reaching import SIZES, cut, draw_approach, lay_hands, reach_past, settle, steps_up_to
+from mimicbench.references.body.body import Body, core4d_body
+from mimicbench.references.body.limbs import about_y, glide
+from mimicbench.references.body.posing import pose
+from mimicbench.references.locomotion.course import Course
+from mimicbench.references.locomotion.gait import Gait, Route
 from mimicbench.references.locomotion.walking import FPS, Walk, follow
 
 STRIDES = Gait(speed=0.62, step_time=0.68, stand=0.5, clearance=0.055)

@@ -9,13 +9,13 @@ import numpy as np
 
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.retarget.baselines.adam import EPOCHS, RATE, adam
+from mimicbench.retarget.baselines.mink_ik import solve_frames
 from mimicbench.retarget.clip import Clip, storable
-from mimicbench.retarget.methods.copy_rotation import copy_rotations
 from mimicbench.retarget.kinematics import Pose, tree_of
 from mimicbench.retarget.mapping import Preset
-from mimicbench.retarget.registry import METHODS, Method
-from mimicbench.retarget.baselines.mink_ik import solve_frames
+from mimicbench.retarget.methods.copy_rotation import copy_rotations
 from mimicbench.retarget.methods.optimization import PAPER, Problem, make_problem
+from mimicbench.retarget.registry import METHODS, Method
 from mimicbench.retarget.solver import solve
 
 

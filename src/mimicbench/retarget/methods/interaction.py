@@ -22,13 +22,13 @@ from scipy.interpolate import CubicSpline
 from mimicbench.core import rotations as rot
 from mimicbench.core.curves import smooth_above
 from mimicbench.core.motion import RobotMotion
-from mimicbench.retarget.methods.anchors import Anchors, anchors_of
 from mimicbench.retarget.clip import Clip, storable
-from mimicbench.retarget.methods.copy_rotation import copy_rotations
-from mimicbench.retarget.methods.interaction_loss import InteractionConfig, Problem
 from mimicbench.retarget.kinematics import Pose, tree_of
 from mimicbench.retarget.mapping import followed_points
 from mimicbench.retarget.mappings import find_mapping
+from mimicbench.retarget.methods.anchors import Anchors, anchors_of
+from mimicbench.retarget.methods.copy_rotation import copy_rotations
+from mimicbench.retarget.methods.interaction_loss import InteractionConfig, Problem
 from mimicbench.retarget.samples import Masses, Scene, balls_of
 from mimicbench.retarget.self_contact import SelfContact
 from mimicbench.retarget.solver import solve

@@ -17,9 +17,9 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import RobotMotion
 from mimicbench.retarget.clip import Clip, storable
-from mimicbench.retarget.methods.copy_rotation import copy_rotations
 from mimicbench.retarget.kinematics import Jacobian, Links, Pose, Tree, tree_of
 from mimicbench.retarget.mapping import Bound, Preset, followed_points
+from mimicbench.retarget.methods.copy_rotation import copy_rotations
 from mimicbench.retarget.solver import Model, solve
 
 _CHUNK = 256  # frames whose Jacobians are held at a time: 5 MB, which stays in the cache
