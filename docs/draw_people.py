@@ -1,7 +1,9 @@
 """Draws the pictures of docs/people.md: `python docs/draw_people.py`. Needs OpenGL.
 
-With `--real FOLDER --to FOLDER` it draws only what people did of whom there are recordings below the first folder, in any format that can be
-imported, into the second: `people-<task>-real.png` beside `people-<task>.png`. What one may show of recordings is up to their licenses.
+With `--real FOLDER --to FOLDER` it draws only what people did of whom there are recordings below the first folder, in
+any format that can be
+imported, into the second: `people-<task>-real.png` beside `people-<task>.png`. What one may show of recordings is up to
+their licenses.
 """
 
 import argparse
@@ -31,7 +33,14 @@ PICTURE = Picture(248, 250, 2048)
 MOMENTS = 7
 ROWS = 3
 """Clips per picture."""
-CLIPS = {"sit-chair": (1, 2, 5), "sit-sofa": (1, 2, 4), "lie-bed": (1, 4, 3), "lie-sofa": (2, 5, 1), "touch-points": (0, 3, 9), "lift-box": (0, 2, 5)}
+CLIPS = {
+    "sit-chair": (1, 2, 5),
+    "sit-sofa": (1, 2, 4),
+    "lie-bed": (1, 4, 3),
+    "lie-sofa": (2, 5, 1),
+    "touch-points": (0, 3, 9),
+    "lift-box": (0, 2, 5),
+}
 """Numbers of the clips that are shown, of seed 0."""
 BEFORE = 2.6
 """Of the walk, so much is shown before somebody is at the object [s]."""
@@ -88,13 +97,18 @@ def save(path: Path, task: str, clips: Sequence[Clip]) -> None:
 def draw(motion: HumanMotion, obj: SceneObject) -> np.ndarray:
     """Moments of a clip from one place, near enough for hands and feet."""
     frames = moments(motion, obj)
-    camera = frame_all(obj, motion.root_pos_w[frames], PICTURE.width / PICTURE.height, 1.75, 0.3, heading(motion, frames))
+    camera = frame_all(
+        obj, motion.root_pos_w[frames], PICTURE.width / PICTURE.height, 1.75, 0.3, heading(motion, frames)
+    )
     pictures = human_frames(build_model(ROBOT, obj, visuals=True), motion, frames / motion.fps, camera, PICTURE)
     return strip(list(pictures), [f"{frame / motion.fps:.1f} s" for frame in frames], 2)
 
 
 def heading(motion: HumanMotion, frames: np.ndarray) -> float | None:
-    """In which the camera looks [deg]: at hands from behind the object, at beds from the side on which people are; None for the usual."""
+    """In which the camera looks [deg]: at hands from behind the object, at beds from the side on which people are.
+
+    None for the usual.
+    """
     if motion.task in ("touch-points", "lift-box"):
         return 58.0
     side = 1.0 if motion.root_pos_w[frames, 1].mean() >= 0 else -1.0
@@ -102,7 +116,10 @@ def heading(motion: HumanMotion, frames: np.ndarray) -> float | None:
 
 
 def moments(motion: HumanMotion, obj: SceneObject) -> np.ndarray:
-    """(MOMENTS,) frames at which as much has happened since the last one, of all joints; of a long walk the end only."""
+    """(MOMENTS,) frames at which as much has happened since the last one, of all joints.
+
+    Of a long walk the end only.
+    """
     pos, _ = motion.forward_kinematics()
     low, high = obj.bounds()
     away = np.linalg.norm(np.maximum(np.maximum(low[:2] - pos[:, 0, :2], pos[:, 0, :2] - high[:2]), 0.0), axis=1)
@@ -110,7 +127,9 @@ def moments(motion: HumanMotion, obj: SceneObject) -> np.ndarray:
     start = max(0, there - round(BEFORE * motion.fps))
     gone = np.linalg.norm(np.diff(pos[start:], axis=0), axis=-1).mean(-1)
     progress = np.concatenate([[0.0], np.cumsum(gone)])
-    return start + np.clip(np.searchsorted(progress, np.linspace(0.0, progress[-1], MOMENTS) - 1e-9), 0, len(progress) - 1)
+    return start + np.clip(
+        np.searchsorted(progress, np.linspace(0.0, progress[-1], MOMENTS) - 1e-9), 0, len(progress) - 1
+    )
 
 
 if __name__ == "__main__":

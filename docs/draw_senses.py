@@ -71,7 +71,9 @@ def save(figure: Figure, name: str) -> None:
 
 def draw_map(ax: Axes, heights: np.ndarray, title: str, top: float, half: float = 2.56) -> None:
     """A map as the paper draws it: the robot in the middle, facing down; its left is on the right."""
-    ax.imshow(heights, cmap="gray", vmin=heights.min(), vmax=top, extent=(-half, half, half, -half), interpolation="nearest")
+    ax.imshow(
+        heights, cmap="gray", vmin=heights.min(), vmax=top, extent=(-half, half, half, -half), interpolation="nearest"
+    )
     ax.plot(0, 0, marker="v", color="tab:red", markersize=6)
     ax.set_title(title, fontsize=9)
 
@@ -87,7 +89,9 @@ def main() -> None:
     hands = look(near, HEAD_RIG)
 
     figure, axes = panels(2, 3, 12, 6.2)
-    for ax, picture, mount in zip((axes[0, 1], axes[0, 0], axes[1, 0], axes[1, 1]), views.color, PELVIS_RIG.mounts, strict=True):
+    for ax, picture, mount in zip(
+        (axes[0, 1], axes[0, 0], axes[1, 0], axes[1, 1]), views.color, PELVIS_RIG.mounts, strict=True
+    ):
         ax.imshow(picture)
         ax.set_title(f"pelvis: {mount.name}", fontsize=9)
     axes[0, 2].imshow(mark_targets(hands.color, HEAD_RIG, root_pos, root_quat, targets, radius=4)[0])

@@ -18,9 +18,12 @@ from mimicbench.tasks.registry import TASKS
 from mimicbench.workspace import Workspace
 
 SHOWN = {
-    "penetration": ("Frames > 1 cm in something [%]", 100), "contact_kept": ("Contact kept [%]", 100), "step_skate": ("Skating [cm per step]", 100),
-    "self_collision": ("Frames in itself [%]", 100), "limit_violation": ("Beyond limits [deg]", 57.3),
-}  # fmt: skip
+    "penetration": ("Frames > 1 cm in something [%]", 100),
+    "contact_kept": ("Contact kept [%]", 100),
+    "step_skate": ("Skating [cm per step]", 100),
+    "self_collision": ("Frames in itself [%]", 100),
+    "limit_violation": ("Beyond limits [deg]", 57.3),
+}
 
 
 def main() -> None:
@@ -28,11 +31,30 @@ def main() -> None:
     rows = []
     for task in TASKS:
         told = Workspace(Path(sys.argv[1]), task).finished("retarget").header["summary"]
-        measures = [round(told["measures"][name]["mean"] * factor, 2) if name in told["measures"] else None for name, (_, factor) in SHOWN.items()]
+        measures = [
+            round(told["measures"][name]["mean"] * factor, 2) if name in told["measures"] else None
+            for name, (_, factor) in SHOWN.items()
+        ]
         reasons = ", ".join(f"{name} {count}" for name, count in told["rejected_for"].items()) or "-"
-        rows.append((task, told["clips"], told["frames"], Rate(told["fulfilled"], told["clips"]), *measures, Rate(told["kept"], told["clips"]), reasons))
+        rows.append(
+            (
+                task,
+                told["clips"],
+                told["frames"],
+                Rate(told["fulfilled"], told["clips"]),
+                *measures,
+                Rate(told["kept"], told["clips"]),
+                reasons,
+            )
+        )
     columns = ("Task", "Clips", "Frames", "K", *(title for title, _ in SHOWN.values()), "Kept", "Kept out for")
-    table = Table("retargeting-full", "All clips of the paper's size, by `interaction`", columns, tuple(rows), "Measures: means over all clips, kept or not.")
+    table = Table(
+        "retargeting-full",
+        "All clips of the paper's size, by `interaction`",
+        columns,
+        tuple(rows),
+        "Measures: means over all clips, kept or not.",
+    )
     PAGE.write_text(put(PAGE.read_text(), table.name, to_markdown(table)))
 
 

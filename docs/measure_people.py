@@ -1,6 +1,7 @@
 """Measures the tables of docs/people.md: `python docs/measure_people.py [folder of real recordings]`.
 
-Synthetic clips are made on the spot. Real recordings are UniHSI's `motion_clips`; without them their columns stay as they are in the file.
+Synthetic clips are made on the spot. Real recordings are UniHSI's `motion_clips`; without them their columns stay as
+they are in the file.
 """
 
 import sys
@@ -29,43 +30,75 @@ WALKING = (*SITTING, "lie_down", "lie_down_2", "lie_down_10")
 Summary = dict[str, tuple[float, float, int]]
 
 PUBLISHED = {
-    "speed": "1.3", "cadence": "105-115", "double_support": "20", "hip_range": "40-45", "knee_range": "55-60", "ankle_range": "25-30",
-    "walking_lean": "3-7", "sit_time": "2.0-2.8, with the lean before", "sit_lean": "35-45", "sit_hip": "about 110", "seated_knee": "90-100",
-}  # fmt: skip
+    "speed": "1.3",
+    "cadence": "105-115",
+    "double_support": "20",
+    "hip_range": "40-45",
+    "knee_range": "55-60",
+    "ankle_range": "25-30",
+    "walking_lean": "3-7",
+    "sit_time": "2.0-2.8, with the lean before",
+    "sit_lean": "35-45",
+    "sit_hip": "about 110",
+    "seated_knee": "90-100",
+}
 """Of healthy adults at their usual speed; the sources are named below the table."""
 ROWS = {
-    "speed": ("walking speed [m/s]", 1.0, 2), "cadence": ("cadence [steps/min]", 1.0, 0), "step_length": ("step length [cm]", 100.0, 0),
-    "step_width": ("step width [cm]", 100.0, 0), "double_support": ("double support [% of the time]", 100.0, 0),
-    "hip_range": ("hip range, walking [deg]", 1.0, 0), "knee_range": ("knee range, walking [deg]", 1.0, 0),
-    "ankle_range": ("ankle range, walking [deg]", 1.0, 0), "pelvis_rise": ("rise of the pelvis in a step [cm]", 100.0, 1),
-    "walking_lean": ("trunk lean, walking [deg]", 1.0, 0), "sit_time": ("sit-down time, 5 to 95 % of the way [s]", 1.0, 2),
-    "sit_speed": ("fastest sinking [m/s]", 1.0, 2), "sit_lean": ("largest trunk lean, sitting down [deg]", 1.0, 0),
-    "sit_hip": ("largest hip flexion, sitting down [deg]", 1.0, 0), "seated_knee": ("knee flexion, seated [deg]", 1.0, 0),
-}  # fmt: skip
+    "speed": ("walking speed [m/s]", 1.0, 2),
+    "cadence": ("cadence [steps/min]", 1.0, 0),
+    "step_length": ("step length [cm]", 100.0, 0),
+    "step_width": ("step width [cm]", 100.0, 0),
+    "double_support": ("double support [% of the time]", 100.0, 0),
+    "hip_range": ("hip range, walking [deg]", 1.0, 0),
+    "knee_range": ("knee range, walking [deg]", 1.0, 0),
+    "ankle_range": ("ankle range, walking [deg]", 1.0, 0),
+    "pelvis_rise": ("rise of the pelvis in a step [cm]", 100.0, 1),
+    "walking_lean": ("trunk lean, walking [deg]", 1.0, 0),
+    "sit_time": ("sit-down time, 5 to 95 % of the way [s]", 1.0, 2),
+    "sit_speed": ("fastest sinking [m/s]", 1.0, 2),
+    "sit_lean": ("largest trunk lean, sitting down [deg]", 1.0, 0),
+    "sit_hip": ("largest hip flexion, sitting down [deg]", 1.0, 0),
+    "seated_knee": ("knee flexion, seated [deg]", 1.0, 0),
+}
 """Measure -> its words, factor and digits."""
 
 
 def main() -> None:
     """Measure, and write the tables into the page."""
     clips = {task: synthetic(task) for task in TASKS}
-    columns: dict[str, Summary] = {PAPER_SETS[task].abbreviation: summarize(map(measure_gait, found)) for task, found in clips.items()}
+    columns: dict[str, Summary] = {
+        PAPER_SETS[task].abbreviation: summarize(map(measure_gait, found)) for task, found in clips.items()
+    }
     walkers = [motion for task in ("sit-chair", "sit-sofa", "lie-bed", "lie-sofa") for motion in clips[task]]
     leg = float(np.mean([sum(body_of(motion.skeleton).length(body_of(motion.skeleton).legs[0])) for motion in walkers]))
     speed = float(np.mean([columns[name]["speed"][0] for name in ("SC", "SS", "LB", "LS")]))
     if len(sys.argv) > 1:
         folder = Path(sys.argv[1])
-        sitting = [measure_gait(motion) for name in SITTING for motion, _ in sitting_clips(import_skeleton_motion(folder / f"{name}.npy"), "sit-chair")]
+        sitting = [
+            measure_gait(motion)
+            for name in SITTING
+            for motion, _ in sitting_clips(import_skeleton_motion(folder / f"{name}.npy"), "sit-chair")
+        ]
         to_seats, seats = summarize(measure_gait(whole(folder / f"{name}.npy")) for name in WALKING), summarize(sitting)
-        columns["real, to a seat or bed"] = to_seats | {name: value for name, value in seats.items() if name.startswith(("sit_", "seated"))}
+        columns["real, to a seat or bed"] = to_seats | {
+            name: value for name, value in seats.items() if name.startswith(("sit_", "seated"))
+        }
         columns["real, walking about"] = summarize([measure_gait(whole(folder / "locomotion_random.npy"))])
     columns = {name: found for name, found in columns.items() if any(count for _, _, count in found.values())}
     model = walking_model(speed, leg)
     rows: list[tuple[Cell, ...]] = []
     for name, (words, factor, digits) in ROWS.items():
         cells = [written(found[name], factor, digits) for found in columns.values()]
-        at_speed = f"{speed:.2f}" if name == "speed" else f"{factor * model[name]:.{digits}f}" if name in model else None
+        at_speed = (
+            f"{speed:.2f}" if name == "speed" else f"{factor * model[name]:.{digits}f}" if name in model else None
+        )
         rows.append((words, *cells, at_speed, PUBLISHED.get(name)))
-    table = Table("people", f"Synthetic and real people, {CLIPS} clips per task", ("", *columns, "people at our speed", "published"), tuple(rows))
+    table = Table(
+        "people",
+        f"Synthetic and real people, {CLIPS} clips per task",
+        ("", *columns, "people at our speed", "published"),
+        tuple(rows),
+    )
     text = PAGE.read_text()
     begin, end = "<!-- measured: begin -->\n", "<!-- measured: end -->"
     PAGE.write_text(text[: text.index(begin) + len(begin)] + "\n" + to_markdown(table) + "\n" + text[text.index(end) :])
@@ -86,7 +119,9 @@ def synthetic(task: str) -> list[HumanMotion]:
 def whole(path: Path) -> HumanMotion:
     """A recording as it is, beside no object."""
     recording = import_skeleton_motion(path)
-    return HumanMotion(recording.name, "walk", recording.skeleton, recording.fps, recording.root_pos_w, recording.local_quat, "none")
+    return HumanMotion(
+        recording.name, "walk", recording.skeleton, recording.fps, recording.root_pos_w, recording.local_quat, "none"
+    )
 
 
 def written(value: tuple[float, float, int], factor: float, digits: int) -> str | None:
@@ -94,7 +129,9 @@ def written(value: tuple[float, float, int], factor: float, digits: int) -> str 
     mean, deviation, count = value
     if count == 0:
         return None
-    return f"{round(factor * mean, digits) + 0.0:.{digits}f}" + (f" ± {factor * deviation:.{digits}f}" if count > 1 else "")
+    return f"{round(factor * mean, digits) + 0.0:.{digits}f}" + (
+        f" ± {factor * deviation:.{digits}f}" if count > 1 else ""
+    )
 
 
 if __name__ == "__main__":

@@ -1,6 +1,8 @@
-"""Measures the tables of docs/retargeting.md and draws its pictures: `python docs/measure_retargeting.py [workdir [workdir of real clips]]`.
+"""Measures the tables of docs/retargeting.md and draws its pictures: `python docs/measure_retargeting.py [workdir
+[workdir of real clips]]`.
 
-Objects and clips are made in the workdir unless they are there. Real clips are those that `mimicbench import` made; without them their tables stay
+Objects and clips are made in the workdir unless they are there. Real clips are those that `mimicbench import` made;
+without them their tables stay
 as they are in the file. Pictures need OpenGL.
 """
 
@@ -34,16 +36,23 @@ def main() -> None:
         references_stage(ws, ReferencesConfig(CLIPS))
     tables: list[Table] = []
     for preset in ("paper", "improved"):
-        found = compare_retargeting(workdir, list(TASKS), CLIPS, preset, workdir / f"retarget-{preset}", preset == "paper", 0, 0, False, say)
+        found = compare_retargeting(
+            workdir, list(TASKS), CLIPS, preset, workdir / f"retarget-{preset}", preset == "paper", 0, 0, False, say
+        )
         # times are told once, by the bench; and the order is a claim about the paper's own
-        tables += [renamed(without(table, "Frames/s of a core"), preset) for table in found.tables()[: 3 if preset == "paper" else 2]]
+        tables += [
+            renamed(without(table, "Frames/s of a core"), preset)
+            for table in found.tables()[: 3 if preset == "paper" else 2]
+        ]
     pictures = [(picture, picture.name) for picture in (workdir / "retarget-paper").glob("*.jpg")]
     if len(sys.argv) > 2:
         real = Path(sys.argv[2])
         tasks = [task for task in TASKS if any((real / task / "references").glob("*.npz"))]
         found = compare_retargeting(real, tasks, MOST_REAL, "paper", real / "retarget-paper", True, 0, 0, False, say)
         tables += [renamed(without(table, "Frames/s of a core"), "real") for table in found.tables()[:2]]
-        pictures += [(picture, picture.name.replace("-", "-real-", 1)) for picture in (real / "retarget-paper").glob("*.jpg")]
+        pictures += [
+            (picture, picture.name.replace("-", "-real-", 1)) for picture in (real / "retarget-paper").glob("*.jpg")
+        ]
     for picture, name in pictures:
         shutil.copyfile(picture, PAGE.parent / "images" / name)
     measured = bench(ClipsConfig(tuple(TASKS)), RetargetBenchConfig(), say)
@@ -52,7 +61,12 @@ def main() -> None:
     for table in tables:
         text = put(text, table.name, to_markdown(table))
     machine = this_machine()
-    text = put(text, "machine", f"Measured on {machine['cores']} cores of {machine['processor']}; {CLIPS} clips of each task on {OBJECTS} objects, seed 0.\n")
+    text = put(
+        text,
+        "machine",
+        f"Measured on {machine['cores']} cores of {machine['processor']}; {CLIPS} clips of each task "
+        f"on {OBJECTS} objects, seed 0.\n",
+    )
     PAGE.write_text(text)
 
 
@@ -62,12 +76,16 @@ def without(table: Table, column: str) -> Table:
         return table
     at = table.columns.index(column)
     rows = tuple((*row[:at], *row[at + 1 :]) for row in table.rows)
-    return Table(table.name, table.title, (*table.columns[:at], *table.columns[at + 1 :]), rows, table.note, table.source)
+    return Table(
+        table.name, table.title, (*table.columns[:at], *table.columns[at + 1 :]), rows, table.note, table.source
+    )
 
 
 def renamed(table: Table, preset: str) -> Table:
     """The table with the preset in its name and title."""
-    return Table(f"{table.name}-{preset}", f"{table.title} ({preset})", table.columns, table.rows, table.note, table.source)
+    return Table(
+        f"{table.name}-{preset}", f"{table.title} ({preset})", table.columns, table.rows, table.note, table.source
+    )
 
 
 def put(text: str, name: str, words: str) -> str:

@@ -1,4 +1,6 @@
-"""Writes one made-up motion in every format that can be imported, with that format's own rest pose, axes, units and order of things."""
+"""Writes one made-up motion in every format that can be imported, with that format's own rest pose, axes, units and
+order of things.
+"""
 
 from pathlib import Path
 
@@ -21,17 +23,31 @@ ARMS = {
 }
 
 
-def made_up(skeleton: Skeleton, frames: int = FRAMES, seed: int = 0, fps: float = 30.0) -> tuple[np.ndarray, np.ndarray]:
-    """Root (T, 3) and local rotations (T, J, 4) of somebody who stands on straight legs at first, then moves all joints a little."""
+def made_up(
+    skeleton: Skeleton, frames: int = FRAMES, seed: int = 0, fps: float = 30.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Root (T, 3) and local rotations (T, J, 4) of somebody who stands on straight legs at first, then moves all
+    joints a little.
+    """
     random = np.random.default_rng(seed)
     time = np.arange(frames)[:, None, None] / fps
-    swing = 0.25 * np.sin(2 * np.pi * 0.7 * time + random.uniform(0, 2, (1, len(skeleton.parents), 1))) * random.uniform(-1, 1, (1, len(skeleton.parents), 3))
+    swing = (
+        0.25
+        * np.sin(2 * np.pi * 0.7 * time + random.uniform(0, 2, (1, len(skeleton.parents), 1)))
+        * random.uniform(-1, 1, (1, len(skeleton.parents), 3))
+    )
     ends = [j for j, name in enumerate(skeleton.joint_names) if "Site" in name or ("ToeBase" in name)]
     swing[:, ends] = 0.0
     quat = rot.from_rotvec(swing * np.minimum(time, 1.0))
-    leg = [j for j, name in enumerate(skeleton.joint_names) if name in ("left_shin", "left_foot", "left_knee", "left_ankle", "LeftLeg", "LeftFoot")]
+    leg = [
+        j
+        for j, name in enumerate(skeleton.joint_names)
+        if name in ("left_shin", "left_foot", "left_knee", "left_ankle", "LeftLeg", "LeftFoot")
+    ]
     height = -skeleton.offsets[leg, 2].sum() + 0.12
-    root = np.concatenate([0.3 + 0.1 * time[:, 0], -0.2 + 0.05 * time[:, 0], height + 0.01 * np.sin(3 * time[:, 0])], -1)
+    root = np.concatenate(
+        [0.3 + 0.1 * time[:, 0], -0.2 + 0.05 * time[:, 0], height + 0.01 * np.sin(3 * time[:, 0])], -1
+    )
     return root, quat
 
 
@@ -40,32 +56,48 @@ def swings(skeleton: Skeleton) -> np.ndarray:
     found = np.tile(rot.IDENTITY, (len(skeleton.parents), 1))
     for j, name in enumerate(skeleton.joint_names):
         for side, angle in (("left", -np.pi / 2), ("right", np.pi / 2)):
-            if name.lower().startswith(side) and name.lower().removeprefix(side).strip("_") in [arm.lower() for arm in ARMS[skeleton.name]]:
+            if name.lower().startswith(side) and name.lower().removeprefix(side).strip("_") in [
+                arm.lower() for arm in ARMS[skeleton.name]
+            ]:
                 found[j] = rot.from_rotvec(np.array([angle, 0.0, 0.0]))
     return found
 
 
-def theirs(skeleton: Skeleton, root: np.ndarray, quat: np.ndarray, frame: np.ndarray, world: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """World positions and orientations as a source has them that rests in a T-pose, with its own frames and its own world."""
+def theirs(
+    skeleton: Skeleton, root: np.ndarray, quat: np.ndarray, frame: np.ndarray, world: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """World positions and orientations as a source has them that rests in a T-pose, with its own frames and its own
+    world.
+    """
     pos, ours = forward_kinematics(skeleton, root, quat)
     return rot.rotate(world, pos), rot.multiply(world, rot.multiply(ours, rot.multiply(swings(skeleton), frame)))
 
 
 def local(skeleton: Skeleton, world: np.ndarray) -> np.ndarray:
     """Rotations relative to the parents."""
-    return np.stack([world[:, j] if p < 0 else rot.multiply(rot.conjugate(world[:, p]), world[:, j]) for j, p in enumerate(skeleton.parents)], 1)
+    return np.stack(
+        [
+            world[:, j] if p < 0 else rot.multiply(rot.conjugate(world[:, p]), world[:, j])
+            for j, p in enumerate(skeleton.parents)
+        ],
+        1,
+    )
 
 
 def skeleton_motion(path: Path, fps: float = 30.0, frames: int = FRAMES) -> Path:
     root, quat = made_up(UNIHSI, frames)
     data = {
-        "__name__": "SkeletonMotion", "is_local": True, "fps": fps,
-        "rotation": {"arr": quat[..., [1, 2, 3, 0]].astype(np.float32)}, "root_translation": {"arr": root.astype(np.float32)},
+        "__name__": "SkeletonMotion",
+        "is_local": True,
+        "fps": fps,
+        "rotation": {"arr": quat[..., [1, 2, 3, 0]].astype(np.float32)},
+        "root_translation": {"arr": root.astype(np.float32)},
         "skeleton_tree": {
-            "node_names": list(UNIHSI.joint_names), "parent_indices": {"arr": np.array(UNIHSI.parents)},
+            "node_names": list(UNIHSI.joint_names),
+            "parent_indices": {"arr": np.array(UNIHSI.parents)},
             "local_translation": {"arr": UNIHSI.offsets.astype(np.float32)},
         },
-    }  # fmt: skip
+    }
     np.save(path, np.array(data, dtype=object), allow_pickle=True)
     return path
 
@@ -73,7 +105,9 @@ def skeleton_motion(path: Path, fps: float = 30.0, frames: int = FRAMES) -> Path
 def states(path: Path, fps: float = 30.0, frames: int = FRAMES) -> Path:
     pos, quat = forward_kinematics(UNIHSI, *made_up(UNIHSI, frames))
     velocity = np.gradient(pos, 1 / fps, axis=0)
-    table = np.concatenate([pos, quat[..., [1, 2, 3, 0]], velocity, rot.angular_velocity(quat, fps)], -1).astype(np.float32)
+    table = np.concatenate([pos, quat[..., [1, 2, 3, 0]], velocity, rot.angular_velocity(quat, fps)], -1).astype(
+        np.float32
+    )
     np.savez(path, states=table) if path.suffix == ".npz" else np.save(path, table)
     return path
 
@@ -87,9 +121,19 @@ def roam_dump(path: Path, velocity: bool = True, frames: int = FRAMES) -> Path:
 
 
 def bvh(
-    path: Path, unit: float = 0.001, order: str = "XYZ", frame_time: float = 1 / 30, rename=lambda name: name, drop=(), odd=False, frames: int = FRAMES
+    path: Path,
+    unit: float = 0.001,
+    order: str = "XYZ",
+    frame_time: float = 1 / 30,
+    rename=lambda name: name,
+    drop=(),
+    odd=False,
+    frames: int = FRAMES,
 ) -> Path:
-    """ROAM's skeleton in a T-pose, y up; `unit` in meters; with a finger at each hand. An `odd` one has a zero pose in which nobody stands."""
+    """ROAM's skeleton in a T-pose, y up; `unit` in meters; with a finger at each hand.
+
+    An `odd` one has a zero pose in which nobody stands.
+    """
     root, quat = made_up(ROAM, frames)
     pos, world = theirs(ROAM, root, quat, SMPL_FRAME, Y_UP)
     rest = rot.multiply(swings(ROAM), np.tile(SMPL_FRAME, (27, 1)))
@@ -104,9 +148,17 @@ def bvh(
         name, pad = ROAM.joint_names[j], "\t" * depth
         offset = np.zeros(3) if j == 0 else rot.rotate_inverse(rest[ROAM.parents[j]], ROAM.offsets[j]) / unit
         if name.endswith("Site"):
-            lines.extend([f"{pad}End Site", f"{pad}{{", f"{pad}\tOFFSET {' '.join(f'{x:.7f}' for x in offset)}", f"{pad}}}"])
+            lines.extend(
+                [f"{pad}End Site", f"{pad}{{", f"{pad}\tOFFSET {' '.join(f'{x:.7f}' for x in offset)}", f"{pad}}}"]
+            )
             return
-        lines.extend([f"{pad}{'JOINT' if j else 'ROOT'} {rename(name)}", f"{pad}{{", f"{pad}\tOFFSET {' '.join(f'{x:.7f}' for x in offset)}"])
+        lines.extend(
+            [
+                f"{pad}{'JOINT' if j else 'ROOT'} {rename(name)}",
+                f"{pad}{{",
+                f"{pad}\tOFFSET {' '.join(f'{x:.7f}' for x in offset)}",
+            ]
+        )
         rotations = " ".join(f"{axis}rotation" for axis in order)
         lines.append(f"{pad}\tCHANNELS {'6 Xposition Yposition Zposition' if j == 0 else '3'} {rotations}")
         if j == 0:
@@ -116,14 +168,28 @@ def bvh(
             if ROAM.joint_names[child] not in drop:
                 write(child, depth + 1)
         if name.endswith("Hand"):
-            lines.extend([f"{pad}\tJOINT {rename(name)}Index1", f"{pad}\t{{", f"{pad}\t\tOFFSET 80 0 0", f"{pad}\t\tCHANNELS 3 {rotations}"])
-            lines.extend([f"{pad}\t\tEnd Site", f"{pad}\t\t{{", f"{pad}\t\t\tOFFSET 30 0 0", f"{pad}\t\t}}", f"{pad}\t}}"])
+            lines.extend(
+                [
+                    f"{pad}\tJOINT {rename(name)}Index1",
+                    f"{pad}\t{{",
+                    f"{pad}\t\tOFFSET 80 0 0",
+                    f"{pad}\t\tCHANNELS 3 {rotations}",
+                ]
+            )
+            lines.extend(
+                [f"{pad}\t\tEnd Site", f"{pad}\t\t{{", f"{pad}\t\t\tOFFSET 30 0 0", f"{pad}\t\t}}", f"{pad}\t}}"]
+            )
             columns.append(np.full((frames, 3), 5.0))
         lines.append(f"{pad}}}")
 
     write(0, 0)
     table = np.concatenate(columns, -1)
-    lines += ["MOTION", f"Frames: {frames}", f"Frame Time: {frame_time:.7f}", *(" ".join(f"{x:.6f}" for x in row) for row in table)]
+    lines += [
+        "MOTION",
+        f"Frames: {frames}",
+        f"Frame Time: {frame_time:.7f}",
+        *(" ".join(f"{x:.6f}" for x in row) for row in table),
+    ]
     path.write_text("\n".join(lines) + "\n")
     return path
 
@@ -134,9 +200,14 @@ def core4d(path: Path, with_object: bool = False, frames: int = FRAMES) -> Path:
     joints = np.zeros((frames, 127, 3), np.float32)
     joints[:, :22] = pos
     person = {
-        "betas": np.zeros((frames, 10), np.float32), "global_orient": rotvec[:, 0], "transl": pos[:, 0].astype(np.float32), "body_pose": rotvec[:, 1:],
-        "left_hand_pose": np.zeros((frames, 12), np.float32), "joints": joints, "vertices": np.zeros((frames, 7, 3), np.float32),
-    }  # fmt: skip
+        "betas": np.zeros((frames, 10), np.float32),
+        "global_orient": rotvec[:, 0],
+        "transl": pos[:, 0].astype(np.float32),
+        "body_pose": rotvec[:, 1:],
+        "left_hand_pose": np.zeros((frames, 12), np.float32),
+        "joints": joints,
+        "vertices": np.zeros((frames, 7, 3), np.float32),
+    }
     np.savez(path, np.array(person, dtype=object))
     if with_object:
         poses = np.tile(np.eye(4), (frames, 1, 1))
@@ -150,10 +221,21 @@ def amass(path: Path, kind: str = "smplh", joints: bool = True, fps: float = 30.
     rotvec = rot.to_rotvec(local(CORE4D, world)).reshape(frames, -1)
     trans, more = pos[:, 0] - np.array([0.0, -0.35, 0.01]), {"joints": pos.astype(np.float32)} if joints else {}
     if kind == "smplx":
-        np.savez(path, root_orient=rotvec[:, :3], pose_body=rotvec[:, 3:66], trans=trans, mocap_frame_rate=fps, gender="neutral", betas=np.zeros(16), **more)
+        np.savez(
+            path,
+            root_orient=rotvec[:, :3],
+            pose_body=rotvec[:, 3:66],
+            trans=trans,
+            mocap_frame_rate=fps,
+            gender="neutral",
+            betas=np.zeros(16),
+            **more,
+        )
     else:
         poses = np.concatenate([rotvec, np.zeros((frames, {"smpl": 72, "smplh": 156}[kind] - 66))], -1)
-        np.savez(path, poses=poses, trans=trans, mocap_framerate=fps, gender=np.array("male"), betas=np.zeros(10), **more)
+        np.savez(
+            path, poses=poses, trans=trans, mocap_framerate=fps, gender=np.array("male"), betas=np.zeros(10), **more
+        )
     return path
 
 
@@ -179,4 +261,12 @@ WRITERS = {
     "bvh": lambda folder: bvh(folder / "take.bvh"),
     "intermimic": lambda folder: intermimic(folder / "omomo.pt"),
 }
-SKELETONS = {"unihsi": UNIHSI, "unihsi-states": UNIHSI, "roam": ROAM, "core4d": CORE4D, "amass": CORE4D, "bvh": ROAM, "intermimic": CORE4D}
+SKELETONS = {
+    "unihsi": UNIHSI,
+    "unihsi-states": UNIHSI,
+    "roam": ROAM,
+    "core4d": CORE4D,
+    "amass": CORE4D,
+    "bvh": ROAM,
+    "intermimic": CORE4D,
+}

@@ -23,7 +23,12 @@ def chair(seat=0.45, height=0.9):
 
 
 def table():
-    return joined([box((-0.4, 0.4), (-0.6, 0.6), (0.80, 0.84)), *(box((x, x + 0.05), (y, y + 0.05), (0, 0.80)) for x in (-0.4, 0.35) for y in (-0.6, 0.55))])
+    return joined(
+        [
+            box((-0.4, 0.4), (-0.6, 0.6), (0.80, 0.84)),
+            *(box((x, x + 0.05), (y, y + 0.05), (0, 0.80)) for x in (-0.4, 0.35) for y in (-0.6, 0.55)),
+        ]
+    )
 
 
 def swept(outline, width):
@@ -47,7 +52,11 @@ def _ears(outline):
         for k in range(len(left)):
             a, b, c = left[k - 1], left[k], left[(k + 1) % len(left)]
             p, q, r = outline[[a, b, c]]
-            inside = [turn(p, q, outline[m]) > 0 and turn(q, r, outline[m]) > 0 and turn(r, p, outline[m]) > 0 for m in left if m not in (a, b, c)]
+            inside = [
+                turn(p, q, outline[m]) > 0 and turn(q, r, outline[m]) > 0 and turn(r, p, outline[m]) > 0
+                for m in left
+                if m not in (a, b, c)
+            ]
             if turn(p, q, r) > 0 and not any(inside):
                 found.append((a, b, c))
                 left.pop(k)
@@ -61,16 +70,29 @@ def sofa_outline():
     """Counter-clockwise: a rounded cushion at 0.42 m, a back that leans and is round on top."""
     nose = [(0.36 + 0.06 * np.cos(a), 0.36 + 0.06 * np.sin(a)) for a in np.linspace(0, np.pi / 2, 7)]
     top = [(-0.32 + 0.07 * np.cos(a), 0.78 + 0.05 * np.sin(a)) for a in np.linspace(0.2, np.pi, 8)]
-    return np.array([(-0.42, 0.06), (0.42, 0.06), *nose, (0.1, 0.43), (-0.14, 0.42), (-0.20, 0.52), *top, (-0.43, 0.45)])
+    return np.array(
+        [(-0.42, 0.06), (0.42, 0.06), *nose, (0.1, 0.43), (-0.14, 0.42), (-0.20, 0.52), *top, (-0.43, 0.45)]
+    )
 
 
 def sofa(width=1.6):
     """Front to +x, z up, metres: one concave body with a curved seat between two rounded arms, on four feet."""
-    arm = np.array([(-0.40, 0.06), (0.40, 0.06), *((0.32 + 0.08 * np.cos(a), 0.52 + 0.08 * np.sin(a)) for a in np.linspace(0, np.pi / 2, 6)), (-0.40, 0.62)])
+    arm = np.array(
+        [
+            (-0.40, 0.06),
+            (0.40, 0.06),
+            *((0.32 + 0.08 * np.cos(a), 0.52 + 0.08 * np.sin(a)) for a in np.linspace(0, np.pi / 2, 6)),
+            (-0.40, 0.62),
+        ]
+    )
     arms = [swept(arm, 0.16) for _ in range(2)]
     for part, side in zip(arms, (-1, 1), strict=True):
         part.apply_translation([0, side * (width / 2 + 0.06), 0])
-    feet = [box((x, x + 0.06), (y - 0.03, y + 0.03), (0, 0.07)) for x in (-0.38, 0.32) for y in (-width / 2 + 0.1, width / 2 - 0.1)]
+    feet = [
+        box((x, x + 0.06), (y - 0.03, y + 0.03), (0, 0.07))
+        for x in (-0.38, 0.32)
+        for y in (-width / 2 + 0.1, width / 2 - 0.1)
+    ]
     return joined([swept(sofa_outline(), width), *arms, *feet])
 
 

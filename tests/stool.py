@@ -14,8 +14,19 @@ def block(height=0.42, half=0.25, movable=False, mass=None):
     """A stool: one box."""
     ones = np.ones((1, 3))
     square = half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    return SceneObject(f"block-{height}-{movable}", "chair", "stool", np.array([[0, 0, height / 2]]), rot.IDENTITY[None], np.array([[half, half, height / 2]]),
-                       0.5 * ones, height, square, movable=movable, mass=mass)  # fmt: skip
+    return SceneObject(
+        f"block-{height}-{movable}",
+        "chair",
+        "stool",
+        np.array([[0, 0, height / 2]]),
+        rot.IDENTITY[None],
+        np.array([[half, half, height / 2]]),
+        0.5 * ones,
+        height,
+        square,
+        movable=movable,
+        mass=mass,
+    )
 
 
 def seated(height):
@@ -36,4 +47,6 @@ def standing():
 def place(physics, pos, joints, **velocities):
     """Put all robots of a simulation into one pose."""
     n = physics.num_envs
-    physics.reset(np.arange(n), np.tile(pos, (n, 1)), np.tile(rot.IDENTITY, (n, 1)), np.tile(joints, (n, 1)), **velocities)
+    physics.reset(
+        np.arange(n), np.tile(pos, (n, 1)), np.tile(rot.IDENTITY, (n, 1)), np.tile(joints, (n, 1)), **velocities
+    )

@@ -14,7 +14,17 @@ from mimicbench.core.stage import read_stage
 from mimicbench.objects.make import ObjectsConfig, make_objects, read_objects
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.objects.shape import SceneObject, split_of
-from mimicbench.references.augment import AugmentConfig, make_augmented, mirror, mirrored_joints, mirrored_object, resize, restart, retime, variant
+from mimicbench.references.augment import (
+    AugmentConfig,
+    make_augmented,
+    mirror,
+    mirrored_joints,
+    mirrored_object,
+    resize,
+    restart,
+    retime,
+    variant,
+)
 from mimicbench.references.body.body import body_of
 from mimicbench.references.body.skeletons import SKELETONS
 from mimicbench.references.checks.quality import check_clip, gate
@@ -37,7 +47,9 @@ def clips() -> dict[str, tuple[HumanMotion, SceneObject]]:
     """One good clip per task."""
     found = {}
     for task in NAMES:
-        found[task] = next((m, o) for i in range(9) for m, o in [clip(task, i)] if not gate(m, o, TASKS[task].fulfilled_by_human))
+        found[task] = next(
+            (m, o) for i in range(9) for m, o in [clip(task, i)] if not gate(m, o, TASKS[task].fulfilled_by_human)
+        )
     return found
 
 
@@ -49,16 +61,31 @@ def test_a_mirrored_clip_has_mirrored_positions(name: str, seed: int):
     joints = len(skeleton.joint_names)
     names = ("left_foot", "right_foot", "pelvis", "left_hand", "right_hand")
     motion = HumanMotion(
-        "any", "sit-chair", skeleton, 30.0, random.normal(size=(4, 3)), rot.normalize(random.normal(size=(4, joints, 4))), "chair-0-00001",
-        names, random.uniform(size=(4, 5)) < 0.5, {"turn": 1.0, "speed": 0.6}, object_pos_w=random.normal(size=(4, 3)),
-        object_quat_w=rot.normalize(random.normal(size=(4, 4))), wrist_goal_w=random.normal(size=(2, 3)),
-    )  # fmt: skip
+        "any",
+        "sit-chair",
+        skeleton,
+        30.0,
+        random.normal(size=(4, 3)),
+        rot.normalize(random.normal(size=(4, joints, 4))),
+        "chair-0-00001",
+        names,
+        random.uniform(size=(4, 5)) < 0.5,
+        {"turn": 1.0, "speed": 0.6},
+        object_pos_w=random.normal(size=(4, 3)),
+        object_quat_w=rot.normalize(random.normal(size=(4, 4))),
+        wrist_goal_w=random.normal(size=(2, 3)),
+    )
     obj = FAMILIES["chair"](1, 0)
     other, other_obj = mirror(motion, obj)
     pairs = mirrored_joints(skeleton)
     assert other.forward_kinematics()[0] == pytest.approx(motion.forward_kinematics()[0][:, pairs] * FLIP, abs=1e-9)
-    assert (other.contacts[:, 0] == motion.contacts[:, 1]).all() and (other.contacts[:, 2] == motion.contacts[:, 2]).all()
-    assert other.wrist_goal_w[0] == pytest.approx(motion.wrist_goal_w[1] * FLIP) and other.style == {"turn": -1.0, "speed": 0.6}
+    assert (other.contacts[:, 0] == motion.contacts[:, 1]).all() and (
+        other.contacts[:, 2] == motion.contacts[:, 2]
+    ).all()
+    assert other.wrist_goal_w[0] == pytest.approx(motion.wrist_goal_w[1] * FLIP) and other.style == {
+        "turn": -1.0,
+        "speed": 0.6,
+    }
     # a place on the moving object is where its mirror image is
     place = np.array([0.2, 0.3, 0.4])
     there = motion.object_pos_w + rot.rotate(motion.object_quat_w, place)
@@ -76,7 +103,11 @@ def test_a_mirrored_object_has_mirrored_distances(family: str, index: int, seed:
     other = mirrored_object(obj)
     points = np.random.default_rng(seed).normal(size=(50, 3))
     assert other.distance(points * FLIP) == pytest.approx(obj.distance(points), abs=1e-9)
-    assert other.split == obj.split and other.id == f"{obj.id}~mirror" and mirrored_object(other).to_dict() == obj.to_dict()
+    assert (
+        other.split == obj.split
+        and other.id == f"{obj.id}~mirror"
+        and mirrored_object(other).to_dict() == obj.to_dict()
+    )
     if len(obj.seat_polygon):  # counter-clockwise still
         (x, y), (x1, y1) = other.seat_polygon.T, np.roll(other.seat_polygon, -1, 0).T
         assert (x * y1 - x1 * y).sum() > 0
@@ -102,15 +133,24 @@ def test_retiming_keeps_the_way_and_its_ends(factor: float):
     assert other.duration == pytest.approx(motion.duration / factor, abs=0.5 / motion.fps)
     assert other.root_pos_w[[0, -1]] == pytest.approx(motion.root_pos_w[[0, -1]], abs=1e-9)
     assert rot.angle_between(other.local_quat[-1], motion.local_quat[-1]).max() < 1e-7
-    there = np.array([np.interp(np.linspace(0, 1, other.frames), np.linspace(0, 1, motion.frames), axis) for axis in motion.root_pos_w.T]).T
+    there = np.array(
+        [
+            np.interp(np.linspace(0, 1, other.frames), np.linspace(0, 1, motion.frames), axis)
+            for axis in motion.root_pos_w.T
+        ]
+    ).T
     assert np.abs(other.root_pos_w - there).max() < 2e-3
-    assert (other.contacts.mean(0) == pytest.approx(motion.contacts.mean(0), abs=0.02)) and other.style["retimed"] == factor
+    assert (other.contacts.mean(0) == pytest.approx(motion.contacts.mean(0), abs=0.02)) and other.style[
+        "retimed"
+    ] == factor
 
 
 def test_the_same_speed_is_the_same_clip():
     motion, _ = clip("lift-box")
     other = retime(motion, 1.0)
-    assert other.root_pos_w == pytest.approx(motion.root_pos_w, abs=1e-12) and other.object_pos_w == pytest.approx(motion.object_pos_w, abs=1e-12)
+    assert other.root_pos_w == pytest.approx(motion.root_pos_w, abs=1e-12) and other.object_pos_w == pytest.approx(
+        motion.object_pos_w, abs=1e-12
+    )
     assert rot.angle_between(other.local_quat, motion.local_quat).max() < 1e-7
 
 
@@ -119,7 +159,9 @@ def test_no_change_changes_nothing(task: str, clips: dict[str, tuple[HumanMotion
     motion, obj = clips[task]
     before = motion.forward_kinematics()[0]
     for other in (turned_approach(motion, approach_end(motion), 0.0, np.zeros(2)), rescaled(motion, obj, 1.0)):
-        assert np.abs(other.forward_kinematics()[0] - before).max() < 2e-3  # a leg out of reach of its foot may be a hair shorter
+        assert (
+            np.abs(other.forward_kinematics()[0] - before).max() < 2e-3
+        )  # a leg out of reach of its foot may be a hair shorter
 
 
 @pytest.mark.parametrize("task", NAMES)
@@ -135,7 +177,9 @@ def test_another_start_leaves_the_action_alone(task: str, clips: dict[str, tuple
     assert turned == pytest.approx(small, abs=1e-6)
     assert other.root_pos_w[end:] == pytest.approx(motion.root_pos_w[end:], abs=1e-12)
     walks = ~(contact(motion, "left_foot") & contact(motion, "right_foot"))
-    action = np.flatnonzero(np.any([contact(motion, name) for name in motion.contact_names if "foot" not in name], axis=0))[0]
+    action = np.flatnonzero(
+        np.any([contact(motion, name) for name in motion.contact_names if "foot" not in name], axis=0)
+    )[0]
     settled = int(np.flatnonzero(walks[:action])[-1]) + 1  # the other foot may still be on its way
     assert np.abs(other.forward_kinematics()[0][settled:] - motion.forward_kinematics()[0][settled:]).max() < 2e-3
     assert check_clip(other, obj)["skate"] < 0.01
@@ -180,13 +224,26 @@ def test_who_does_not_walk_has_no_other_start():
 def test_a_stage_of_variants(tmp_path):
     task = TASKS["sit-chair"]
     objects = make_objects(tmp_path / "a" / "objects", task.slug, task.family, ObjectsConfig(3), 0)
-    references = make_references(tmp_path / "a" / "references", objects, task.slug, task.fulfilled_by_human, ReferencesConfig(4), 0, 1, quiet=True)
+    references = make_references(
+        tmp_path / "a" / "references",
+        objects,
+        task.slug,
+        task.fulfilled_by_human,
+        ReferencesConfig(4),
+        0,
+        1,
+        quiet=True,
+    )
     folders = tmp_path / "b" / "objects", tmp_path / "b" / "references"
     config = AugmentConfig(("mirror", "size"))
     stage = make_augmented(*folders, objects, references, task.slug, task.fulfilled_by_human, config, 0, 1, quiet=True)
     summary = stage.header["summary"]
     paths = sorted(folders[1].glob("*.npz"))
-    assert summary["originals"] == 4 and summary["clips"] == len(paths) == 4 + summary["mirror"] + summary["size"] and summary["mirror"] == 4
+    assert (
+        summary["originals"] == 4
+        and summary["clips"] == len(paths) == 4 + summary["mirror"] + summary["size"]
+        and summary["mirror"] == 4
+    )
     found = read_objects(folders[0])
     for path in paths:
         motion = HumanMotion.load(path)

@@ -42,7 +42,10 @@ def test_environments_beside_bare_physics(task):
 
 def test_memory_of_an_environment_is_small():
     # in a process of its own: one that has grown before fills what it has
-    script = "from mimicbench.bench.world import *; print(memory_per_env('sit-chair', 512, WITHOUT_MAP, WorldBenchConfig(pool=4, workers=1)))"
+    script = (
+        "from mimicbench.bench.world import *; print(memory_per_env('sit-chair', 512, "
+        "WITHOUT_MAP, WorldBenchConfig(pool=4, workers=1)))"
+    )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert 1e3 < float(done.stdout) < 0.5e6
 
@@ -67,14 +70,21 @@ def test_a_short_soak_is_sound():
     json.dumps(found)
     assert found["sound"] and len(set(found["hashes"].values())) == 1 and set(found["hashes"]) == {"1", "2"}
     parts = found["parts"]["2"]
-    assert {(part["task"], part["control"]) for part in parts} == {(task, control) for task in TASKS for control in ("position", "torque")}
-    assert sum(part["steps"] for part in parts) >= 2400 and all(part["episodes"] > 8 and part["objects"] > 1 for part in parts)
+    assert {(part["task"], part["control"]) for part in parts} == {
+        (task, control) for task in TASKS for control in ("position", "torque")
+    }
+    assert sum(part["steps"] for part in parts) >= 2400 and all(
+        part["episodes"] > 8 and part["objects"] > 1 for part in parts
+    )
     assert lines[-1].endswith(": sound")
 
 
 def test_soaks_of_other_seeds_end_otherwise():
     _, say = heard()
-    hashes = [soak_task("sit-chair", "position", 40, 1, SoakConfig(envs=4, objects=2, seed=seed), say).hash for seed in (0, 0, 1)]
+    hashes = [
+        soak_task("sit-chair", "position", 40, 1, SoakConfig(envs=4, objects=2, seed=seed), say).hash
+        for seed in (0, 0, 1)
+    ]
     assert hashes[0] == hashes[1] != hashes[2]
 
 

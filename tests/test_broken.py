@@ -79,7 +79,19 @@ def test_a_replay_goes_the_same_way_to_the_last_bit(tmp_path):
     for _ in range(20):
         target = torch.tensor(JOINTS + 0.3 * random.normal(size=(1, 19)))
         warmstart = physics.batch.bind("qacc_warmstart")[0].copy()
-        before = BrokenScene("", 0, "native", "h1", "paper", "position", box, physics.qpos()[0].copy(), physics.qvel()[0].copy(), warmstart, target[0].numpy())
+        before = BrokenScene(
+            "",
+            0,
+            "native",
+            "h1",
+            "paper",
+            "position",
+            box,
+            physics.qpos()[0].copy(),
+            physics.qvel()[0].copy(),
+            warmstart,
+            target[0].numpy(),
+        )
         physics.step(target)
     before.save(tmp_path / "step.npz")
     again = replay(load_broken(tmp_path / "step.npz"))
@@ -99,7 +111,9 @@ def test_a_thousand_broken_scenes_fill_no_disk(tmp_path, caplog):
 
 
 def test_a_dump_that_does_not_fit(tmp_path):
-    good = BrokenScene("", 0, "native", "h1", "paper", "position", block(), np.zeros(26), np.zeros(25), np.zeros(25), np.zeros(18))
+    good = BrokenScene(
+        "", 0, "native", "h1", "paper", "position", block(), np.zeros(26), np.zeros(25), np.zeros(25), np.zeros(18)
+    )
     good.save(tmp_path / "scene.npz")
     with pytest.raises(BadFile, match="target is"):
         replay(load_broken(tmp_path / "scene.npz"))

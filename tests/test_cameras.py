@@ -53,7 +53,9 @@ def test_rigs_are_the_papers():
     assert [mount.name for mount in PELVIS_RIG.mounts] == ["right front", "left front", "left back", "right back"]
     np.testing.assert_allclose([np.rad2deg(mount.bearing) for mount in PELVIS_RIG.mounts], [-45, 45, 135, -135])
     np.testing.assert_allclose([np.rad2deg(mount.pitch) for mount in PELVIS_RIG.mounts], 35)
-    np.testing.assert_allclose(PELVIS_RIG.origins(), 0.0707107 * np.array([[1, -1, 0], [1, 1, 0], [-1, 1, 0], [-1, -1, 0]]), atol=1e-7)
+    np.testing.assert_allclose(
+        PELVIS_RIG.origins(), 0.0707107 * np.array([[1, -1, 0], [1, 1, 0], [-1, 1, 0], [-1, -1, 0]]), atol=1e-7
+    )
     (head,) = HEAD_RIG.mounts
     assert head.height == 0.55 and head.bearing == 0 and np.rad2deg(head.pitch) == pytest.approx(55)
     for slug, task in TASKS.items():
@@ -65,7 +67,9 @@ def test_rigs_are_the_papers():
 def test_where_cameras_look(camera):
     middle = PELVIS_RIG.rays(3, 3)[camera, 1, 1]
     yaw, pitch = np.deg2rad([-45, 45, 135, -135])[camera], np.deg2rad(35)
-    np.testing.assert_allclose(middle, [np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), -np.sin(pitch)], atol=1e-12)
+    np.testing.assert_allclose(
+        middle, [np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), -np.sin(pitch)], atol=1e-12
+    )
 
 
 def test_pictures_are_upright_and_120_degrees_wide():
@@ -105,12 +109,16 @@ def test_projection_undoes_rays(camera, row, column, depth):
 
 def cube(x, y):
     """A cube of 10 cm on the floor."""
-    return replace(block(), box_pos=np.array([[x, y, 0.05]]), box_half=np.full((1, 3), 0.05), box_rgb=np.array([[0.9, 0.1, 0.1]]))
+    return replace(
+        block(), box_pos=np.array([[x, y, 0.05]]), box_half=np.full((1, 3), 0.05), box_rgb=np.array([[0.9, 0.1, 0.1]])
+    )
 
 
 def test_a_cube_is_drawn_where_it_is(look):
-    # The head camera is at (-0.85, 0, 1.55). The cube's middle is 1 m ahead of it and 1.5 m below: depth cos 55 + 1.5 sin 55 =
-    # 1.80231, height in the picture sin 55 - 1.5 cos 55 = -0.04121, so 3.17 px under the middle. The line of sight through
+    # The head camera is at (-0.85, 0, 1.55). The cube's middle is 1 m ahead of it and 1.5 m below: depth cos 55 + 1.5
+    # sin 55 =
+    # 1.80231, height in the picture sin 55 - 1.5 cos 55 = -0.04121, so 3.17 px under the middle. The line of sight
+    # through
     # the middle of pixel (183, 240) falls by sin 55 + 3.5 / 138.564 cos 55 = 0.83364 m for each of depth, and meets the
     # cube's top 1.45 m below the camera at depth 1.73936.
     views = look(cube(0.15, 0.0), HEAD_RIG, positions(x=-1.0), robot=False)
@@ -174,20 +182,32 @@ def test_depth_ends_at_50_meters_and_labels_name_links(look):
     assert (views.labels[:, :20] != FLOOR).all() and (views.depth[views.labels == NOTHING] == FARTHEST).all()
     assert views.depth.max() == FARTHEST and (views.labels == NOTHING).any()
     links = set(np.unique(views.labels[views.labels >= ROBOT]) - ROBOT)
-    assert links <= set(range(20)) and {"left_elbow_link", "right_elbow_link"} <= {H1.link_names[link] for link in links}
+    assert links <= set(range(20)) and {"left_elbow_link", "right_elbow_link"} <= {
+        H1.link_names[link] for link in links
+    }
     assert not (look(block(), PELVIS_RIG, qpos, 90, 120, robot=False).labels >= ROBOT).any()
 
 
 def test_hands_are_in_the_head_cameras_picture(look):
-    labels = look(block(movable=True, mass=1.0), HEAD_RIG, np.concatenate([positions(-1.0, z=1.05), [0, 0, 0, 1, 0, 0, 0]]), 180, 240).labels[0]
+    labels = look(
+        block(movable=True, mass=1.0),
+        HEAD_RIG,
+        np.concatenate([positions(-1.0, z=1.05), [0, 0, 0, 1, 0, 0, 0]]),
+        180,
+        240,
+    ).labels[0]
     names = [H1.link_names[link - ROBOT] for link in np.unique(labels) if link >= ROBOT]
     assert {"left_elbow_link", "right_elbow_link"} <= set(names)
-    left, right = (np.nonzero(labels == ROBOT + H1.link_names.index(f"{side}_elbow_link"))[1].mean() for side in ("left", "right"))
+    left, right = (
+        np.nonzero(labels == ROBOT + H1.link_names.index(f"{side}_elbow_link"))[1].mean() for side in ("left", "right")
+    )
     assert left < 120 < right
 
 
 def test_pictures_with_shells_and_light_have_the_same_scene(look):
-    plain, fine = (look(block(), PELVIS_RIG, positions(-1.0), 90, 120, robot=False, visuals=visuals) for visuals in (False, True))
+    plain, fine = (
+        look(block(), PELVIS_RIG, positions(-1.0), 90, 120, robot=False, visuals=visuals) for visuals in (False, True)
+    )
     np.testing.assert_array_equal(plain.labels, fine.labels)
     np.testing.assert_allclose(plain.depth, fine.depth, rtol=1e-3)
     assert (look(block(), HEAD_RIG, positions(-1.0), 90, 120, visuals=True).labels >= ROBOT).any()
@@ -217,11 +237,14 @@ def test_targets_are_red_pixels():
 
 
 def test_target_map_by_hand():
-    # The robot at (1, 2, 1) faces +y. (0.895, 2.304, 1.2) is 30.4 cm ahead and 10.5 cm to the left: row 64 + 30, column 64 + 10.
+    # The robot at (1, 2, 1) faces +y. (0.895, 2.304, 1.2) is 30.4 cm ahead and 10.5 cm to the left: row 64 + 30, column
+    # 64 + 10.
     quat = rot.from_yaw(np.array([np.pi / 2]))
     targets = np.array([[[0.895, 2.304, 1.2], [1.0, 3.5, 1.0]]])
     found = target_map(np.array([[1.0, 2.0, 1.0]]), quat, targets)[0].numpy()
-    assert found[94, 74] == pytest.approx(0.2) and (found == -1).sum() == 128 * 128 - 1, "the other is 1.5 m away, out of the map"
+    assert found[94, 74] == pytest.approx(0.2) and (found == -1).sum() == 128 * 128 - 1, (
+        "the other is 1.5 m away, out of the map"
+    )
     assert (target_map(np.array([[1.0, 2.0, 1.0]]), quat, np.full((1, 2, 3), np.nan)).numpy() == -1).all()
     both = np.array([[[1.0051, 2.0051, 0.9], [1.0052, 2.0052, 0.8]]])
     assert target_map(np.array([[1.0, 2.0, 1.0]]), quat, both).max() == pytest.approx(-0.1)

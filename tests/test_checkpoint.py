@@ -62,7 +62,12 @@ def test_missing_parts(folder, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("change", "message"), [({"format": 99}, "format 99"), ({"robot": 3}, "does not describe"), ({"config": {"hidden": "x"}}, "does not describe")]
+    ("change", "message"),
+    [
+        ({"format": 99}, "format 99"),
+        ({"robot": 3}, "does not describe"),
+        ({"config": {"hidden": "x"}}, "does not describe"),
+    ],
 )
 def test_changed_header(folder, change, message):
     path = folder / "config.json"

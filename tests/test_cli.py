@@ -14,7 +14,14 @@ from mimicbench.workspace import Workspace, policy_folder, prepare_episodes
 
 
 def command(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", "mimicbench.cli", *arguments], capture_output=True, text=True, cwd=cwd, timeout=120, check=False)
+    return subprocess.run(
+        [sys.executable, "-m", "mimicbench.cli", *arguments],
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        timeout=120,
+        check=False,
+    )
 
 
 def refused(result: subprocess.CompletedProcess[str], cwd: Path, *words: str) -> None:
@@ -76,4 +83,6 @@ def test_stages_print_json_and_repeat_for_free(tmp_path):
     stamps = {path: path.stat().st_mtime_ns for path in (tmp_path / "w").rglob("*.json")}
     assert command("objects", *arguments, cwd=tmp_path).stdout == first.stdout
     assert stamps == {path: path.stat().st_mtime_ns for path in (tmp_path / "w").rglob("*.json")}
-    refused(command("objects", "--count", "9", "--workdir", "w", "--seed", "5", cwd=tmp_path), tmp_path, "another config")
+    refused(
+        command("objects", "--count", "9", "--workdir", "w", "--seed", "5", cwd=tmp_path), tmp_path, "another config"
+    )

@@ -1,6 +1,8 @@
-"""`--device`: whole episodes of environments, trackers and policies on both physics backends, and what is said where there is no such device.
+"""`--device`: whole episodes of environments, trackers and policies on both physics backends, and what is said where
+there is no such device.
 
-What needs Warp runs only where MuJoCo Warp is installed and `MIMICBENCH_WARP=1` is set, as in test_warp.py; on a GPU too, if torch finds one.
+What needs Warp runs only where MuJoCo Warp is installed and `MIMICBENCH_WARP=1` is set, as in test_warp.py; on a GPU
+too, if torch finds one.
 """
 
 import importlib.util
@@ -35,24 +37,40 @@ from stool import H1, block, seated, standing
 
 HAS_WARP = importlib.util.find_spec("mujoco_warp") is not None
 DEVICES = ["warp-cpu", *(["cuda"] if torch.cuda.is_available() else [])]
-on_warp = pytest.mark.skipif(not HAS_WARP or os.environ.get("MIMICBENCH_WARP") != "1", reason="set MIMICBENCH_WARP=1 to test the Warp backend (minutes)")
+on_warp = pytest.mark.skipif(
+    not HAS_WARP or os.environ.get("MIMICBENCH_WARP") != "1",
+    reason="set MIMICBENCH_WARP=1 to test the Warp backend (minutes)",
+)
 on_every_device = pytest.mark.parametrize("device", DEVICES)
 STOOL = block()
 TOLERANCE = 2e-4
-"""[m, rad, m/s, rad/s] Measured within the 0.3 to 0.6 s of these episodes: 3e-5 of velocities, 2e-6 of positions; effort 8e-5 of itself."""
+"""[m, rad, m/s, rad/s] Measured within the 0.3 to 0.6 s of these episodes: 3e-5 of velocities, 2e-6 of positions;
+effort 8e-5 of itself."""
 SHIPPED_TRACKER = SHIPPED / "sit-chair" / "tracker"
 
 
 def still(posture, name, frames=12):
     pos, joints = posture
-    return RobotMotion(name, "sit-chair", "h1", H1.joint_names, 50.0, np.tile(pos, (frames, 1)), np.tile(rot.IDENTITY, (frames, 1)),
-                       np.tile(joints, (frames, 1)), STOOL.id, name)  # fmt: skip
+    return RobotMotion(
+        name,
+        "sit-chair",
+        "h1",
+        H1.joint_names,
+        50.0,
+        np.tile(pos, (frames, 1)),
+        np.tile(rot.IDENTITY, (frames, 1)),
+        np.tile(joints, (frames, 1)),
+        STOOL.id,
+        name,
+    )
 
 
 CLIPS = [still(standing(), "stands"), still(seated(0.42), "sits")]
 
 
-@pytest.mark.parametrize(("device", "tensors"), [("cpu", "cpu"), ("warp-cpu", "cpu"), ("cuda", "cuda"), ("cuda:1", "cuda:1")])
+@pytest.mark.parametrize(
+    ("device", "tensors"), [("cpu", "cpu"), ("warp-cpu", "cpu"), ("cuda", "cuda"), ("cuda:1", "cuda:1")]
+)
 def test_where_tensors_live(device, tensors):
     assert tensor_device(device) == tensors
 
@@ -77,7 +95,10 @@ def test_an_environment_knows_its_devices():
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
 def test_a_missing_gpu_is_told_at_once(tmp_path):
-    for make in (lambda: TaskEnv("sit-chair", device="cuda"), lambda: Workspace(tmp_path, "sit-chair", device="cuda:1")):
+    for make in (
+        lambda: TaskEnv("sit-chair", device="cuda"),
+        lambda: Workspace(tmp_path, "sit-chair", device="cuda:1"),
+    ):
         with pytest.raises(MimicbenchError, match="--device cpu"):
             make()
 
@@ -87,8 +108,15 @@ def test_recorded_states_are_those_that_were_felt():
     random = np.random.default_rng(0)
     pos, joints = standing()
     targets = joints + 0.1 * random.normal(size=(3, 19)).astype(np.float32)
-    physics.reset(np.arange(3), np.tile(pos, (3, 1)), rot.from_yaw(random.normal(size=3)), targets, random.normal(size=(3, 3)), random.normal(size=(3, 3)),
-                  random.normal(size=(3, 19)))  # fmt: skip
+    physics.reset(
+        np.arange(3),
+        np.tile(pos, (3, 1)),
+        rot.from_yaw(random.normal(size=3)),
+        targets,
+        random.normal(size=(3, 3)),
+        random.normal(size=(3, 3)),
+        random.normal(size=(3, 19)),
+    )
     last = torch.zeros(3, 19)
     last[1:] = torch.as_tensor(targets[:-1])
     felt = s_current(physics.state(), physics.links(), last)
@@ -110,7 +138,12 @@ def episode(env, steps):
 @on_every_device
 @pytest.mark.parametrize("task", ["sit-chair", "touch-points", "lift-box"])
 def test_an_environment_is_the_same_on_both(task, device):
-    arguments = {"observe": ("proprio", "state", "time", "elevation"), "time_limit": 0.2, "autoreset_mode": "SameStep", "pool": 12}
+    arguments = {
+        "observe": ("proprio", "state", "time", "elevation"),
+        "time_limit": 0.2,
+        "autoreset_mode": "SameStep",
+        "pool": 12,
+    }
     both = [episode(TaskVectorEnv(task, 3, device=name, **arguments), 15) for name in ("cpu", device)]
     ends = 0
     for (ours, our_info, our_end), (theirs, their_info, their_end) in zip(*both, strict=True):
@@ -145,7 +178,17 @@ def test_a_single_environment_is_the_same_on_both(device):
 @on_every_device
 def test_a_tracker_follows_the_same_way_on_both(device):
     both = [
-        track_clips(load_tracker(SHIPPED_TRACKER, H1), H1, SIT_CHAIR, CLIPS, {STOOL.id: STOOL}, workers=1, record=True, settle=0.4, device=name)
+        track_clips(
+            load_tracker(SHIPPED_TRACKER, H1),
+            H1,
+            SIT_CHAIR,
+            CLIPS,
+            {STOOL.id: STOOL},
+            workers=1,
+            record=True,
+            settle=0.4,
+            device=name,
+        )
         for name in ("cpu", device)
     ]
     ours, theirs = both
@@ -162,7 +205,17 @@ def test_a_tracker_follows_the_same_way_on_both(device):
 def test_a_policy_is_judged_alike_on_both(device):
     task = replace(SIT_CHAIR, time_limit=0.4)
     ours, theirs = (
-        run_policy(load_any(SHIPPED / "sit-chair" / "planner", H1), H1, task, CLIPS, {STOOL.id: STOOL}, "improved", workers=1, record=[0, 1], device=name)[0]
+        run_policy(
+            load_any(SHIPPED / "sit-chair" / "planner", H1),
+            H1,
+            task,
+            CLIPS,
+            {STOOL.id: STOOL},
+            "improved",
+            workers=1,
+            record=[0, 1],
+            device=name,
+        )[0]
         for name in ("cpu", device)
     )
     np.testing.assert_array_equal(ours.judge.success, theirs.judge.success)
@@ -177,10 +230,23 @@ def test_a_tracker_and_a_planner_learn_on_warp(device, tmp_path):
     from mimicbench.imitate.learn_planner import train_planner
 
     tiny = PPOConfig(hidden=(16,), steps=8, epochs=1, minibatches=2)
-    config = TrackConfig(samples=2 * 8 * tiny.steps, num_envs=8, evaluate_clips=2, threads=1, ppo=tiny, tracking=TrackingConfig(first_frame=0.5))
+    config = TrackConfig(
+        samples=2 * 8 * tiny.steps,
+        num_envs=8,
+        evaluate_clips=2,
+        threads=1,
+        ppo=tiny,
+        tracking=TrackingConfig(first_frame=0.5),
+    )
     rows = []
-    folder = train_tracker(tmp_path / "track", H1, SIT_CHAIR, CLIPS, CLIPS[1:], {STOOL.id: STOOL}, config, 0, 1, rows.append, device)
+    folder = train_tracker(
+        tmp_path / "track", H1, SIT_CHAIR, CLIPS, CLIPS[1:], {STOOL.id: STOOL}, config, 0, 1, rows.append, device
+    )
     assert rows[-1]["samples"] == config.samples and rows[-1]["k_held_out"] == 1.0
-    small = PlannerConfig(hidden=(16,), samples=4 * 8 * 2, num_envs=8, steps=4, batches=2, batch=16, memory=64, threads=1)
-    train_planner(tmp_path / "planner", H1, load_tracker(folder, H1), CLIPS, {STOOL.id: STOOL}, small, 0, 1, None, device)
+    small = PlannerConfig(
+        hidden=(16,), samples=4 * 8 * 2, num_envs=8, steps=4, batches=2, batch=16, memory=64, threads=1
+    )
+    train_planner(
+        tmp_path / "planner", H1, load_tracker(folder, H1), CLIPS, {STOOL.id: STOOL}, small, 0, 1, None, device
+    )
     assert (tmp_path / "planner" / "training.json").exists()

@@ -15,10 +15,29 @@ from mimicbench.evaluate.intervals import Rate, wilson
 from mimicbench.evaluate.rows import EpisodeRow, group, read_rows, summarize, write_rows
 
 ROW = EpisodeRow(
-    task="sit-chair", stage="imitate", policy="act", preset="improved", robot="h1", seed=7, episode=0, object_id="chair-00001", object_kind="dining",
-    split="test", reference_id="sit-chair-00001", steps=300, success=True, success_at_end=True, first_success_time=5.5, fell=False, max_energy=5e4,
-    seat_height=0.45, start_distance=2.5, end_distance=0.0, mimicbench="0.1.0", mujoco="3.17.0",
-)  # fmt: skip
+    task="sit-chair",
+    stage="imitate",
+    policy="act",
+    preset="improved",
+    robot="h1",
+    seed=7,
+    episode=0,
+    object_id="chair-00001",
+    object_kind="dining",
+    split="test",
+    reference_id="sit-chair-00001",
+    steps=300,
+    success=True,
+    success_at_end=True,
+    first_success_time=5.5,
+    fell=False,
+    max_energy=5e4,
+    seat_height=0.45,
+    start_distance=2.5,
+    end_distance=0.0,
+    mimicbench="0.1.0",
+    mujoco="3.17.0",
+)
 
 
 def test_wilson_by_hand():
@@ -59,9 +78,13 @@ def test_rate_format():
 
 
 def test_energy_average_by_hand():
-    # K holds in three of four; e = 5e4 passes all limits, 3e6 the last two, 1e9 none; the failure's low energy counts for nothing
+    # K holds in three of four; e = 5e4 passes all limits, 3e6 the last two, 1e9 none; the failure's low energy counts
+    # for nothing
     energies = [(True, 5e4), (True, 3e6), (True, 1e9), (False, 1.0)]
-    rows = [replace(ROW, episode=i, success=k, first_success_time=1.0 if k else None, max_energy=e) for i, (k, e) in enumerate(energies)]
+    rows = [
+        replace(ROW, episode=i, success=k, first_success_time=1.0 if k else None, max_energy=e)
+        for i, (k, e) in enumerate(energies)
+    ]
     data = summarize(rows).to_dict()
     assert data["kinematic"] == {
         "successes": 3,
@@ -70,7 +93,12 @@ def test_energy_average_by_hand():
         "low": pytest.approx(0.300642, abs=1e-4),
         "high": pytest.approx(0.954413, abs=1e-4),
     }
-    assert [(limit["lambda"], limit["successes"]) for limit in data["energy"]["limits"]] == [(1e6, 1), (2e6, 1), (4e6, 2), (8e6, 2)]
+    assert [(limit["lambda"], limit["successes"]) for limit in data["energy"]["limits"]] == [
+        (1e6, 1),
+        (2e6, 1),
+        (4e6, 2),
+        (8e6, 2),
+    ]
     assert data["energy"]["rate"] == 1.5 / 4
     assert data["energy"]["successes"] == 1.5
     assert (data["energy"]["low"], data["energy"]["high"]) == wilson(1.5, 4)
@@ -137,6 +165,8 @@ def test_missing_and_foreign_files(tmp_path):
         ({"schema": 1, "type": "other"}, "holds 'other'"),
         ({"schema": 1, "type": "episode_rows"}, "other columns"),
     ]:
-        pq.write_table(pa.table({"success": [True]}).replace_schema_metadata({"mimicbench": json.dumps(header)}), foreign)
+        pq.write_table(
+            pa.table({"success": [True]}).replace_schema_metadata({"mimicbench": json.dumps(header)}), foreign
+        )
         with pytest.raises(BadFile, match=message):
             read_rows(foreign)

@@ -21,7 +21,9 @@ def inverse_depth(obj, eye, quat, rig=HEAD_RIG):
     """(C, height, width) of cameras of a rig whose root is at `eye` (3,) and turned by `quat`."""
     turn = rot.to_matrix(quat)
     pictures = np.zeros((len(rig.mounts), HEIGHT, WIDTH), np.float32)
-    Surfaces.of([obj]).seen_from((eye + rig.origins() @ turn.T)[None], (turn @ rig.sights(HEIGHT, WIDTH))[None]).fill(pictures)
+    Surfaces.of([obj]).seen_from((eye + rig.origins() @ turn.T)[None], (turn @ rig.sights(HEIGHT, WIDTH))[None]).fill(
+        pictures
+    )
     return pictures
 
 
@@ -76,8 +78,14 @@ def test_nothing_behind_the_camera_is_seen():
 def test_convex_pieces_are_those_of_the_physics(seed):
     random = np.random.default_rng(seed)
     hulls = tuple(random.uniform(-0.3, 0.3, (12, 3)) + shift for shift in ([0, 0, 0.4], [0.4, 0.2, 0.4]))
-    obj = replace(block(), box_pos=np.array([[0, 0, 0.4], [0.4, 0.2, 0.4]]), box_quat=np.tile(rot.IDENTITY, (2, 1)), box_half=np.full((2, 3), 0.3),
-                  box_rgb=np.ones((2, 3)), hulls=hulls)  # fmt: skip
+    obj = replace(
+        block(),
+        box_pos=np.array([[0, 0, 0.4], [0.4, 0.2, 0.4]]),
+        box_quat=np.tile(rot.IDENTITY, (2, 1)),
+        box_half=np.full((2, 3), 0.3),
+        box_rgb=np.ones((2, 3)),
+        hulls=hulls,
+    )
     physics, eye = NativePhysics(H1, [obj], workers=1), np.array([-0.7, 0.1, 0.4])
     rays = HEAD_RIG.rays(HEIGHT, WIDTH).reshape(1, -1, 3)
     depth = physics.ray(np.broadcast_to(eye + HEAD_RIG.origins(), rays.shape), rays, (1,)).reshape(HEIGHT, WIDTH)

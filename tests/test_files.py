@@ -15,7 +15,11 @@ from mimicbench.core.errors import BadFile, MimicbenchError
 from mimicbench.core.files import MAX_UNPACKED, read_json, read_npz, write_atomic, write_json, write_npz
 from mimicbench.core.stage import open_stage, read_stage
 
-ARRAYS = {"a": np.arange(12, dtype=np.float32).reshape(3, 4), "flags": np.array([True, False]), "empty": np.zeros((0, 2))}
+ARRAYS = {
+    "a": np.arange(12, dtype=np.float32).reshape(3, 4),
+    "flags": np.array([True, False]),
+    "empty": np.zeros((0, 2)),
+}
 
 
 @pytest.fixture
@@ -78,9 +82,16 @@ HEADER = npy(np.array(json.dumps({"type": "thing"})))
 
 @pytest.mark.parametrize(
     "members",
-    [{}, {"a.npy": npy(np.ones(3))}, {"header.npy": npy(np.array("no json"))}, {"header.npy": npy(np.array("[" * 5000))}, {"header.npy": npy(np.array("[1]"))},
-     {"header.npy": npy(np.ones(3))}, {"header.npy": HEADER, "a.npy": b"\x93NUMPY\x01\x00"}],
-)  # fmt: skip
+    [
+        {},
+        {"a.npy": npy(np.ones(3))},
+        {"header.npy": npy(np.array("no json"))},
+        {"header.npy": npy(np.array("[" * 5000))},
+        {"header.npy": npy(np.array("[1]"))},
+        {"header.npy": npy(np.ones(3))},
+        {"header.npy": HEADER, "a.npy": b"\x93NUMPY\x01\x00"},
+    ],
+)
 def test_other_archives_are_refused(tmp_path, members):
     npz(tmp_path / "x.npz", members)
     with pytest.raises(BadFile):
@@ -135,7 +146,11 @@ def test_a_writer_killed_in_the_middle_leaves_the_old_file(tmp_path):
 import os, signal
 from pathlib import Path
 from mimicbench.core.files import write_atomic
-write_atomic(Path({str(path)!r}), lambda stream: (stream.write(b"half"), stream.flush(), os.kill(os.getpid(), signal.SIGKILL)))
+def write(stream):
+    stream.write(b"half")
+    stream.flush()
+    os.kill(os.getpid(), signal.SIGKILL)
+write_atomic(Path({str(path)!r}), write)
 """
     assert subprocess.run([sys.executable, "-c", script]).returncode == -9
     assert path.read_bytes() == b"old"
@@ -167,9 +182,17 @@ def test_stage_is_unfinished_until_it_is_finished(tmp_path):
     assert read_stage(folder, "x").fingerprint == stage.fingerprint
 
 
-@pytest.mark.parametrize("change", [{"config": {"count": 4}}, {"seed": 1}, {"task": "lie-bed"}, {"made_from": {"objects": "0"}}])
+@pytest.mark.parametrize(
+    "change", [{"config": {"count": 4}}, {"seed": 1}, {"task": "lie-bed"}, {"made_from": {"objects": "0"}}]
+)
 def test_another_configuration_is_refused_and_nothing_is_touched(tmp_path, change):
-    arguments = {"folder": tmp_path / "x", "stage": "references", "task": "sit-chair", "seed": 0, "config": {"count": 3}}
+    arguments = {
+        "folder": tmp_path / "x",
+        "stage": "references",
+        "task": "sit-chair",
+        "seed": 0,
+        "config": {"count": 3},
+    }
     before = open_stage(**arguments)
     content = (tmp_path / "x" / "header.json").read_bytes()
     with pytest.raises(MimicbenchError, match=f"another {next(iter(change))}"):

@@ -40,7 +40,17 @@ def clip(body: Body, way: Walk) -> HumanMotion:
     chest = rot.multiply(pelvis, way.chest_turn(still))
     trunk = Trunk(way.pelvis_pos_w, pelvis, chest, rot.multiply(chest, way.head_turn(still)))
     quat = pose(body, trunk, way.legs(), way.arms(body, 1.0))
-    return HumanMotion("walk", "none", body.skeleton, FPS, way.pelvis_pos_w, quat, "none", ("left_foot", "right_foot"), way.feet.contact)
+    return HumanMotion(
+        "walk",
+        "none",
+        body.skeleton,
+        FPS,
+        way.pelvis_pos_w,
+        quat,
+        "none",
+        ("left_foot", "right_foot"),
+        way.feet.contact,
+    )
 
 
 def test_gait_by_hand():
@@ -54,7 +64,9 @@ def test_gait_by_hand():
 def test_a_foot_pitched_by_hand():
     body = unihsi_body()  # ankle 0.05 over the sole, toe 0.1335 in front of it, heel 0.0435 behind it
     quarter = np.array(np.pi / 2)
-    on_toes = rolled(body, quarter, np.array(0.0), np.array(0.0))  # the ankle is then 0.1335 above the toe and 0.05 in front of it
+    on_toes = rolled(
+        body, quarter, np.array(0.0), np.array(0.0)
+    )  # the ankle is then 0.1335 above the toe and 0.05 in front of it
     assert on_toes == pytest.approx([0.1335 + 0.05, 0.0, 0.1335 - 0.05])
     on_heel = rolled(body, -quarter, np.array(np.pi / 2), np.array(1.0))  # foot to the left
     assert on_heel == pytest.approx([0.0, -0.0435 - 0.05, 0.0435 - 0.05], abs=1e-12)
@@ -75,7 +87,9 @@ def test_eased_values_begin_as_asked_and_join(first: float, rate: float, lasts: 
 @settings(max_examples=12, deadline=None)
 @given(bodies, st.floats(0.5, 1.3), st.floats(-1.7, 1.7), st.floats(1.1, 2.2), st.floats(-3.1, 3.1))
 @example(2, 1.28125, 1.5, 1.875, 1.25)  # a quick walk that turns: the pelvis's own lean once left the knee at 6 degrees
-def test_feet_roll_without_sliding_and_legs_reach(which: int, speed: float, azimuth: float, distance: float, yaw: float):
+def test_feet_roll_without_sliding_and_legs_reach(
+    which: int, speed: float, azimuth: float, distance: float, yaw: float
+):
     body = BODIES[which]
     way = around(body, azimuth, distance, yaw, Gait(speed=speed))
     motion = clip(body, way)
@@ -103,9 +117,16 @@ def test_heel_lands_first_and_rises_before_the_toes(body: Body):
 
         assert pitch(steps.touch_down[i]) < -0.15 and pitch(steps.lift_off[i]) > 0.25
         cycle = 2 * gait.period
-        assert abs(pitch(steps.touch_down[i] + 0.13 * cycle)) < 0.01 and abs(pitch(steps.touch_down[i] + 0.3 * cycle)) < 1e-9
+        assert (
+            abs(pitch(steps.touch_down[i] + 0.13 * cycle)) < 0.01
+            and abs(pitch(steps.touch_down[i] + 0.3 * cycle)) < 1e-9
+        )
     bend = way.feet.toe_bend
-    assert bend is not None and bend.min() >= 0 and bend[way.feet.contact] == pytest.approx(np.maximum(way.feet.pitch, 0)[way.feet.contact])
+    assert (
+        bend is not None
+        and bend.min() >= 0
+        and bend[way.feet.contact] == pytest.approx(np.maximum(way.feet.pitch, 0)[way.feet.contact])
+    )
 
 
 @pytest.mark.parametrize("speed", [0.5, 0.65, 0.85, 1.0, 1.3])
@@ -132,7 +153,9 @@ def test_flat_gait_stands_flat_and_adds_nothing():
 
 @settings(max_examples=40, deadline=None)
 @given(st.floats(-1.75, 1.75), st.floats(0.0, 1.0), st.floats(-3.1, 3.1), st.floats(-1.5, 1.5))
-def test_curved_route_keeps_clear_and_leaves_along_the_heading(azimuth: float, extra: float, yaw: float, goal_yaw: float):
+def test_curved_route_keeps_clear_and_leaves_along_the_heading(
+    azimuth: float, extra: float, yaw: float, goal_yaw: float
+):
     start = (1.1 + extra) * np.array([np.cos(azimuth), np.sin(azimuth)])
     route = around_box(start, GOAL, LOW, HIGH, MARGIN, yaw, np.pi + goal_yaw)
     points = np.array([route.at(s)[0] for s in np.linspace(0, route.length, 200)])
@@ -167,7 +190,11 @@ def test_a_walk_begins_in_its_midst():
 
 def check_continues(body: Body, way: Walk, frame: int, state: BodyState) -> None:
     finished = state.place[0] < GOAL[0] + 0.02 and abs(state.place[1]) < 0.4  # what is left is the turn
-    route = Route(np.stack([state.place, state.place + 1e-6])) if finished else around_box(state.place, GOAL, LOW, HIGH, MARGIN)
+    route = (
+        Route(np.stack([state.place, state.place + 1e-6]))
+        if finished
+        else around_box(state.place, GOAL, LOW, HIGH, MARGIN)
+    )
     new = walk_from(body, state, route, STOP, 0.0, Gait(speed=0.65), 1.0)
     (pos, quat), (pos_new, quat_new) = clip(body, way).forward_kinematics(), clip(body, new).forward_kinematics()
     lower = [body.pelvis, *(joint for leg in body.legs for joint in leg)]
@@ -179,7 +206,9 @@ def check_continues(body: Body, way: Walk, frame: int, state: BodyState) -> None
     for side in (0, 1):
         points, stands = bearing_points(body, pos_new, quat_new, side), new.feet.contact[:, side]
         assert points[..., 2].min() > -0.003 and stance_slides(points, stands).max() < 0.005
-    assert new.feet.pos_w[-1, :, :2].mean(0) == pytest.approx(STOP, abs=0.03) and abs(rot.wrap_angle(new.yaw[-1])) < 0.06
+    assert (
+        new.feet.pos_w[-1, :, :2].mean(0) == pytest.approx(STOP, abs=0.03) and abs(rot.wrap_angle(new.yaw[-1])) < 0.06
+    )
 
 
 @settings(max_examples=15, deadline=None)
@@ -196,9 +225,16 @@ def test_state_of_a_clip_is_that_of_its_walk():
     way = around(body, 1.0, 2.0, 1.0, Gait(speed=0.65))
     for frame in (20, 50, 77, 101):
         walked, seen = state_of_walk(way, frame), state_of_motion(clip(body, way), frame)
-        assert seen.feet.pos_w == pytest.approx(walked.feet.pos_w, abs=1e-6) and (seen.feet.bears == walked.feet.bears).all()
-        assert seen.feet.pitch == pytest.approx(walked.feet.pitch, abs=1e-6) and np.cos(seen.yaw - walked.yaw) == pytest.approx(1)
-        assert seen.pelvis_vel_w == pytest.approx(walked.pelvis_vel_w, abs=1e-6) and seen.roll == pytest.approx(walked.roll, abs=1e-6)
+        assert (
+            seen.feet.pos_w == pytest.approx(walked.feet.pos_w, abs=1e-6)
+            and (seen.feet.bears == walked.feet.bears).all()
+        )
+        assert seen.feet.pitch == pytest.approx(walked.feet.pitch, abs=1e-6) and np.cos(
+            seen.yaw - walked.yaw
+        ) == pytest.approx(1)
+        assert seen.pelvis_vel_w == pytest.approx(walked.pelvis_vel_w, abs=1e-6) and seen.roll == pytest.approx(
+            walked.roll, abs=1e-6
+        )
         assert np.minimum(seen.since, 1) == pytest.approx(np.minimum(walked.since, 1), abs=0.51 / FPS)
     unlabeled = HumanMotion("bare", "none", body.skeleton, FPS, way.pelvis_pos_w, clip(body, way).local_quat, "none")
     with pytest.raises(BadMotion, match="contact labels"):

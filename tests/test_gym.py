@@ -64,7 +64,10 @@ def test_gymnasium_imports_it_when_asked():
 
 
 def test_importing_mimicbench_imports_nothing_else():
-    out = in_python("import mimicbench, sys; print({'gymnasium', 'numpy', 'typing'} & set(sys.modules) - set(sys.stdlib_module_names))")
+    out = in_python(
+        "import mimicbench, sys; print({'gymnasium', 'numpy', 'typing'} & set(sys.modules) - "
+        "set(sys.stdlib_module_names))"
+    )
     assert out == "set()"
 
 
@@ -81,8 +84,14 @@ def test_the_contract_of_single_environments(name):
     assert env.metadata["render_fps"] == 50
     _, info = env.reset(seed=0)
     assert {name: type(value) for name, value in info.items()} == {
-        "success": bool, "effort": float, "fell": bool, "diverged": bool, "object_id": str, "reference_id": str, "seed": int,
-    }  # fmt: skip
+        "success": bool,
+        "effort": float,
+        "fell": bool,
+        "diverged": bool,
+        "object_id": str,
+        "reference_id": str,
+        "seed": int,
+    }
 
 
 @every_task
@@ -206,9 +215,10 @@ def test_broken_physics_end_one_episode_and_not_the_others():
 def test_actions_are_the_robots_limits(control):
     env = make(control=control)
     low, high = {
-        "position": H1.joint_range.T, "velocity": (-H1.velocity_limit, H1.velocity_limit),
+        "position": H1.joint_range.T,
+        "velocity": (-H1.velocity_limit, H1.velocity_limit),
         "torque": np.array([[-joint.torque_limit, joint.torque_limit] for joint in H1.joints]).T,
-    }[control]  # fmt: skip
+    }[control]
     np.testing.assert_allclose(env.action_space.low, low, rtol=1e-6)
     np.testing.assert_allclose(env.action_space.high, high, rtol=1e-6)
     env.reset(seed=0)
@@ -271,7 +281,18 @@ def clip(frames=60, object_id="chair-0-00001", far=3.0):
     quat = rot.multiply(rot.from_yaw(1.3 * time - 2), rot.from_rotvec(np.stack([0.2 * time, 0 * time, 0 * time], -1)))
     quat[frames // 3 :] *= -1
     joints = REST + 0.3 * np.sin(3 * time)[:, None] * np.linspace(-1, 1, 19)
-    return RobotMotion(f"clip-{object_id}", "sit-chair", "h1", H1.joint_names, (frames - 1) / 1.0, pos, quat, joints, object_id, "human")
+    return RobotMotion(
+        f"clip-{object_id}",
+        "sit-chair",
+        "h1",
+        H1.joint_names,
+        (frames - 1) / 1.0,
+        pos,
+        quat,
+        joints,
+        object_id,
+        "human",
+    )
 
 
 @pytest.mark.parametrize("frames", [60, 45, 12])
@@ -279,7 +300,9 @@ def test_a_motion_starts_as_trackers_start_it(frames):
     motion, task = clip(frames), get_task("sit-chair")
     start = start_of(motion, make_object(motion.object_id), H1, task)
     first = ReferenceBank([motion], H1).frame(torch.tensor([0]), torch.tensor([0]))
-    pos, quat, lin_vel_w, spin_w, joint_pos, joint_vel = (values[0].numpy().astype(float) for values in vars(first).values())
+    pos, quat, lin_vel_w, spin_w, joint_pos, joint_vel = (
+        values[0].numpy().astype(float) for values in vars(first).values()
+    )
     np.testing.assert_allclose(start.root_pos_w, [*(pos[:2] * 2 / np.linalg.norm(pos[:2])), pos[2]], atol=1e-12)
     np.testing.assert_allclose(start.root_quat_w, rot.normalize(quat), atol=1e-12)
     np.testing.assert_array_equal(start.joint_pos, joint_pos)
@@ -300,7 +323,9 @@ def test_positions_are_clipped_on_the_way_to_the_origin():
 
 def test_starts_from_motions_of_the_split_only():
     ids = [f"chair-0-{index:05d}" for index in range(8)]
-    env = gymnasium.make("mimicbench/SitChair-v0", split="test", starts=[clip(object_id=object_id) for object_id in ids]).unwrapped
+    env = gymnasium.make(
+        "mimicbench/SitChair-v0", split="test", starts=[clip(object_id=object_id) for object_id in ids]
+    ).unwrapped
     infos = [env.reset(seed=seed)[1] for seed in range(10)]
     assert {info["object_id"] for info in infos} == {object_id for object_id in ids if split_of(object_id) == "test"}
     assert all(info["reference_id"] == f"clip-{info['object_id']}" for info in infos)

@@ -63,7 +63,15 @@ def test_quarter_turn_of_the_robot_turns_the_map(x, y, turns):
 @given(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5), st.floats(-3, 3))
 def test_moving_robot_and_object_together_changes_nothing(x, y, yaw):
     quat = rot.from_yaw(np.array(yaw))
-    turned = SceneObject("t", "thing", "boxes", rot.rotate(quat, ELL.box_pos), rot.multiply(quat, ELL.box_quat), ELL.box_half, ELL.box_rgb)
+    turned = SceneObject(
+        "t",
+        "thing",
+        "boxes",
+        rot.rotate(quat, ELL.box_pos),
+        rot.multiply(quat, ELL.box_quat),
+        ELL.box_half,
+        ELL.box_rgb,
+    )
     pos = np.array([x, y, 0.9])
     moved = box_heightmap(turned, rot.rotate(quat, pos), 0.3 + yaw)
     assert (abs(moved - box_heightmap(ELL, pos, 0.3)) > 1e-9).mean() < 1e-3

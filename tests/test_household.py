@@ -1,4 +1,6 @@
-"""Household objects are what the paper's table says, stand on the floor in one piece, and can be touched with both hands."""
+"""Household objects are what the paper's table says, stand on the floor in one piece, and can be touched with both
+hands.
+"""
 
 import json
 import time
@@ -38,7 +40,11 @@ def test_sizes_are_those_of_the_papers_table(family):
 
 def test_every_kind_occurs_in_both_splits(family):
     assert len(KINDS) >= 12
-    assert {obj.kind for obj in family if obj.split == "train"} == {obj.kind for obj in family if obj.split == "test"} == set(KINDS)
+    assert (
+        {obj.kind for obj in family if obj.split == "train"}
+        == {obj.kind for obj in family if obj.split == "test"}
+        == set(KINDS)
+    )
     assert abs(np.mean([obj.split == "test" for obj in family]) - 0.25) < 0.04
 
 
@@ -52,7 +58,10 @@ def test_touch_points_are_on_the_surface_at_reachable_heights(touched, family):
         assert obj.touch_points[:, 2].min() >= LOWEST and obj.touch_points[:, 2].max() <= HIGHEST
         np.testing.assert_allclose(np.linalg.norm(obj.touch_normals, axis=1), 1)
         # a cone of 30 degrees about the normal is free for 6 cm
-        beside = np.stack([np.cross(obj.touch_normals, axis) for axis in np.eye(3)] + [np.cross(axis, obj.touch_normals) for axis in np.eye(3)])
+        beside = np.stack(
+            [np.cross(obj.touch_normals, axis) for axis in np.eye(3)]
+            + [np.cross(axis, obj.touch_normals) for axis in np.eye(3)]
+        )
         assert (box_distance(obj, obj.touch_points + 0.05 * obj.touch_normals + 0.028 * beside) > 0).all()
 
 

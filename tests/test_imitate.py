@@ -38,12 +38,18 @@ from mimicbench.objects.families.chairs import make_chair
 from mimicbench.sensors.heightmap import box_heightmap
 
 TINY = EncoderConfig(pool=4, widths=(8, 8, 8, 8), blocks=(1, 1, 1, 1))
-INPUTS = {"paper": InputConfig(), "timed": InputConfig.timed(), "blind": InputConfig(body="state", clock=True, memory=True, elevation=False)}
+INPUTS = {
+    "paper": InputConfig(),
+    "timed": InputConfig.timed(),
+    "blind": InputConfig(body="state", clock=True, memory=True, elevation=False),
+}
 
 
 def tiny(kind, inputs):
     if kind == "act":
-        return replace(ACTConfig.small(inputs), encoder=TINY, hidden=32, feedforward=32, heads=2, chunk=5, latent=4, dropout=0.0)
+        return replace(
+            ACTConfig.small(inputs), encoder=TINY, hidden=32, feedforward=32, heads=2, chunk=5, latent=4, dropout=0.0
+        )
     return replace(BCConfig.small(inputs), encoder=TINY, hidden=64, reduce=(8,))
 
 
@@ -71,10 +77,20 @@ def demos(chairs):
         action.append((np.sin(2 * time + np.arange(19)) + 0.3 * start[0]).astype(np.float32))
     actions = np.concatenate(action)
     return Demos(
-        robot="h1", task="sit-chair", fps=50.0, joint_names=tuple(map(str, range(19))), starts=np.concatenate([[0], np.cumsum(lengths)]),
-        state=np.concatenate(state), action=actions, executed_action=actions, qpos=np.concatenate(qpos), qvel=np.concatenate(qvel),
-        object_ids=tuple(list(chairs) * 2), reference_ids=tuple(f"clip-{i}" for i in range(6)), success=np.ones(6, bool),
-    )  # fmt: skip
+        robot="h1",
+        task="sit-chair",
+        fps=50.0,
+        joint_names=tuple(map(str, range(19))),
+        starts=np.concatenate([[0], np.cumsum(lengths)]),
+        state=np.concatenate(state),
+        action=actions,
+        executed_action=actions,
+        qpos=np.concatenate(qpos),
+        qvel=np.concatenate(qvel),
+        object_ids=tuple(list(chairs) * 2),
+        reference_ids=tuple(f"clip-{i}" for i in range(6)),
+        success=np.ones(6, bool),
+    )
 
 
 CASES = [(kind, name) for kind in ("act", "bc") for name in INPUTS]
@@ -120,7 +136,11 @@ def test_learner_contract(kind, inputs, demos, chairs, tmp_path):
 
 def test_presets_have_the_published_sizes():
     with torch.device("meta"):
-        act, bc, resnet = make_learner(ACTConfig.paper()), make_learner(BCConfig.paper()), Encoder(EncoderConfig(channels=3))
+        act, bc, resnet = (
+            make_learner(ACTConfig.paper()),
+            make_learner(BCConfig.paper()),
+            Encoder(EncoderConfig(channels=3)),
+        )
     assert (len(act.decoder_layers), len(act.encoder_layers), act.chunk, act.config.latent) == (7, 4, 100, 32)
     assert act.inputs.size == 300 and act.map_encoder.config.side == 4
     # ResNet-18 without its classifier has 11.18 million weights for three channels
@@ -250,7 +270,9 @@ def test_training_refuses(demos, chairs, tmp_path):
         DemoFrames(demos, {}, config.inputs, 1)
 
 
-SIGHT = PerceptionConfig(steps=150, maps=256, seen=0.25, batch=32, widths=(8, 16, 16), hidden=32, dropout=0.0, distance=(1.5, 2.0))
+SIGHT = PerceptionConfig(
+    steps=150, maps=256, seen=0.25, batch=32, widths=(8, 16, 16), hidden=32, dropout=0.0, distance=(1.5, 2.0)
+)
 
 
 def test_perception_learns_a_few_chairs(chairs, tmp_path):
@@ -281,13 +303,16 @@ def test_a_killed_perception_goes_on(chairs, tmp_path):
     with pytest.raises(KeyboardInterrupt):
         train_perception(tmp_path / "killed", config, list(chairs.values()), kill)
     seen = []
-    resumed = train_perception(tmp_path / "killed", config, list(chairs.values()), lambda batches, loss: seen.append(batches)).state_dict()
+    resumed = train_perception(
+        tmp_path / "killed", config, list(chairs.values()), lambda batches, loss: seen.append(batches)
+    ).state_dict()
     assert seen == [4, 1, 1] and all(torch.equal(whole[name], resumed[name]) for name in whole)
 
 
 @pytest.mark.parametrize(("quarters", "mirror"), [(1, False), (2, False), (3, True), (0, True)])
 def test_turned_maps_are_maps(quarters, mirror):
-    # a symmetric chair seen from the mirrored place, and by a robot that has turned right, gives the mirrored and turned map
+    # a symmetric chair seen from the mirrored place, and by a robot that has turned right, gives the mirrored and
+    # turned map
     chair = next(chair for chair in map(make_chair, range(99)) if chair.kind == "easy")
     truth = torch.tensor(seat_of(chair), dtype=torch.float32)[None]
 
@@ -316,7 +341,14 @@ def test_policy_sees_the_shape_and_nothing_else(demos, chairs, tmp_path):
     proprio[:, 3] = height
 
     def senses(elevation):
-        return Senses(torch.randn(4, 300), proprio, torch.full((4,), 0.5), torch.zeros(4, 2), torch.zeros(4), lambda ids: elevation[ids])
+        return Senses(
+            torch.randn(4, 300),
+            proprio,
+            torch.full((4,), 0.5),
+            torch.zeros(4, 2),
+            torch.zeros(4),
+            lambda ids: elevation[ids],
+        )
 
     policy.reset(torch.arange(4), senses(maps))
     first = policy.act(senses(maps))

@@ -1,4 +1,5 @@
-"""Thousands of damaged files of all formats: each is read or refused with one sentence, quickly, in little memory, and nothing in it is run.
+"""Thousands of damaged files of all formats: each is read or refused with one sentence, quickly, in little memory,
+and nothing in it is run.
 
 By default a sample; MIMICBENCH_FUZZ=2400 does that many.
 """
@@ -58,7 +59,9 @@ def mutated_bytes(raw: bytes, random: np.random.Generator) -> bytes:
 
     def place() -> int:
         edge = min(len(raw), 700)
-        return int(random.choice([random.integers(len(raw)), random.integers(edge), len(raw) - 1 - random.integers(edge)]))
+        return int(
+            random.choice([random.integers(len(raw)), random.integers(edge), len(raw) - 1 - random.integers(edge)])
+        )
 
     changed = bytearray(raw)
     kind = int(random.integers(6))
@@ -124,7 +127,9 @@ def mutated_array(array: np.ndarray, random: np.random.Generator) -> np.ndarray:
     elif kind == 4 and array.ndim > 1:
         array = np.delete(array, 0, int(random.integers(1, array.ndim)))
     elif kind == 5:
-        array = array.astype(random.choice(["f2", "i4", "c8", "U5", "?", "f8"])) if array.dtype.kind == "f" else np.zeros(0)
+        array = (
+            array.astype(random.choice(["f2", "i4", "c8", "U5", "?", "f8"])) if array.dtype.kind == "f" else np.zeros(0)
+        )
     elif kind == 6:
         array = array.reshape(-1)
     elif kind == 7 and array.ndim:
@@ -206,7 +211,11 @@ def test_damaged_files_are_read_or_refused(tmp_path, form, monkeypatch):
             recording = import_recording(path, form if i % 3 else "auto")
             outcomes["read"] += 1
             pos, quat = recording.forward_kinematics()
-            assert np.isfinite(pos).all() and np.abs(np.linalg.norm(quat, axis=-1) - 1).max() < 1e-6 and 1 <= recording.fps <= 1000
+            assert (
+                np.isfinite(pos).all()
+                and np.abs(np.linalg.norm(quat, axis=-1) - 1).max() < 1e-6
+                and 1 <= recording.fps <= 1000
+            )
             if np.abs(pos).max() < 100:
                 find_clips(recording, tasks[i % len(tasks)])
         except (BadFile, BadMotion) as error:

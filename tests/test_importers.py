@@ -1,4 +1,7 @@
-"""All formats of human motion: what goes in comes out, in our rest pose; what is wrong is refused with one clear sentence."""
+"""All formats of human motion: what goes in comes out, in our rest pose.
+
+What is wrong is refused with one clear sentence.
+"""
 
 import copy
 import os
@@ -77,7 +80,8 @@ def test_axes_are_turned_not_mirrored(axis):
         np.testing.assert_allclose(rot.rotate(turn, np.array([1.0, 2.0, 3.0])), [3, 1, 2], atol=1e-12)
 
 
-# BVH of other programs --------------------------------------------------------------------------------------------------------
+# BVH of other programs
+# --------------------------------------------------------------------------------------------------------
 
 LIMBS = ("UpLeg", "ForeArm", "Shoulder", "Arm", "Hand", "Leg", "Foot", "ToeBase")
 OTHERS = {
@@ -99,7 +103,9 @@ def renamer(names):
         match = re.fullmatch("(Left|Right)(.*)", name)
         if match is None or match[2] not in LIMBS:
             return f"{pattern.split('{')[0]}{name}"
-        return pattern.format(side=match[1], s=match[1][0], small=match[1][0].lower(), limb=limbs[LIMBS.index(match[2])])
+        return pattern.format(
+            side=match[1], s=match[1][0], small=match[1][0].lower(), limb=limbs[LIMBS.index(match[2])]
+        )
 
     return rename
 
@@ -135,7 +141,9 @@ def test_units_axes_and_rates_can_be_told(tmp_path):
     told = import_recording(path, wishes=Wishes(unit="cm", fps=60, up="y+", floor=0.02))
     guessed = import_recording(path)
     assert told.fps == 60 and guessed.fps == pytest.approx(30, abs=1e-3)
-    assert sum("as told" in line for line in told.assumed) == 4 and not any("as told" in line for line in guessed.assumed)
+    assert sum("as told" in line for line in told.assumed) == 4 and not any(
+        "as told" in line for line in guessed.assumed
+    )
     with pytest.raises(BadMotion, match="nobody stands|--up|not on the"):
         import_recording(path, wishes=Wishes(up="y-"))
 
@@ -165,14 +173,24 @@ def test_mixed_units_are_noticed(tmp_path):
 
 def test_sides_are_told_from_names():
     for name, expected in {
-        "mixamorig:LeftUpLeg": ("left", "upleg"), "lThigh": ("left", "thigh"), "thigh_l": ("left", "thigh"), "Bip01 R UpperArm": ("right", "upperarm"),
-        "LHipJoint": ("left", "hipjoint"), "left_shoulder": ("left", "shoulder"), "L_Hip": ("left", "hip"), "Leg": ("", "leg"), "rfoot": ("right", "foot"),
-        "LowerBack": ("", "lowerback"), "DEF-thigh.L": ("left", "thigh"), "Root": ("", "root"),
-    }.items():  # fmt: skip
+        "mixamorig:LeftUpLeg": ("left", "upleg"),
+        "lThigh": ("left", "thigh"),
+        "thigh_l": ("left", "thigh"),
+        "Bip01 R UpperArm": ("right", "upperarm"),
+        "LHipJoint": ("left", "hipjoint"),
+        "left_shoulder": ("left", "shoulder"),
+        "L_Hip": ("left", "hip"),
+        "Leg": ("", "leg"),
+        "rfoot": ("right", "foot"),
+        "LowerBack": ("", "lowerback"),
+        "DEF-thigh.L": ("left", "thigh"),
+        "Root": ("", "root"),
+    }.items():
         assert split_name(name) == expected
 
 
-# SMPL -------------------------------------------------------------------------------------------------------------------------
+# SMPL -----------------------------------------------------------------------------------------------------------------
+# --------
 
 
 @pytest.mark.parametrize("kind", ["smpl", "smplh", "smplx"])
@@ -193,21 +211,32 @@ def test_without_joints_a_real_persons_size_is_found(tmp_path):
     pos, world_quat = recording.forward_kinematics()
     smpl = rot.multiply(world_quat, rot.multiply(recordings.swings(CORE4D), recordings.SMPL_FRAME))
     rotvec = rot.to_rotvec(recordings.local(CORE4D, smpl)).reshape(len(pos), -1)
-    np.savez(tmp_path / "real.npz", poses=np.pad(rotvec, ((0, 0), (0, 90))), trans=pos[:, 0] - [0.0, -0.35, 0.01], mocap_framerate=30.0)
+    np.savez(
+        tmp_path / "real.npz",
+        poses=np.pad(rotvec, ((0, 0), (0, 90))),
+        trans=pos[:, 0] - [0.0, -0.35, 0.01],
+        mocap_framerate=30.0,
+    )
     found = import_recording(tmp_path / "real.npz")
-    legs = [np.linalg.norm(skeleton.offsets[[4, 7]], axis=-1).sum() for skeleton in (found.skeleton, recording.skeleton)]
+    legs = [
+        np.linalg.norm(skeleton.offsets[[4, 7]], axis=-1).sum() for skeleton in (found.skeleton, recording.skeleton)
+    ]
     assert legs[0] / legs[1] == pytest.approx(1.0, abs=0.02)
 
 
 def test_object_tracks_come_along(tmp_path):
-    for path in (recordings.core4d(tmp_path / "person1_poses.npz", with_object=True), recordings.intermimic(tmp_path / "lift.pt")):
+    for path in (
+        recordings.core4d(tmp_path / "person1_poses.npz", with_object=True),
+        recordings.intermimic(tmp_path / "lift.pt"),
+    ):
         recording = import_recording(path)
         pos, _ = recording.forward_kinematics()
         assert recording.track is not None
         np.testing.assert_allclose(recording.track.pos_w, pos[:, 20:22].mean(1), atol=1e-4)
 
 
-# faults -----------------------------------------------------------------------------------------------------------------------
+# faults ---------------------------------------------------------------------------------------------------------------
+# --------
 
 
 def spoil(form, folder, change):
@@ -248,7 +277,12 @@ def with_nan(array):
 @pytest.mark.parametrize("form", FORMATS)
 @pytest.mark.parametrize(
     ("change", "says"),
-    [(with_nan, "NaN"), (lambda a: a[:1], "frame"), (lambda a: a[:0], "frame|holds none|rows|shape|empty"), (lambda a: a * 1e9, "large|beyond|damaged|meters")],
+    [
+        (with_nan, "NaN"),
+        (lambda a: a[:1], "frame"),
+        (lambda a: a[:0], "frame|holds none|rows|shape|empty"),
+        (lambda a: a * 1e9, "large|beyond|damaged|meters"),
+    ],
 )
 def test_each_fault_has_one_clear_sentence(tmp_path, form, change, says):
     with pytest.raises((BadMotion, BadFile), match=says) as caught:
@@ -256,14 +290,17 @@ def test_each_fault_has_one_clear_sentence(tmp_path, form, change, says):
     assert "\n" not in str(caught.value) and len(str(caught.value)) < 700
 
 
-@pytest.mark.parametrize(("write", "says"), [
-    (lambda p: recordings.skeleton_motion(p / "c.npy", fps=0), "frame rate"),
-    (lambda p: recordings.amass(p / "c.npz", fps=0), "frame rate"),
-    (lambda p: recordings.amass(p / "c.npz", fps=float("nan")), "frame rate"),
-    (lambda p: recordings.bvh(p / "c.bvh", frame_time=0.0), "frame rate"),
-    (lambda p: recordings.bvh(p / "c.bvh", rename=lambda name: f"bone{sum(map(ord, name))}"), "rename its joints"),
-    (lambda p: recordings.bvh(p / "c.bvh", unit=0.2), "no person's|unit"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("write", "says"),
+    [
+        (lambda p: recordings.skeleton_motion(p / "c.npy", fps=0), "frame rate"),
+        (lambda p: recordings.amass(p / "c.npz", fps=0), "frame rate"),
+        (lambda p: recordings.amass(p / "c.npz", fps=float("nan")), "frame rate"),
+        (lambda p: recordings.bvh(p / "c.bvh", frame_time=0.0), "frame rate"),
+        (lambda p: recordings.bvh(p / "c.bvh", rename=lambda name: f"bone{sum(map(ord, name))}"), "rename its joints"),
+        (lambda p: recordings.bvh(p / "c.bvh", unit=0.2), "no person's|unit"),
+    ],
+)
 def test_rates_names_and_sizes(tmp_path, write, says):
     with pytest.raises(BadMotion, match=says):
         import_recording(write(tmp_path))
@@ -330,7 +367,10 @@ def test_hostile_pickles_run_nothing(tmp_path):
 
 def test_bombs_are_not_unpacked(tmp_path):
     zeros = np.zeros((1 << 29) + (1 << 20), np.uint8)
-    with zipfile.ZipFile(tmp_path / "bomb.npz", "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive, archive.open("poses.npy", "w") as member:
+    with (
+        zipfile.ZipFile(tmp_path / "bomb.npz", "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
+        archive.open("poses.npy", "w") as member,
+    ):
         np.lib.format.write_array(member, zeros.reshape(-1, 1 << 20))
     with zipfile.ZipFile(tmp_path / "bomb.npz", "a") as archive:
         archive.writestr("trans.npy", b"")
@@ -354,7 +394,9 @@ def test_small_texts_do_not_become_large_motions(tmp_path):
     path = recordings.bvh(tmp_path / "take.bvh")
     good = path.read_text()
     ends = "End Site { OFFSET 0 0 1 } " * 300
-    lean = re.sub(r"CHANNELS 3 \w+ \w+ \w+", "CHANNELS 0", good.split("MOTION")[0]).replace("JOINT LeftUpLeg", f"{ends} JOINT LeftUpLeg")
+    lean = re.sub(r"CHANNELS 3 \w+ \w+ \w+", "CHANNELS 0", good.split("MOTION")[0]).replace(
+        "JOINT LeftUpLeg", f"{ends} JOINT LeftUpLeg"
+    )
     path.write_text(f"{lean}MOTION\nFrames: 150000\nFrame Time: 0.03\n{'0 0 0 0 0 0 ' * 150000}")
     with pytest.raises(BadMotion, match="cut it into parts"):
         import_recording(path)
@@ -368,7 +410,11 @@ def test_small_texts_do_not_become_large_motions(tmp_path):
 
 def test_tensors_are_read_as_torch_does(tmp_path):
     base = torch.arange(24, dtype=torch.float64)
-    value = {"a": base[2:14].reshape(3, 4).T, "b": [base[:3].to(torch.int16), torch.zeros(0, 5)], "c": base.reshape(4, 6)[1:, ::2]}
+    value = {
+        "a": base[2:14].reshape(3, 4).T,
+        "b": [base[:3].to(torch.int16), torch.zeros(0, 5)],
+        "c": base.reshape(4, 6)[1:, ::2],
+    }
     torch.save(value, tmp_path / "t.pt")
     found = load_torch(tmp_path / "t.pt", 1 << 20)
     for key in ("a", "c"):
@@ -377,15 +423,30 @@ def test_tensors_are_read_as_torch_does(tmp_path):
     assert found["b"][0].dtype == np.int16 and found["b"][1].shape == (0, 5)
 
 
-# real files -------------------------------------------------------------------------------------------------------------------
+# real files
+# -------------------------------------------------------------------------------------------------------------------
 
-REFUSED = {"amp_humanoid_tpose": "one pose", "InitTrainPose": "1 frame", "training": "known formats", "02-constspeed_UnitreeH1": "no known motion"}
+REFUSED = {
+    "amp_humanoid_tpose": "one pose",
+    "InitTrainPose": "1 frame",
+    "training": "known formats",
+    "02-constspeed_UnitreeH1": "no known motion",
+}
 
 
 @real
-@pytest.mark.parametrize("path", [
-    *sorted(DATA.glob("unihsi/motion_clips/*")), *sorted(DATA.glob("ase/*.npy")), DATA / "roam/InitTrainPose.txt", *sorted(DATA.glob("bvh/*")),
-    *sorted(DATA.glob("omomo/*.pt")), *sorted(DATA.glob("h1/*.npz"))], ids=lambda path: path.stem[:24])  # fmt: skip
+@pytest.mark.parametrize(
+    "path",
+    [
+        *sorted(DATA.glob("unihsi/motion_clips/*")),
+        *sorted(DATA.glob("ase/*.npy")),
+        DATA / "roam/InitTrainPose.txt",
+        *sorted(DATA.glob("bvh/*")),
+        *sorted(DATA.glob("omomo/*.pt")),
+        *sorted(DATA.glob("h1/*.npz")),
+    ],
+    ids=lambda path: path.stem[:24],
+)
 def test_every_real_file_is_imported_or_refused_with_a_reason(path):
     if path.stem in REFUSED:
         with pytest.raises((BadFile, BadMotion), match=REFUSED[path.stem]):
@@ -398,7 +459,10 @@ def test_every_real_file_is_imported_or_refused_with_a_reason(path):
         stored = load_torch(path, 1 << 28)[:, BODY_POS].reshape(-1, 52, 3)[:, list(SOURCES)]
     elif path.suffix == ".bvh":
         bvh = read_bvh(path)
-        names = [f"mixamorig:{name}" for name in ("Hips", "LeftHand", "RightHand", "LeftFoot", "RightFoot", "Head", "LeftToeBase")]
+        names = [
+            f"mixamorig:{name}"
+            for name in ("Hips", "LeftHand", "RightHand", "LeftFoot", "RightFoot", "Head", "LeftToeBase")
+        ]
         stored = 0.01 * rot.rotate(axis_up("y+")[1], world(bvh)[0][:, [bvh.names.index(name) for name in names]])
         pos = pos[:, [ROAM.index(name.split(":")[1]) for name in names]]
     else:
@@ -420,19 +484,28 @@ def test_every_goal_pose_can_be_read_but_is_no_clip():
     assert len(paths) == 40
     standing = read_pose(DATA / "roam" / "InitTrainPose.txt")
     assert standing[ROAM.index("HeadSite"), 2] == pytest.approx(1.617, abs=1e-3)
-    assert standing[ROAM.index("LeftUpLeg"), 1] > 0.05 and standing[ROAM.index("LeftToeBaseSite"), 0] > 0.1, "left is y, forward is x"
+    assert standing[ROAM.index("LeftUpLeg"), 1] > 0.05 and standing[ROAM.index("LeftToeBaseSite"), 0] > 0.1, (
+        "left is y, forward is x"
+    )
 
 
 @real
-@pytest.mark.parametrize(("name", "task", "mesh"), [
-    ("unihsi/motion_clips/lie_down.npy", "lie-bed", None), ("unihsi/motion_clips/lie_down_2.npy", "lie-bed", None),
-    ("unihsi/motion_clips/lie_down_10.npy", "lie-bed", None), ("unihsi/motion_clips/lie_down_10.npy", "lie-sofa", None),
-    ("unihsi/motion_clips/armchair002.npy", "sit-sofa", None), ("omomo/sub3_largebox_003.pt", "lift-box", "omomo/largebox.obj"),
-    ("omomo/sub3_largebox_003.pt", "lift-box", None), ("omomo/sub2_largetable_012.pt", "lift-box", None),
-    ("omomo/sub2_largetable_012.pt", "touch-points", None),
-    ("unihsi/motion_clips/s2_mediaroom2_desk_2_mediaroom2_0_001_reaching_001_reaching.npy", "touch-points", None),
-    ("unihsi/motion_clips/s1_bathroom1_shelf_4_bathroom1_0_001_reaching_001_reaching.npy", "touch-points", None),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "task", "mesh"),
+    [
+        ("unihsi/motion_clips/lie_down.npy", "lie-bed", None),
+        ("unihsi/motion_clips/lie_down_2.npy", "lie-bed", None),
+        ("unihsi/motion_clips/lie_down_10.npy", "lie-bed", None),
+        ("unihsi/motion_clips/lie_down_10.npy", "lie-sofa", None),
+        ("unihsi/motion_clips/armchair002.npy", "sit-sofa", None),
+        ("omomo/sub3_largebox_003.pt", "lift-box", "omomo/largebox.obj"),
+        ("omomo/sub3_largebox_003.pt", "lift-box", None),
+        ("omomo/sub2_largetable_012.pt", "lift-box", None),
+        ("omomo/sub2_largetable_012.pt", "touch-points", None),
+        ("unihsi/motion_clips/s2_mediaroom2_desk_2_mediaroom2_0_001_reaching_001_reaching.npy", "touch-points", None),
+        ("unihsi/motion_clips/s1_bathroom1_shelf_4_bathroom1_0_001_reaching_001_reaching.npy", "touch-points", None),
+    ],
+)
 def test_real_people_do_the_tasks(name, task, mesh):
     recording = import_recording(DATA / name, wishes=Wishes(mesh=DATA / mesh if mesh else None))
     [(motion, obj)] = find_clips(recording, task)
@@ -442,13 +515,19 @@ def test_real_people_do_the_tasks(name, task, mesh):
     pelvis, low, high = motion.root_pos_w[-1], *obj.bounds()
     contact = dict(zip(motion.contact_names, motion.contacts.T, strict=True))
     if task.startswith(("lie", "sit")):
-        assert (pelvis[:2] > low[:2]).all() and (pelvis[:2] < high[:2]).all() and not obj.contains_xy(motion.root_pos_w[0])
+        assert (
+            (pelvis[:2] > low[:2]).all() and (pelvis[:2] < high[:2]).all() and not obj.contains_xy(motion.root_pos_w[0])
+        )
         assert 0.0 < pelvis[2] - obj.require_seat() < 0.2 and contact["pelvis"][-10:].all() and not contact["pelvis"][0]
         if task.startswith("lie"):
             assert contact["back"][-10:].any() and measures["object_depth"] < 0.12
     elif task == "lift-box":
         rise = motion.object_pos_w[:, 2]
-        assert rise[0] == pytest.approx(0.0, abs=1e-9) and 0.2 < rise[-1] < 0.45 and np.allclose(motion.object_pos_w[0, :2], 0)
+        assert (
+            rise[0] == pytest.approx(0.0, abs=1e-9)
+            and 0.2 < rise[-1] < 0.45
+            and np.allclose(motion.object_pos_w[0, :2], 0)
+        )
         assert abs(rot.yaw_of(motion.object_quat_w[0])) < 1e-6 and obj.movable
         assert contact["left_hand"][-5:].all() and contact["right_hand"][-5:].all() and not contact["left_hand"][0]
         assert motion.root_pos_w[0, 0] > 0.2, "who lifts stands in front of the box"

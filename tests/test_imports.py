@@ -9,9 +9,22 @@ import pytest
 
 SOURCE = Path(__file__).parents[1] / "src" / "mimicbench"
 LEVELS = (
-    {"core"}, {"robots", "objects"}, {"references", "sim"}, {"sensors", "retarget"}, {"tasks"}, {"envs"}, {"track"}, {"imitate"}, {"evaluate"}, {"report"},
-    {"workspace"}, {"pipelines"}, {"bench"}, {"commands"}, {"cli"},
-)  # fmt: skip
+    {"core"},
+    {"robots", "objects"},
+    {"references", "sim"},
+    {"sensors", "retarget"},
+    {"tasks"},
+    {"envs"},
+    {"track"},
+    {"imitate"},
+    {"evaluate"},
+    {"report"},
+    {"workspace"},
+    {"pipelines"},
+    {"bench"},
+    {"commands"},
+    {"cli"},
+)
 """Each may import what stands before it, and itself; never its neighbors on the same level."""
 LEVEL = {name: level for level, names in enumerate(LEVELS) for name in names}
 MODULES = sorted(SOURCE.rglob("*.py"))
@@ -24,14 +37,20 @@ def imports(path):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path}: imports are absolute"
-            yield from (f"{node.module}.{alias.name}" for alias in node.names) if node.module == "mimicbench" else [node.module]
+            yield from (
+                (f"{node.module}.{alias.name}" for alias in node.names)
+                if node.module == "mimicbench"
+                else [node.module]
+            )
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(SOURCE)))
 def test_imports_point_down(path):
     place = path.relative_to(SOURCE).parts[0].removesuffix(".py")
     if place.startswith("__"):
-        assert not any(name.startswith("mimicbench") for name in imports(path)), "importing mimicbench imports nothing of it"
+        assert not any(name.startswith("mimicbench") for name in imports(path)), (
+            "importing mimicbench imports nothing of it"
+        )
         return
     for name in imports(path):
         top, _, rest = name.partition(".")
@@ -41,11 +60,18 @@ def test_imports_point_down(path):
 
 
 def test_every_package_has_its_level():
-    assert {path.relative_to(SOURCE).parts[0].removesuffix(".py") for path in MODULES} - {"__init__", "__main__"} <= set(LEVEL)
+    assert {path.relative_to(SOURCE).parts[0].removesuffix(".py") for path in MODULES} - {
+        "__init__",
+        "__main__",
+    } <= set(LEVEL)
 
 
 def test_only_one_file_knows_rsl_rl():
-    assert [path.relative_to(SOURCE).as_posix() for path in MODULES if any(name.split(".")[0] == "rsl_rl" for name in imports(path))] == ["track/ppo.py"]
+    assert [
+        path.relative_to(SOURCE).as_posix()
+        for path in MODULES
+        if any(name.split(".")[0] == "rsl_rl" for name in imports(path))
+    ] == ["track/ppo.py"]
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["track", "--help"]])

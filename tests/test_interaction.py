@@ -25,7 +25,12 @@ WIDE = np.tile([-9.0, 9.0], (19, 1))
 
 
 def part(motion: HumanMotion, frames: slice) -> HumanMotion:
-    return replace(motion, root_pos_w=motion.root_pos_w[frames], local_quat=motion.local_quat[frames], contacts=motion.contacts[frames])
+    return replace(
+        motion,
+        root_pos_w=motion.root_pos_w[frames],
+        local_quat=motion.local_quat[frames],
+        contacts=motion.contacts[frames],
+    )
 
 
 def sitting_down(index: int = 0) -> Clip:
@@ -56,7 +61,9 @@ def test_gradient_is_that_of_the_loss() -> None:
 
 def test_rows_match_finite_differences() -> None:
     random = np.random.default_rng(1)
-    pose = Pose(random.normal(size=(3, 3)), rot.normalize(random.normal(size=(3, 4))), random.uniform(-0.4, 0.4, (3, 19)))
+    pose = Pose(
+        random.normal(size=(3, 3)), rot.normalize(random.normal(size=(3, 4))), random.uniform(-0.4, 0.4, (3, 19))
+    )
     balls, masses, links = balls_of(H1), Masses.of(H1), TREE.place(pose)
     frame, ball = np.array([0, 1, 2, 2]), np.array([0, 40, 60, len(balls.link) - 1])
     direction = random.normal(size=(4, 3))
@@ -69,7 +76,9 @@ def test_rows_match_finite_differences() -> None:
         moved = TREE.place(move(pose, step, WIDE))
         change = (balls.place(moved) - balls.place(links))[frame, ball] / 1e-6
         assert (change * direction).sum(-1) == pytest.approx(rows[:, v], abs=1e-4)
-        assert ((masses.center(moved) - masses.center(links)) / 1e-6 * weight).sum(-1) == pytest.approx(heavy[:, v], abs=1e-4)
+        assert ((masses.center(moved) - masses.center(links)) / 1e-6 * weight).sum(-1) == pytest.approx(
+            heavy[:, v], abs=1e-4
+        )
 
 
 def test_balls_by_hand() -> None:
@@ -78,7 +87,9 @@ def test_balls_by_hand() -> None:
     corners = balls.center[(balls.link == torso) & (balls.radius == 0)]
     assert len(corners) == 26 and corners.max(0) == pytest.approx([0.075, 0.12, 0.47])
     links = TREE.place(Pose(np.array([[0.0, 0, 1.0442]]), rot.IDENTITY[None], np.zeros((1, 19))))
-    box = SceneObject("far", "box", "box", np.array([[5.0, 0, 0.5]]), rot.IDENTITY[None], np.full((1, 3), 0.5), np.ones((1, 3)))
+    box = SceneObject(
+        "far", "box", "box", np.array([[5.0, 0, 0.5]]), rot.IDENTITY[None], np.full((1, 3), 0.5), np.ones((1, 3))
+    )
     distance, normal = Scene(box, np.zeros((0, 3)), np.zeros((0, 4))).clearance(balls, balls.place(links))
     assert distance.min() == pytest.approx(0.0, abs=1e-9)  # the soles, and nothing else, touch the floor
     assert (normal == [0, 0, 1]).all()
@@ -122,7 +133,13 @@ def test_standing_feet_stay_where_they_are(x: float, yaw: float) -> None:
     quat = np.tile(rot.IDENTITY, (12, 15, 1))
     quat[:, 0] = rot.from_yaw(np.full(12, yaw))
     root = np.tile([3.0 + x, 0.0, 0.8814], (12, 1))
-    motion = replace(clip.motion, root_pos_w=root, local_quat=quat, contact_names=("left_foot", "right_foot"), contacts=np.ones((12, 2), bool))
+    motion = replace(
+        clip.motion,
+        root_pos_w=root,
+        local_quat=quat,
+        contact_names=("left_foot", "right_foot"),
+        contacts=np.ones((12, 2), bool),
+    )
     result = interact(Clip(motion, clip.obj, H1))
     pos, quat_w = H1.forward_kinematics(result.root_pos_w, result.root_quat_w, result.joint_pos)
     for side in ("left", "right"):

@@ -17,14 +17,22 @@ JOINTS = tuple(f"joint_{i}" for i in range(19))
 def demo(number, frames=7, success=True):
     random = np.random.default_rng(number)
     return Demonstration(
-        state=random.normal(size=(frames, 300)).astype(np.float32), action=random.normal(size=(frames, 19)).astype(np.float32),
-        executed_action=random.normal(size=(frames, 19)).astype(np.float32), qpos=random.normal(size=(frames, 26)), qvel=random.normal(size=(frames, 25)),
-        object_id=f"chair-0-{number % 2:05d}", reference_id=f"clip-{number:05d}", success=success, seed=number,
-    )  # fmt: skip
+        state=random.normal(size=(frames, 300)).astype(np.float32),
+        action=random.normal(size=(frames, 19)).astype(np.float32),
+        executed_action=random.normal(size=(frames, 19)).astype(np.float32),
+        qpos=random.normal(size=(frames, 26)),
+        qvel=random.normal(size=(frames, 25)),
+        object_id=f"chair-0-{number % 2:05d}",
+        reference_id=f"clip-{number:05d}",
+        success=success,
+        seed=number,
+    )
 
 
 def writer(folder, **changes):
-    return DemoWriter(folder, **{"robot": "h1", "task": "sit-chair", "joint_names": JOINTS, "shard_episodes": 2} | changes)
+    return DemoWriter(
+        folder, **{"robot": "h1", "task": "sit-chair", "joint_names": JOINTS, "shard_episodes": 2} | changes
+    )
 
 
 def fill(folder, count=5):
@@ -56,7 +64,9 @@ def test_frames(tmp_path):
     table = pq.read_table(tmp_path / "data/chunk-000/file-001.parquet")
     # LeRobot casts every file to the features of info.json: the names have to be the same
     assert set(table.column_names) == set(info["features"])
-    columns = table.select(["timestamp", "frame_index", "episode_index", "index", "task_index", "next.done", "next.success"]).to_pydict()
+    columns = table.select(
+        ["timestamp", "frame_index", "episode_index", "index", "task_index", "next.done", "next.success"]
+    ).to_pydict()
     assert columns["episode_index"] == [2] * 7 + [3] * 8
     assert columns["frame_index"] == [*range(7), *range(8)]
     assert columns["index"] == list(range(11, 26))
@@ -66,7 +76,11 @@ def test_frames(tmp_path):
     episode = pq.read_table(tmp_path / "meta/episodes/chunk-000/file-001.parquet").to_pylist()[1]
     assert (episode["dataset_from_index"], episode["dataset_to_index"], episode["length"]) == (18, 26, 8)
     assert (episode["data/chunk_index"], episode["data/file_index"], episode["meta/episodes/file_index"]) == (0, 1, 1)
-    assert (episode["tasks"], episode["object_id"], episode["reference_id"]) == (["sit-chair"], "chair-0-00001", "clip-00003")
+    assert (episode["tasks"], episode["object_id"], episode["reference_id"]) == (
+        ["sit-chair"],
+        "chair-0-00001",
+        "clip-00003",
+    )
 
 
 def test_statistics(tmp_path):
@@ -85,7 +99,11 @@ def test_round_trip(tmp_path):
     assert (found.robot, found.task, found.fps, found.joint_names) == ("h1", "sit-chair", 50, JOINTS)
     last = demo(4, 9)
     assert (found.qpos[18:] == last.qpos).all() and (found.qvel[18:] == last.qvel).all()
-    assert found.state is not None and (found.state[18:] == last.state).all() and (found.executed_action[18:] == last.executed_action).all()
+    assert (
+        found.state is not None
+        and (found.state[18:] == last.state).all()
+        and (found.executed_action[18:] == last.executed_action).all()
+    )
     everything = load_demos(tmp_path, state=False, only_success=False)
     assert everything.state is None and everything.success.tolist() == [True, True, True, False, True]
 

@@ -1,4 +1,6 @@
-"""Lying down on beds and sofas: clips that are good, that a stiff trunk can copy, and that follow from start, object and style."""
+"""Lying down on beds and sofas: clips that are good, that a stiff trunk can copy, and that follow from start, object
+and style.
+"""
 
 from dataclasses import replace
 

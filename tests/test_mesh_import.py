@@ -1,4 +1,6 @@
-"""Own meshes: what they become is right by hand, and what they must not become is refused in one sentence, in bounded time."""
+"""Own meshes: what they become is right by hand, and what they must not become is refused in one sentence, in
+bounded time.
+"""
 
 import contextlib
 import json
@@ -56,11 +58,15 @@ def test_a_chair_of_boxes_comes_back_as_these_boxes(tmp_path, kind):
     assert obj.box_pos[obj.box_pos[:, 2].argmax(), 0] < -0.15, "the back is behind"
     assert obj.seat_height == pytest.approx(0.45, abs=1e-6)
     # the seat but for the 3 cm below the back, to a cell of 2 cm
-    np.testing.assert_allclose([*obj.seat_polygon.min(0), *obj.seat_polygon.max(0)], [-0.19, -0.23, 0.22, 0.23], atol=0.011)
+    np.testing.assert_allclose(
+        [*obj.seat_polygon.min(0), *obj.seat_polygon.max(0)], [-0.19, -0.23, 0.22, 0.23], atol=0.011
+    )
     assert evidence.seat_area == pytest.approx(0.41 * 0.46, rel=0.06)
     x, y = obj.seat_polygon.T
     assert (np.roll(y, -1) * x - np.roll(x, -1) * y).sum() > 0, "counter-clockwise"
-    assert evidence.up == ("y+" if kind in ("obj", "glb") else "z+") and evidence.front == ("z-" if kind in ("obj", "glb") else "x+")
+    assert evidence.up == ("y+" if kind in ("obj", "glb") else "z+") and evidence.front == (
+        "z-" if kind in ("obj", "glb") else "x+"
+    )
 
 
 @pytest.fixture(scope="module")
@@ -135,7 +141,9 @@ def test_axes_can_be_given(up):
 
 
 def test_a_bed_has_its_head_at_the_headboard(tmp_path):
-    bed = shapes.joined([shapes.box((-1.0, 1.0), (-0.8, 0.8), (0.0, 0.5)), shapes.box((-1.06, -1.0), (-0.8, 0.8), (0.0, 1.0))])
+    bed = shapes.joined(
+        [shapes.box((-1.0, 1.0), (-0.8, 0.8), (0.0, 0.5)), shapes.box((-1.06, -1.0), (-0.8, 0.8), (0.0, 1.0))]
+    )
     bed.vertices = bed.vertices[:, [1, 0, 2]] * [1, -1, 1]  # the front to -y, as usual with z up
     bed.export(tmp_path / "bed.stl")
     obj, evidence = import_mesh(tmp_path / "bed.stl", "bed", ImportConfig())
@@ -147,7 +155,9 @@ def test_a_bed_has_its_head_at_the_headboard(tmp_path):
 def test_a_table_can_be_touched_and_a_box_lifted(tmp_path):
     obj, _ = import_mesh(saved(shapes.table(), tmp_path / "table.ply"), "household", ImportConfig())
     assert len(obj.touch_points) >= 2 and obj.seat_height is None
-    obj, _ = import_mesh(saved(shapes.box((0, 0.4), (0, 0.4), (0, 0.5)), tmp_path / "crate.stl"), "box", ImportConfig(mass=3.0))
+    obj, _ = import_mesh(
+        saved(shapes.box((0, 0.4), (0, 0.4), (0, 0.5)), tmp_path / "crate.stl"), "box", ImportConfig(mass=3.0)
+    )
     assert obj.movable and build_model(H1, obj).body("object").mass[0] == pytest.approx(3.0)
 
 
@@ -167,7 +177,9 @@ def test_no_plane_where_there_is_no_headroom_or_a_slope():
 
 def test_the_largest_plane_wins_over_armrests():
     arms = [shapes.box((-0.25, 0.25), side, (0, 0.62)) for side in ((-0.40, -0.27), (0.27, 0.40))]
-    found = find_plane(surfaces(as_mesh(shapes.joined([*arms, shapes.box((-0.25, 0.25), (-0.27, 0.27), (0, 0.42))]))), SIT)
+    found = find_plane(
+        surfaces(as_mesh(shapes.joined([*arms, shapes.box((-0.25, 0.25), (-0.27, 0.27), (0, 0.42))]))), SIT
+    )
     assert found is not None and found.height == pytest.approx(0.42)
     assert found.area == pytest.approx(0.5 * 0.54, rel=0.08)
 
@@ -197,7 +209,9 @@ def test_many_parts_are_joined_to_what_a_scene_has_room_for():
     mesh = as_mesh(slats)
     pieces, notes = split(mesh, topology(mesh))
     assert len(pieces) == SLOTS and "30 pieces" in notes[-1]
-    np.testing.assert_allclose([np.concatenate(pieces).min(0), np.concatenate(pieces).max(0)], [slats.bounds[0], slats.bounds[1]])
+    np.testing.assert_allclose(
+        [np.concatenate(pieces).min(0), np.concatenate(pieces).max(0)], [slats.bounds[0], slats.bounds[1]]
+    )
 
 
 def test_fewer_corners_keep_the_shape_and_boxes_are_tight():
@@ -280,9 +294,16 @@ def test_ids_are_safe_and_unique(tmp_path):
     for folder in ("a", "b"):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "My Chair.obj").write_text(f"# {folder}")
-    files = [tmp_path / "a" / "My Chair.obj", tmp_path / "b" / "My Chair.obj", tmp_path / "0-00042.stl", tmp_path / "...---.ply"]
+    files = [
+        tmp_path / "a" / "My Chair.obj",
+        tmp_path / "b" / "My Chair.obj",
+        tmp_path / "0-00042.stl",
+        tmp_path / "...---.ply",
+    ]
     ids = own_ids(files)
-    assert len(set(ids)) == 4 and all(name.startswith("own-") and name.replace("-", "").isalnum() and name.isascii() for name in ids)
+    assert len(set(ids)) == 4 and all(
+        name.startswith("own-") and name.replace("-", "").isalnum() and name.isascii() for name in ids
+    )
     assert own_ids(files[::-1]) == ids[::-1], "whatever their order"
     with pytest.raises(MimicbenchError):
         make_object(ids[2])
@@ -328,10 +349,20 @@ def test_missing_empty_and_foreign_files(tmp_path):
 
 
 def test_packed_files_are_not_unpacked(tmp_path):
-    for magic, name in ((b"PK\x03\x04", "zip"), (b"\x1f\x8b\x08", "gzip"), (b"BZh9", "bzip2"), (b"\xfd7zXZ\0", "xz"), (b"\x28\xb5\x2f\xfd", "zstd")):
+    for magic, name in (
+        (b"PK\x03\x04", "zip"),
+        (b"\x1f\x8b\x08", "gzip"),
+        (b"BZh9", "bzip2"),
+        (b"\xfd7zXZ\0", "xz"),
+        (b"\x28\xb5\x2f\xfd", "zstd"),
+    ):
         for kind in FORMATS:
             assert f"packed with {name}" in refusal(write(tmp_path / f"bomb.{kind}", magic + bytes(range(1, 99))))
-    assert "draco" in refusal(write(tmp_path / "d.glb", glb({"asset": {"version": "2.0"}, "extensionsRequired": ["KHR_draco_mesh_compression"]})))
+    assert "draco" in refusal(
+        write(
+            tmp_path / "d.glb", glb({"asset": {"version": "2.0"}, "extensionsRequired": ["KHR_draco_mesh_compression"]})
+        )
+    )
 
 
 def test_cut_off_files(tmp_path):
@@ -344,7 +375,10 @@ def test_too_many_faces_are_refused_unread(tmp_path):
     with open(tmp_path / "large.stl", "wb") as stream:
         stream.truncate(84 + 50 * 10_000_000)
     assert "more than" in refusal(tmp_path / "large.stl") and (tmp_path / "large.stl").stat().st_size > MAX_BYTES
-    header = b"ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 10000000\n"
+    header = (
+        b"ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty "
+        b"float y\nproperty float z\nelement face 10000000\n"
+    )
     header += b"property list uchar int vertex_indices\nend_header\n"
     assert "promises" in refusal(write(tmp_path / "liar.ply", header + bytes(36)))
     assert "10000000 faces" in refusal(write(tmp_path / "many.ply", header + bytes(11_000_000)))
@@ -352,7 +386,14 @@ def test_too_many_faces_are_refused_unread(tmp_path):
     assert "more than 500000 faces" in refusal(write(tmp_path / "fan.obj", fan))
     accessor = {"count": 2_000_000_000, "componentType": 5126, "type": "VEC3"}
     mesh = {"primitives": [{"attributes": {"POSITION": 0}}]}
-    gltf = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}], "meshes": [mesh], "accessors": [accessor]}
+    gltf = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [mesh],
+        "accessors": [accessor],
+    }
     assert "more numbers" in refusal(write(tmp_path / "liar.glb", glb(gltf)))
     gltf["accessors"][0]["count"] = 300
     gltf["nodes"] = [{"children": [i + 1, i + 1]} for i in range(40)] + [{"mesh": 0}]
@@ -371,16 +412,38 @@ def test_numbers_that_cannot_be(tmp_path, value):
 def test_other_files_are_never_read(tmp_path):
     secret = tmp_path / "secret.bin"
     secret.write_bytes(bytes(36))
-    base = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}], "accessors": [],
-            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}]}  # fmt: skip
-    for uri in ("secret.bin", "../secret.bin", f"file://{secret}", "http://127.0.0.1:9/x.bin", "data:application/octet-stream;base64,AAAA"):
-        assert "refers to another file" in refusal(write(tmp_path / "outside.glb", glb({**base, "buffers": [{"uri": uri, "byteLength": 36}]})))
+    base = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "accessors": [],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+    }
+    for uri in (
+        "secret.bin",
+        "../secret.bin",
+        f"file://{secret}",
+        "http://127.0.0.1:9/x.bin",
+        "data:application/octet-stream;base64,AAAA",
+    ):
+        assert "refers to another file" in refusal(
+            write(tmp_path / "outside.glb", glb({**base, "buffers": [{"uri": uri, "byteLength": 36}]}))
+        )
     # an OBJ's materials and a PLY's texture are left alone, even where they name a directory or a device
     text = saved(shapes.chair(), tmp_path / "chair.obj").read_bytes()
-    obj, _ = import_mesh(write(tmp_path / "material.obj", b"mtllib /dev/stdin\nmtllib ../../secret.bin\nusemtl a\n" + text), "chair", ImportConfig())
+    obj, _ = import_mesh(
+        write(tmp_path / "material.obj", b"mtllib /dev/stdin\nmtllib ../../secret.bin\nusemtl a\n" + text),
+        "chair",
+        ImportConfig(),
+    )
     assert len(obj.box_pos) == 6
     text = saved(shapes.chair(), tmp_path / "chair.ply").read_bytes()
-    obj, _ = import_mesh(write(tmp_path / "texture.ply", text.replace(b"\nelement", b"\ncomment TextureFile /dev/zero\nelement", 1)), "chair", ImportConfig())
+    obj, _ = import_mesh(
+        write(tmp_path / "texture.ply", text.replace(b"\nelement", b"\ncomment TextureFile /dev/zero\nelement", 1)),
+        "chair",
+        ImportConfig(),
+    )
     assert len(obj.box_pos) == 6
 
 
@@ -407,7 +470,9 @@ def test_no_plane_to_sit_on(tmp_path):
 def test_what_runs_apart_is_bounded():
     start = time.monotonic()
     with pytest.raises(BadFile, match="more than 1 s"):
-        run_bounded("multiprocessing.connection", "wait", {"object_list": np.zeros(0)}, 1.0, 2 << 30, "x: ")  # waits forever
+        run_bounded(
+            "multiprocessing.connection", "wait", {"object_list": np.zeros(0)}, 1.0, 2 << 30, "x: "
+        )  # waits forever
     assert time.monotonic() - start < 5
     with pytest.raises(BadFile, match="MiB of memory"):
         run_bounded("numpy", "ones", {"shape": np.array(1 << 32)}, 20.0, 2 << 30, "x: ")
@@ -421,7 +486,13 @@ def test_a_command_makes_objects_and_repeats_for_free(tmp_path):
     saved(shapes.chair(), tmp_path / "chair.obj")
 
     def command(*arguments):
-        return subprocess.run([sys.executable, "-m", "mimicbench.cli", "objects", *arguments], capture_output=True, text=True, cwd=tmp_path, check=False)
+        return subprocess.run(
+            [sys.executable, "-m", "mimicbench.cli", "objects", *arguments],
+            capture_output=True,
+            text=True,
+            cwd=tmp_path,
+            check=False,
+        )
 
     first = command("import", "chair.obj", "--workdir", "w", "--json")
     found = json.loads(first.stdout)
@@ -429,10 +500,14 @@ def test_a_command_makes_objects_and_repeats_for_free(tmp_path):
     assert command("import", "chair.obj", "--workdir", "w", "--json").stdout == first.stdout
     bad = command("import", "chair.obj", "missing.stl", "--workdir", "v")
     assert (
-        bad.returncode == 2 and bad.stderr.strip().splitlines()[-1] == "mimicbench: missing.stl does not exist or is no file" and not (tmp_path / "v").exists()
+        bad.returncode == 2
+        and bad.stderr.strip().splitlines()[-1] == "mimicbench: missing.stl does not exist or is no file"
+        and not (tmp_path / "v").exists()
     )
     assert "give at least one file" in command("import").stderr
-    assert json.loads(command("--count", "2", "--workdir", "u", "--json").stdout)["count"] == 2, "the plain command still makes objects"
+    assert json.loads(command("--count", "2", "--workdir", "u", "--json").stdout)["count"] == 2, (
+        "the plain command still makes objects"
+    )
 
 
 # -- fuzzing, in a process with limits, since nothing may hang or take all memory
@@ -456,17 +531,32 @@ def mutated(data, random):
         elif choice == 4:
             data[i:i] = data[i:j] * int(random.integers(1, 50))
         else:
-            data[i:j] = random.choice([b"nan", b"1e30", b"-1", b"9999999999", b"\xff\xff\xff\x7f", b"\n", b"{", b'"uri":"/etc/passwd"', b"0"])
+            data[i:j] = random.choice(
+                [b"nan", b"1e30", b"-1", b"9999999999", b"\xff\xff\xff\x7f", b"\n", b"{", b'"uri":"/etc/passwd"', b"0"]
+            )
     return bytes(data)
 
 
 def mutated_glb(data, random):
     """A GLB whose numbers in the JSON are others, and whose lengths are right."""
     length = int.from_bytes(data[12:16], "little")
-    words = data[20 : 20 + length].decode().replace(",", " , ").replace("[", " [ ").replace("]", " ] ").replace("}", " } ").replace(":", " : ").split(" ")
+    words = (
+        data[20 : 20 + length]
+        .decode()
+        .replace(",", " , ")
+        .replace("[", " [ ")
+        .replace("]", " ] ")
+        .replace("}", " } ")
+        .replace(":", " : ")
+        .split(" ")
+    )
     numbers = [i for i, word in enumerate(words) if word.isdigit()]
     for i in random.choice(numbers, random.integers(1, 4)):
-        words[i] = str(random.choice(["-1", "0", "1", "3", "255", "1e30", "99999999999", "null", '"x"', "[]", "{}", "5121", "5126", "5125"]))
+        words[i] = str(
+            random.choice(
+                ["-1", "0", "1", "3", "255", "1e30", "99999999999", "null", '"x"', "[]", "{}", "5121", "5126", "5125"]
+            )
+        )
     text = "".join(words).encode()
     text += b" " * (-len(text) % 4)
     rest = data[20 + length :]
@@ -506,7 +596,9 @@ def fuzz(count, seed):
 
 
 def test_mutated_files_are_read_or_refused():
-    done = subprocess.run([sys.executable, __file__, "300", "7"], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(
+        [sys.executable, __file__, "300", "7"], capture_output=True, text=True, timeout=60, check=False
+    )
     assert done.returncode == 0, done.stderr[-2000:]
     found = json.loads(done.stdout.splitlines()[-1])
     assert found["read"] + found["refused"] == 300 and found["read"] > 20

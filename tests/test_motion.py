@@ -18,14 +18,39 @@ ARM = Skeleton("arm", ("shoulder", "elbow", "hand"), (-1, 0, 1), np.array([[0, 0
 def human(frames=7):
     turns = rot.from_rotvec(np.linspace(0, 1, frames * 9).reshape(frames, 3, 3))
     contacts = np.arange(frames * 2).reshape(frames, 2) % 3 == 0
-    return HumanMotion("clip-0", "sit-chair", ARM, 30.0, np.linspace(0, 1, frames * 3).reshape(frames, 3), turns, "chair-0-00001",
-                       ("left_foot", "right_foot"), contacts, {"speed": 0.6})  # fmt: skip
+    return HumanMotion(
+        "clip-0",
+        "sit-chair",
+        ARM,
+        30.0,
+        np.linspace(0, 1, frames * 3).reshape(frames, 3),
+        turns,
+        "chair-0-00001",
+        ("left_foot", "right_foot"),
+        contacts,
+        {"speed": 0.6},
+    )
 
 
 def robot(frames=7, fps=30.0):
     t = np.arange(frames)[:, None] / fps
-    return RobotMotion("clip-0", "sit-chair", "h1", H1.joint_names, fps, np.hstack([t, 0 * t, 1 + 0 * t]), rot.from_rotvec(t * [0.0, 0.0, 0.7]),
-                       0.1 * np.sin(t + np.arange(19)), "chair-0-00001", "clip-0", ("left_foot",), t > 0.1, {}, {"loss": 0.1}, success=False)  # fmt: skip
+    return RobotMotion(
+        "clip-0",
+        "sit-chair",
+        "h1",
+        H1.joint_names,
+        fps,
+        np.hstack([t, 0 * t, 1 + 0 * t]),
+        rot.from_rotvec(t * [0.0, 0.0, 0.7]),
+        0.1 * np.sin(t + np.arange(19)),
+        "chair-0-00001",
+        "clip-0",
+        ("left_foot",),
+        t > 0.1,
+        {},
+        {"loss": 0.1},
+        success=False,
+    )
 
 
 def test_forward_kinematics_by_hand():
@@ -81,11 +106,16 @@ def test_robot_clip_with_nan(name, tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"fps": 0.0}, "not a frame rate"), ({"fps": float("nan")}, "not a frame rate"), ({"root_pos_w": np.zeros((1, 3))}, "has 1 frames"),
-        ({"root_pos_w": np.zeros((7, 2))}, "shape"), ({"joint_pos": np.zeros((7, 18))}, "shape"), ({"root_quat_w": np.full((7, 4), 0.9)}, "wxyz"),
-        ({"root_quat_w": np.zeros((7, 4))}, "unit length"), ({"contacts": np.zeros((6, 1), bool)}, "contacts"),
+        ({"fps": 0.0}, "not a frame rate"),
+        ({"fps": float("nan")}, "not a frame rate"),
+        ({"root_pos_w": np.zeros((1, 3))}, "has 1 frames"),
+        ({"root_pos_w": np.zeros((7, 2))}, "shape"),
+        ({"joint_pos": np.zeros((7, 18))}, "shape"),
+        ({"root_quat_w": np.full((7, 4), 0.9)}, "wxyz"),
+        ({"root_quat_w": np.zeros((7, 4))}, "unit length"),
+        ({"contacts": np.zeros((6, 1), bool)}, "contacts"),
     ],
-)  # fmt: skip
+)
 def test_what_a_clip_must_be(change, message):
     with pytest.raises(BadMotion, match=message):
         replace(robot(), **change)
@@ -128,7 +158,9 @@ def test_a_header_that_lacks_something(missing, tmp_path):
         HumanMotion.load(tmp_path / "m.npz")
 
 
-@pytest.mark.parametrize("change", [{"fps": "fast"}, {"joint_names": 3}, {"parents": [0, 1, 2]}, {"parents": [-1, 0]}, {"fps": None}])
+@pytest.mark.parametrize(
+    "change", [{"fps": "fast"}, {"joint_names": 3}, {"parents": [0, 1, 2]}, {"parents": [-1, 0]}, {"fps": None}]
+)
 def test_a_header_that_says_something_else(change, tmp_path):
     human().save(tmp_path / "m.npz")
     header, arrays = read_npz(tmp_path / "m.npz", "human_motion")
@@ -151,7 +183,11 @@ def test_resampling_keeps_the_motion_and_its_contacts():
     assert motion.frames == 51 and motion.duration == pytest.approx(1.0)
     np.testing.assert_allclose(motion.root_pos_w[:, 0], np.arange(51) / 50, atol=1e-12)
     np.testing.assert_allclose(rot.yaw_of(motion.root_quat_w), 0.7 * np.arange(51) / 50, atol=1e-9)
-    assert motion.contacts.shape == (51, 1) and motion.contacts[0] == robot(31).contacts[0] and motion.contacts[-1] == robot(31).contacts[-1]
+    assert (
+        motion.contacts.shape == (51, 1)
+        and motion.contacts[0] == robot(31).contacts[0]
+        and motion.contacts[-1] == robot(31).contacts[-1]
+    )
     assert robot().resampled(30.0) is not None and robot(31).resampled(50.0).resampled(30.0).frames == 31
 
 

@@ -9,7 +9,15 @@ from hypothesis import strategies as st
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadObject, UnknownName
-from mimicbench.objects.families.chairs import KINDS, MIN_BETWEEN_ARMS, MIN_SEAT_DEPTH, MIN_SEAT_WIDTH, ChairShape, build_chair, make_chair
+from mimicbench.objects.families.chairs import (
+    KINDS,
+    MIN_BETWEEN_ARMS,
+    MIN_SEAT_DEPTH,
+    MIN_SEAT_WIDTH,
+    ChairShape,
+    build_chair,
+    make_chair,
+)
 from mimicbench.objects.registry import make_object
 from mimicbench.objects.shape import SLOTS, SceneObject, load_object, save_object
 
@@ -61,9 +69,16 @@ def test_every_chair_can_be_sat_on(index, seed):
         assert width >= MIN_BETWEEN_ARMS - 1e-9
     x, y = polygon.T
     assert (np.roll(y, -1) * x - np.roll(x, -1) * y).sum() > 0, "counter-clockwise"
-    grid = np.stack(np.meshgrid(*[np.linspace(a + 0.005, b - 0.005, 9) for a, b in zip(polygon.min(0), polygon.max(0), strict=True)]), -1).reshape(-1, 2)
+    grid = np.stack(
+        np.meshgrid(
+            *[np.linspace(a + 0.005, b - 0.005, 9) for a, b in zip(polygon.min(0), polygon.max(0), strict=True)]
+        ),
+        -1,
+    ).reshape(-1, 2)
     assert covers(obj, grid, obj.seat_height).all(), "a solid seat under the whole polygon"
-    assert not covers(obj, grid[grid[:, 0] > polygon[:, 0].min() + 0.03], obj.seat_height, -0.03).any(), "nothing in the way above it"
+    assert not covers(obj, grid[grid[:, 0] > polygon[:, 0].min() + 0.03], obj.seat_height, -0.03).any(), (
+        "nothing in the way above it"
+    )
 
 
 @settings(max_examples=30, deadline=None)
@@ -82,7 +97,18 @@ def test_saved_and_loaded(tmp_path, family):
 
 
 @pytest.mark.parametrize(
-    "wrong", ["", "chair", "chair-0", "chair-0-1", "chair-0-00001x", "../chair-0-00001", "fitted-armchair-0", "chair--1-00001", "chair-0-000001"]
+    "wrong",
+    [
+        "",
+        "chair",
+        "chair-0",
+        "chair-0-1",
+        "chair-0-00001x",
+        "../chair-0-00001",
+        "fitted-armchair-0",
+        "chair--1-00001",
+        "chair-0-000001",
+    ],
 )
 def test_an_id_of_no_family_is_refused(wrong):
     with pytest.raises(BadObject):

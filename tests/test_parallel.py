@@ -1,4 +1,6 @@
-"""Work in other processes: results in order, errors as they were raised, and a death among the workers told in one sentence."""
+"""Work in other processes: results in order, errors as they were raised, and a death among the workers told in one
+sentence.
+"""
 
 import os
 import signal
@@ -67,7 +69,9 @@ def test_workers_end_with_their_parent(tmp_path):
     script = "import sys; from test_parallel import wait_long; from mimicbench.core.parallel import map_items\n"
     script += "if __name__ == '__main__': map_items(wait_long, [sys.argv[1]] * 2, 2, 'waiting', quiet=True)"
     (tmp_path / "parent.py").write_text(script)
-    parent = subprocess.Popen([sys.executable, tmp_path / "parent.py", tmp_path], env={**os.environ, "PYTHONPATH": str(Path(__file__).parent)})
+    parent = subprocess.Popen(
+        [sys.executable, tmp_path / "parent.py", tmp_path], env={**os.environ, "PYTHONPATH": str(Path(__file__).parent)}
+    )
     try:
         _until(lambda: len(list(tmp_path.glob("*.pid"))) == 2, "two workers are at work")
         parent.kill()

@@ -80,7 +80,14 @@ def test_plain_npy_and_object_npy(tmp_path):
 
 @pytest.mark.parametrize(
     ("function", "args"),
-    [(os.system, ("touch {}",)), (eval, ("open('{}', 'w')",)), (exec, ("open('{}', 'w')",)), (open, ("{}", "w")), (os.mkdir, ("{}",)), (np.load, ("{}",))],
+    [
+        (os.system, ("touch {}",)),
+        (eval, ("open('{}', 'w')",)),
+        (exec, ("open('{}', 'w')",)),
+        (open, ("{}", "w")),
+        (os.mkdir, ("{}",)),
+        (np.load, ("{}",)),
+    ],
 )
 @pytest.mark.parametrize("wrap", [npy, pickle.dumps])
 def test_a_call_is_refused_and_not_made(tmp_path, function, args, wrap):
@@ -109,7 +116,9 @@ BOMBS = {
     "list in itself": b"\x80\x02]q\x00h\x00a.",
     "attributes of a function": b"\x80\x02cnumpy.core.multiarray\n_reconstruct\n}X\x05\x00\x00\x00_makeNsb.",
     "too many instructions": b"\x80\x02" + b"0".join([b"N"] * 40_000) + b".",
-    "laughs": b"\x80\x02]q\x00Na" + b"".join(b"]q" + bytes([i + 1]) + b"(" + b"h" + bytes([i]) + (b"h" + bytes([i])) * 9 + b"e" for i in range(100)) + b".",
+    "laughs": b"\x80\x02]q\x00Na"
+    + b"".join(b"]q" + bytes([i + 1]) + b"(" + b"h" + bytes([i]) + (b"h" + bytes([i])) * 9 + b"e" for i in range(100))
+    + b".",
     "deep": b"\x80\x02N" + b"\x85" * 15_000 + b".",
     "deep key": b"\x80\x02}N" + b"\x85" * 15_000 + b"Ns.",
     "no value": b".",
@@ -153,7 +162,10 @@ def test_missing_empty_large_and_folders(tmp_path):
 
 
 @settings(max_examples=120, deadline=None)
-@given(raw=st.binary(max_size=60), head=st.sampled_from([b"", b"\x80\x03", b"\x80\x04\x95", b"\x93NUMPY\x01\x00", b"\x93NUMPY\x01\x00\x10\x00"]))
+@given(
+    raw=st.binary(max_size=60),
+    head=st.sampled_from([b"", b"\x80\x03", b"\x80\x04\x95", b"\x93NUMPY\x01\x00", b"\x93NUMPY\x01\x00\x10\x00"]),
+)
 def test_any_bytes_end_in_a_value_or_one_error(tmp_path_factory, raw, head):
     try:
         load(tmp_path_factory.getbasetemp(), head + raw)

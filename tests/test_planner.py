@@ -23,13 +23,17 @@ from mimicbench.track.residual import RESIDUAL
 from mimicbench.track.tracker import get_kind
 
 ROBOT, TASK = load_robot("h1"), get_task("sit-chair")
-SMALL = PlannerConfig(hidden=(16,), samples=8 * 4 * 3, num_envs=8, steps=4, batches=2, batch=16, memory=256, save_every=0.0)
+SMALL = PlannerConfig(
+    hidden=(16,), samples=8 * 4 * 3, num_envs=8, steps=4, batches=2, batch=16, memory=256, save_every=0.0
+)
 
 
 @pytest.fixture(scope="module")
 def clips():
     chairs = [make_chair(index) for index in range(2)]
-    motions = [optimize(Clip(synthesize("sit-chair", index, chair, 0), chair, ROBOT)) for index, chair in enumerate(chairs)]
+    motions = [
+        optimize(Clip(synthesize("sit-chair", index, chair, 0), chair, ROBOT)) for index, chair in enumerate(chairs)
+    ]
     return motions, {chair.id: chair for chair in chairs}
 
 

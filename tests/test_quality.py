@@ -29,7 +29,17 @@ def standing(body: Body, at: tuple[float, float] = (3.0, 0.0), frames: int = 40)
     """Somebody who stands still, on both feet."""
     root = np.tile([*at, body.standing_height], (frames, 1))
     quat = np.tile(rot.IDENTITY, (frames, len(body.skeleton.joint_names), 1))
-    return HumanMotion("stand", "sit-chair", body.skeleton, 30.0, root, quat, FAR.id, ("left_foot", "right_foot"), np.ones((frames, 2), bool))
+    return HumanMotion(
+        "stand",
+        "sit-chair",
+        body.skeleton,
+        30.0,
+        root,
+        quat,
+        FAR.id,
+        ("left_foot", "right_foot"),
+        np.ones((frames, 2), bool),
+    )
 
 
 def turned(motion: HumanMotion, joint: int, turn: np.ndarray) -> HumanMotion:
@@ -43,7 +53,11 @@ def turned(motion: HumanMotion, joint: int, turn: np.ndarray) -> HumanMotion:
 def test_standing_still_is_good(body: Body):
     measures = check_clip(standing(body), FAR)
     assert faults(measures) == []
-    assert measures["floor_depth"] == pytest.approx(0, abs=1e-9) and measures["skate"] == 0 and measures["object_depth"] == 0
+    assert (
+        measures["floor_depth"] == pytest.approx(0, abs=1e-9)
+        and measures["skate"] == 0
+        and measures["object_depth"] == 0
+    )
 
 
 @pytest.mark.parametrize("body", BODIES, ids=lambda body: body.skeleton.name)
@@ -77,7 +91,9 @@ def test_angles_are_those_that_were_set():
     for joint in body.spine:
         quat[:, joint] = about_y(np.array(0.1))
     angles = joint_angles(body, quat)
-    assert angles["knee_flexion"] == pytest.approx(np.full((1, 2), 0.7)) and angles["ankle_plantarflexion"] == pytest.approx(np.full((1, 2), 0.2))
+    assert angles["knee_flexion"] == pytest.approx(np.full((1, 2), 0.7)) and angles[
+        "ankle_plantarflexion"
+    ] == pytest.approx(np.full((1, 2), 0.2))
     assert angles["spine_flexion"] == pytest.approx(np.array([0.4]))
     # the thigh points forward by 0.5 in its own plane, which leans out by 0.3
     assert angles["hip_abduction"] == pytest.approx(np.full((1, 2), np.arcsin(np.cos(0.5) * np.sin(0.3))))
@@ -87,7 +103,9 @@ def test_angles_are_those_that_were_set():
 @settings(max_examples=50, deadline=None)
 @given(st.floats(0.05, 0.6), st.integers(3, 20), st.booleans())
 def test_a_rolling_foot_does_not_slide_and_a_sliding_one_does(angle: float, frames: int, over_toe: bool):
-    pivot, other = (np.array([0.15, 0, 0]), np.array([-0.2, 0, 0])) if over_toe else (np.array([0.0, 0, 0]), np.array([0.2, 0, 0]))
+    pivot, other = (
+        (np.array([0.15, 0, 0]), np.array([-0.2, 0, 0])) if over_toe else (np.array([0.0, 0, 0]), np.array([0.2, 0, 0]))
+    )
     pitch = np.linspace(0, angle, frames) * (1 if over_toe else -1)
     rolling = np.stack([np.broadcast_to(pivot, (frames, 3)), pivot + rot.rotate(about_y(pitch), other)], 1)
     stands = np.ones(frames, bool)
@@ -124,7 +142,11 @@ def test_wrists_have_to_stay_at_their_targets():
     wrists = still.forward_kinematics()[0][0, [arm.end for arm in body.arms]]
     assert check_clip(replace(still, wrist_goal_w=wrists), FAR)["reach"] == pytest.approx(0, abs=1e-12)
     assert faults(check_clip(replace(still, wrist_goal_w=wrists + [0.06, 0, 0]), FAR)) == ["reach"]
-    moving = replace(still, root_pos_w=still.root_pos_w + np.linspace(0, 2, 60)[:, None] * [0, 1.0, 0], contacts=np.zeros((60, 2), bool))
+    moving = replace(
+        still,
+        root_pos_w=still.root_pos_w + np.linspace(0, 2, 60)[:, None] * [0, 1.0, 0],
+        contacts=np.zeros((60, 2), bool),
+    )
     assert "reach" in faults(check_clip(replace(moving, wrist_goal_w=wrists), FAR))  # passes by, does not stay
 
 
@@ -135,7 +157,9 @@ def brute_force(obj: SceneObject, motion: HumanMotion, body: Body) -> float:
     for t in range(motion.frames):
         for part in body.parts:
             for share in np.linspace(0, 1, 7):
-                place = pos[t, part.joint] + rot.rotate(quat[t, part.joint], np.array(part.start) + share * (np.array(part.end) - part.start))
+                place = pos[t, part.joint] + rot.rotate(
+                    quat[t, part.joint], np.array(part.start) + share * (np.array(part.end) - part.start)
+                )
                 if len(motion.object_pos_w):
                     place = rot.rotate_inverse(motion.object_quat_w[t], place - motion.object_pos_w[t])
                 for center, turn, half in zip(obj.box_pos, obj.box_quat, obj.box_half, strict=True):
@@ -153,7 +177,11 @@ def test_depth_is_that_of_brute_force(which: int, x: float, y: float, yaw: float
         track = np.array([[0.1, 0.2, 0.05], [0.0, 0.3, 0.1]])
         motion = replace(motion, object_pos_w=track, object_quat_w=rot.from_yaw(np.array([0.4, yaw])))
     found = depths(motion, obj, body, *motion.forward_kinematics())
-    assert found.hard == pytest.approx(brute_force(obj, motion, body), abs=1e-9) and found.soft == 0 and found.moving == moves
+    assert (
+        found.hard == pytest.approx(brute_force(obj, motion, body), abs=1e-9)
+        and found.soft == 0
+        and found.moving == moves
+    )
 
 
 def test_upholstery_gives_more_than_wood():
@@ -164,7 +192,11 @@ def test_upholstery_gives_more_than_wood():
     sunk = standing(body, (0.0, 0.0), 2)
     root = sunk.root_pos_w.copy()
     root[:, 2] = sofa.require_seat() + body.buttock - 0.03
-    folded = turned(turned(replace(sunk, root_pos_w=root), body.legs[0].root, about_y(np.array(-1.5))), body.legs[1].root, about_y(np.array(-1.5)))
+    folded = turned(
+        turned(replace(sunk, root_pos_w=root), body.legs[0].root, about_y(np.array(-1.5))),
+        body.legs[1].root,
+        about_y(np.array(-1.5)),
+    )
     found = depths(folded, sofa, body, *folded.forward_kinematics())
     assert 0.02 < found.seat <= found.soft
 
@@ -172,8 +204,15 @@ def test_upholstery_gives_more_than_wood():
 def test_convex_pieces_are_judged_by_themselves():
     corners = np.array([[0, 0, 0], [1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]])
     obj = SceneObject(
-        "mine-0", "household", "own", np.full((1, 3), 0.5), np.array([rot.IDENTITY]), np.full((1, 3), 0.5), np.ones((1, 3)), hulls=(corners,)
-    )  # fmt: skip
+        "mine-0",
+        "household",
+        "own",
+        np.full((1, 3), 0.5),
+        np.array([rot.IDENTITY]),
+        np.full((1, 3), 0.5),
+        np.ones((1, 3)),
+        hulls=(corners,),
+    )
     body = unihsi_body()
     motion = standing(body, (0.75, 0.75), 2)  # in the box around the piece, outside of the piece
     found = depths(motion, obj, body, *motion.forward_kinematics())
@@ -198,8 +237,15 @@ def test_k_reads_pelvis_ankles_and_wrists(body: Body):
     assert task.fulfilled_by_human(motion, FAR) and not task.fulfilled_by_human(replace(motion, **cut(motion, 5)), FAR)
     points, skeleton = seen[0], body_of(motion.skeleton).skeleton
     assert points.pelvis_pos_w[0] == pytest.approx([3, 0, body.standing_height])
-    assert points.ankle_pos_w[0, :, 2] == pytest.approx(np.full(2, body.sole)) and points.ankle_pos_w[0, 0, 1] > 0 > points.ankle_pos_w[0, 1, 1]
-    assert points.wrist_pos_w.shape == (40, 2, 3) and points.wrist_pos_w[0, 0, 1] > 0.1 and len(skeleton.offsets) in (15, 22, 27)
+    assert (
+        points.ankle_pos_w[0, :, 2] == pytest.approx(np.full(2, body.sole))
+        and points.ankle_pos_w[0, 0, 1] > 0 > points.ankle_pos_w[0, 1, 1]
+    )
+    assert (
+        points.wrist_pos_w.shape == (40, 2, 3)
+        and points.wrist_pos_w[0, 0, 1] > 0.1
+        and len(skeleton.offsets) in (15, 22, 27)
+    )
 
 
 def cut(motion: HumanMotion, frames: int) -> dict[str, np.ndarray]:
@@ -211,5 +257,7 @@ def cut(motion: HumanMotion, frames: int) -> dict[str, np.ndarray]:
 def test_arms_in_the_own_body_are_named(body: Body):
     still = standing(body)
     assert check_clip(still, FAR)["own_depth"] == 0 and check_clip(still, FAR)["lap_depth"] < 0.02
-    inward = turned(turned(still, body.arms[0].root, about_x(np.array(-0.5))), body.arms[1].root, about_x(np.array(0.5)))
+    inward = turned(
+        turned(still, body.arms[0].root, about_x(np.array(-0.5))), body.arms[1].root, about_x(np.array(0.5))
+    )
     assert {"own_depth", "lap_depth"} & set(faults(check_clip(inward, FAR)))

@@ -63,7 +63,9 @@ def test_boxes_are_lifted_between_the_hands_and_never_touch_the_floor_again(lift
         assert np.abs(held - held[-1]).max() < 0.012  # as rigid as a clasp is
         lifted = motion.object_pos_w[:, 2] > 1e-3
         assert not lifted[~touched].any()
-        corners = motion.object_pos_w[:, None] + rot.rotate(motion.object_quat_w[:, None], obj.corners().reshape(1, -1, 3))
+        corners = motion.object_pos_w[:, None] + rot.rotate(
+            motion.object_quat_w[:, None], obj.corners().reshape(1, -1, 3)
+        )
         assert corners[..., 2].min() > -2e-3
 
 
@@ -135,7 +137,9 @@ def test_hands_out_of_reach_stay_behind_without_a_snap():
     root, length = shoulders(body, trunk), sum(body.length(body.arms[0]))
     away = np.linspace(0.5, 2.0, 50)[:, None, None] * length * np.array([1.0, 0.0, 0.0])
     kept = np.linalg.norm(reaching.within_reach(body, trunk, root + away) - root, axis=-1) / length
-    assert kept[0] == pytest.approx(0.5) and kept.max() < reaching.MOST_STRETCH and (np.diff(kept, axis=0) > -1e-12).all()
+    assert (
+        kept[0] == pytest.approx(0.5) and kept.max() < reaching.MOST_STRETCH and (np.diff(kept, axis=0) > -1e-12).all()
+    )
 
 
 def test_steps_arrive_beside_each_other_without_crossing():
@@ -143,7 +147,9 @@ def test_steps_arrive_beside_each_other_without_crossing():
     for side in (-0.2, 0.2):
         steps = reaching.steps_up_to(stop + [0.6, side], np.pi + 0.3, stop, np.pi, touch_points.STRIDES, 1.0)
         left, right = (steps.xy[steps.side == foot][-1] for foot in (0, 1))
-        assert 0.5 * (left + right) == pytest.approx(stop) and right[1] - left[1] == pytest.approx(touch_points.STRIDES.width)
+        assert 0.5 * (left + right) == pytest.approx(stop) and right[1] - left[1] == pytest.approx(
+            touch_points.STRIDES.width
+        )
         assert (np.diff(steps.side) != 0).all() and steps.yaw[-1] == pytest.approx(np.pi)
 
 

@@ -1,4 +1,6 @@
-"""What the documents say: the README's results follow from the rows kept in the repository, and the scripts beside the pages can run."""
+"""What the documents say: the README's results follow from the rows kept in the repository, and the scripts beside
+the pages can run.
+"""
 
 import importlib
 from pathlib import Path

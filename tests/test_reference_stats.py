@@ -40,14 +40,24 @@ def workdir(tmp_path_factory) -> Path:
     task = TASKS["sit-chair"]
     folder = root / task.slug
     objects = make_objects(folder / "objects", task.slug, task.family, ObjectsConfig(4), 0)
-    make_references(folder / "references", objects, task.slug, task.fulfilled_by_human, ReferencesConfig(6), 0, 1, quiet=True)
+    make_references(
+        folder / "references", objects, task.slug, task.fulfilled_by_human, ReferencesConfig(6), 0, 1, quiet=True
+    )
     return root
 
 
 def straight_walk(speed: float, metres: float = 5.0) -> HumanMotion:
     """Somebody who walks straight ahead."""
     body = unihsi_body()
-    way = walk(body, Route(np.array([[0.0, 0.0], [metres, 0.0]])), 0.0, np.array([metres + 0.1, 0.0]), 0.0, Gait(speed=speed), 1.0)
+    way = walk(
+        body,
+        Route(np.array([[0.0, 0.0], [metres, 0.0]])),
+        0.0,
+        np.array([metres + 0.1, 0.0]),
+        0.0,
+        Gait(speed=speed),
+        1.0,
+    )
     pelvis = way.pelvis_quat(np.zeros(len(way.time)))
     chest = rot.multiply(pelvis, way.chest_turn(np.full(len(way.time), 0.1)))
     quat = pose(body, Trunk(way.pelvis_pos_w, pelvis, chest, chest), way.legs(), way.arms(body, 1.0))
@@ -68,19 +78,26 @@ def test_length_of_a_sofa_is_its_long_side():
 
 def test_the_paper_has_23_thousand_clips():
     assert list(PAPER_SETS) == list(TASKS)
-    assert sum(row.clips for row in PAPER_SETS.values()) == 23_490 and sum(row.objects for row in PAPER_SETS.values()) == 10_580
+    assert (
+        sum(row.clips for row in PAPER_SETS.values()) == 23_490
+        and sum(row.objects for row in PAPER_SETS.values()) == 10_580
+    )
 
 
 def test_statistics_are_those_of_the_clips(workdir: Path):
     found = set_statistics("sit-chair", workdir / "sit-chair" / "objects", workdir / "sit-chair" / "references")
     motions = [HumanMotion.load(path) for path in sorted((workdir / "sit-chair" / "references").glob("*.npz"))]
     assert (found.objects, found.clips) == (4, 6)
-    assert found.duration == pytest.approx((np.mean([m.duration for m in motions]), np.std([m.duration for m in motions])))
+    assert found.duration == pytest.approx(
+        (np.mean([m.duration for m in motions]), np.std([m.duration for m in motions]))
+    )
     sizes = np.array([object_size(make_chair(i, 0)) for i in range(4)])
     assert [found.length[0], found.width[0], found.height[0]] == pytest.approx(sizes.mean(0))
     assert found.variety.style["speed"][0] == pytest.approx(np.mean([m.style["speed"] for m in motions]))
     assert 1.5 < found.variety.stature[0] < 1.95 and 0 < found.variety.final_pose < found.variety.middle_pose < 0.5
-    assert found.variety.start_distance[0] == pytest.approx(np.mean([np.linalg.norm(m.root_pos_w[0, :2]) for m in motions]), abs=1e-6)
+    assert found.variety.start_distance[0] == pytest.approx(
+        np.mean([np.linalg.norm(m.root_pos_w[0, :2]) for m in motions]), abs=1e-6
+    )
     json.dumps(found.to_dict(), allow_nan=False)
     text = to_markdown(statistics_table([found])) + to_markdown(variety_table([found]))
     assert "| SC   | here  |       4 |" in text and "| SC   | paper |    4600 |" in text
@@ -118,7 +135,9 @@ def test_commands_print_and_remake(workdir: Path, tmp_path: Path):
 def test_rejected_clips_are_replaced_and_counted(tmp_path: Path):
     task = TASKS["sit-chair"]
     objects = make_objects(tmp_path / "objects", task.slug, task.family, ObjectsConfig(3), 0)
-    stage = make_references(tmp_path / "references", objects, task.slug, every_other, ReferencesConfig(4), 0, 1, quiet=True)
+    stage = make_references(
+        tmp_path / "references", objects, task.slug, every_other, ReferencesConfig(4), 0, 1, quiet=True
+    )
     summary = stage.header["summary"]
     names = sorted(path.stem for path in (tmp_path / "references").glob("*.npz"))
     assert summary["kept"] == len(names) == 4 and summary["tried"] >= 7 and "K " in summary["rejected_for"]
@@ -149,7 +168,9 @@ def test_steps_are_measured_as_they_were_made():
     gait = Gait(speed=0.6)
     found = measure_gait(straight_walk(0.6))
     assert found.speed == pytest.approx(0.6, rel=0.05) and found.cadence == pytest.approx(60 / gait.step_time, rel=0.04)
-    assert found.step_length == pytest.approx(0.6 * gait.step_time, rel=0.05) and found.step_width == pytest.approx(gait.width, abs=0.02)
+    assert found.step_length == pytest.approx(0.6 * gait.step_time, rel=0.05) and found.step_width == pytest.approx(
+        gait.width, abs=0.02
+    )
     assert 0.2 < found.double_support < 0.5 and 10 < found.hip_range < 60 and 20 < found.knee_range < 80
     assert 0 < found.walking_lean < 10 and np.isnan(found.sit_time)
 
@@ -162,7 +183,12 @@ def test_measures_do_not_depend_on_rate_place_or_side():
     quat[:, 0] = rot.multiply(turn, quat[:, 0])
     moved = measure_gait(replace(motion, local_quat=quat, root_pos_w=rot.rotate(turn, motion.root_pos_w) + [1, 2, 0]))
     faster = measure_gait(
-        replace(motion, fps=60.0, root_pos_w=rot.resample(motion.root_pos_w, 30, 60), local_quat=rot.resample_quat(motion.local_quat, 30, 60))
+        replace(
+            motion,
+            fps=60.0,
+            root_pos_w=rot.resample(motion.root_pos_w, 30, 60),
+            local_quat=rot.resample_quat(motion.local_quat, 30, 60),
+        )
     )
     for name in ("speed", "cadence", "step_length", "hip_range", "knee_range"):
         assert getattr(moved, name) == pytest.approx(getattr(first, name), rel=1e-6), name
@@ -173,7 +199,10 @@ def test_sitting_down_is_measured():
     motion = synthesize("sit-chair", 3, make_chair(3, 0), 0)
     found = measure_gait(motion)
     assert 0.5 * motion.style["sit_duration"] < found.sit_time < motion.style["sit_duration"]
-    assert np.degrees(motion.style["lean"]) - 5 < found.sit_lean < np.degrees(motion.style["lean"]) + 15 and 80 < found.seated_knee < 130
+    assert (
+        np.degrees(motion.style["lean"]) - 5 < found.sit_lean < np.degrees(motion.style["lean"]) + 15
+        and 80 < found.seated_knee < 130
+    )
     mean, deviation, count = summarize([found, found])["sit_time"]
     assert mean == pytest.approx(found.sit_time) and deviation == 0 and count == 2
 
@@ -189,7 +218,11 @@ def test_real_people_walk_as_the_model_says():
     from mimicbench.references.importers.unihsi import import_skeleton_motion
 
     recording = import_skeleton_motion(DATA / "unihsi" / "motion_clips" / "lie_down.npy")
-    motion = HumanMotion(recording.name, "walk", recording.skeleton, recording.fps, recording.root_pos_w, recording.local_quat, "none")
+    motion = HumanMotion(
+        recording.name, "walk", recording.skeleton, recording.fps, recording.root_pos_w, recording.local_quat, "none"
+    )
     found = measure_gait(motion)
     model = walking_model(found.speed, 0.83)
-    assert found.cadence == pytest.approx(model["cadence"], rel=0.2) and found.double_support == pytest.approx(model["double_support"], abs=0.08)
+    assert found.cadence == pytest.approx(model["cadence"], rel=0.2) and found.double_support == pytest.approx(
+        model["double_support"], abs=0.08
+    )

@@ -30,7 +30,9 @@ def clips() -> list[tuple[HumanMotion, SceneObject]]:
 
 
 def test_skeleton_stands_upright_in_rest():
-    motion = HumanMotion("rest", "sit-chair", human.UNIHSI, 30.0, np.zeros((2, 3)), np.tile(rot.IDENTITY, (2, 15, 1)), "none")
+    motion = HumanMotion(
+        "rest", "sit-chair", human.UNIHSI, 30.0, np.zeros((2, 3)), np.tile(rot.IDENTITY, (2, 15, 1)), "none"
+    )
     pos, _ = motion.forward_kinematics()
     assert pos[0, human.UNIHSI.index("left_foot")] == pytest.approx([0, 0.084887, -0.831416])
     assert pos[0, human.UNIHSI.index("right_hand")] == pytest.approx([-0.02405, -0.18311, 0.236151 + 0.2435 - 0.533735])
@@ -42,7 +44,9 @@ coordinate = st.floats(-1, 1, allow_nan=False)
 
 @settings(max_examples=80, deadline=None)
 @given(st.tuples(coordinate, coordinate, coordinate), st.floats(0.05, 0.995), st.floats(-0.8, 0.8), st.booleans())
-def test_limb_reaches_its_end_and_bends_the_right_way(direction: tuple[float, float, float], stretch: float, yaw: float, backward: bool):
+def test_limb_reaches_its_end_and_bends_the_right_way(
+    direction: tuple[float, float, float], stretch: float, yaw: float, backward: bool
+):
     towards = np.array(direction) + [0, 0, -2.0]
     root, upper, lower = np.array([[0.3, -0.2, 1.0]]), 0.42, 0.41
     end = root + (0.02 + stretch * (upper + lower - 0.02)) * towards / np.linalg.norm(towards)
@@ -155,9 +159,12 @@ def test_clips_are_smooth_and_of_usual_length(clips: list[tuple[HumanMotion, Sce
         assert np.linalg.norm(velocity[0]) < 0.06 and np.linalg.norm(velocity, axis=-1).max() < 1.3
 
 
-def test_most_people_sit_down_with_free_hands_and_some_differ_by_one_thing(clips: list[tuple[HumanMotion, SceneObject]]):
+def test_most_people_sit_down_with_free_hands_and_some_differ_by_one_thing(
+    clips: list[tuple[HumanMotion, SceneObject]],
+):
     varied = [
-        sum(motion.style[name] > 0 for name in ("on_thighs", "on_seat", "on_arms", "drop", "against")) + (motion.style["sit_duration"] > 2.2)
+        sum(motion.style[name] > 0 for name in ("on_thighs", "on_seat", "on_arms", "drop", "against"))
+        + (motion.style["sit_duration"] > 2.2)
         for motion, _ in clips
     ]
     assert max(varied) == 1 and 0.2 < np.mean(varied) < 0.55
@@ -187,9 +194,15 @@ def test_a_clip_is_remade_alone_from_its_id():
     obj = make_chair(3, 0)
     first, again = synthesize("sit-chair", 7, obj, 5), synthesize("sit-chair", 7, obj, 5)
     assert first.id == "sit-chair-5-00007" and first.object_id == obj.id
-    assert first.local_quat.tobytes() == again.local_quat.tobytes() and first.root_pos_w.tobytes() == again.root_pos_w.tobytes()
+    assert (
+        first.local_quat.tobytes() == again.local_quat.tobytes()
+        and first.root_pos_w.tobytes() == again.root_pos_w.tobytes()
+    )
     assert first.style == again.style and (first.contacts == again.contacts).all()
-    assert synthesize("sit-chair", 8, obj, 5).style != first.style and synthesize("sit-chair", 7, obj, 6).style != first.style
+    assert (
+        synthesize("sit-chair", 8, obj, 5).style != first.style
+        and synthesize("sit-chair", 7, obj, 6).style != first.style
+    )
 
 
 def test_unknown_task_and_missing_seat():

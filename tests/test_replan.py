@@ -1,4 +1,6 @@
-"""Plans from the midst of every task: they begin at the pose, go on smoothly, pass the gate and end in K, also in closed loop."""
+"""Plans from the midst of every task: they begin at the pose, go on smoothly, pass the gate and end in K, also in
+closed loop.
+"""
 
 import time
 from dataclasses import replace
@@ -21,7 +23,15 @@ from mimicbench.references.synthesis.registry import TASKS, synthesize
 from mimicbench.tasks.registry import get_task
 
 CLIPS, FRAMES = 2, 6
-LIMITS = Limits(jump=2.5, joint_acceleration=240.0, floor_depth=0.010, skate=0.012, object_depth=0.03, root_jerk=250.0, root_acceleration=8.0)
+LIMITS = Limits(
+    jump=2.5,
+    joint_acceleration=240.0,
+    floor_depth=0.010,
+    skate=0.012,
+    object_depth=0.03,
+    root_jerk=250.0,
+    root_acceleration=8.0,
+)
 """A little wider than the gate's: a state may itself be at a limit, and the plan begins there."""
 
 
@@ -61,10 +71,17 @@ def test_plans_begin_at_the_pose_and_end_in_k(task: str):
             assert rot.angle_between(turns[0], quat[frame]).max() < 2e-3
             assert state.pose is not None
             velocity = 30 * (2 * places[1] - 1.5 * places[0] - 0.5 * places[2]) - 15 * (pos[frame + 1] - pos[frame - 1])
-            off, turn = np.linalg.norm(velocity, axis=-1).max(), np.linalg.norm(rates(made.local_quat[:3]) - state.pose.rate, axis=-1).max()
+            off, turn = (
+                np.linalg.norm(velocity, axis=-1).max(),
+                np.linalg.norm(rates(made.local_quat[:3]) - state.pose.rate, axis=-1).max(),
+            )
             assert off < 0.6 and turn < 2.0
             assert get_task(task).fulfilled_by_human(made, obj)
-            good, smooth, count = good + (not faults(check_clip(made, obj), LIMITS)), smooth + (off < 0.1 and turn < 0.5), count + 1
+            good, smooth, count = (
+                good + (not faults(check_clip(made, obj), LIMITS)),
+                smooth + (off < 0.1 and turn < 0.5),
+                count + 1,
+            )
     assert good >= count - 1
     # as a foot lifts off or lands its velocity is not one number
     assert smooth >= 0.75 * count
@@ -98,8 +115,17 @@ def seen(motion: HumanMotion, frame: int) -> BodyState:
     assert full.pose is not None
     foot, feet = quat[frame, [leg.end for leg in body.legs]], full.feet
     return state_of_points(
-        body, full.pelvis_pos_w, full.pose.local_quat[0], full.pelvis_vel_w, full.pose.rate[0], feet.pos_w, feet.vel_w, foot, feet.bears, box=full.box
-    )  # fmt: skip
+        body,
+        full.pelvis_pos_w,
+        full.pose.local_quat[0],
+        full.pelvis_vel_w,
+        full.pose.rate[0],
+        feet.pos_w,
+        feet.vel_w,
+        foot,
+        feet.bears,
+        box=full.box,
+    )
 
 
 @pytest.mark.parametrize("task", list(TASKS))
@@ -113,14 +139,21 @@ def test_feet_and_pelvis_are_enough(task: str):
         assert places[0, 0] == pytest.approx(pos[frame, 0], abs=1e-3)
         assert np.linalg.norm(places[0, feet] - pos[frame, feet], axis=-1).max() < 0.01
         assert get_task(task).fulfilled_by_human(made, obj)
-        assert not faults(check_clip(made, obj), replace(LIMITS, object_depth=0.08, jump=4.0, joint_speed=20.0, joint_acceleration=600.0))
+        assert not faults(
+            check_clip(made, obj),
+            replace(LIMITS, object_depth=0.08, jump=4.0, joint_speed=20.0, joint_acceleration=600.0),
+        )
 
 
 def test_pushed_people_still_sit_down():
     motion, obj = clips("sit-chair")[0]
     for frame in (40, 150, 240):
         state = state_of_motion(motion, frame)
-        pushed = replace(state, pelvis_vel_w=state.pelvis_vel_w + [0.1, 0.25, 0.0], pelvis_pos_w=state.pelvis_pos_w + [0.0, 0.02, -0.01])
+        pushed = replace(
+            state,
+            pelvis_vel_w=state.pelvis_vel_w + [0.1, 0.25, 0.0],
+            pelvis_pos_w=state.pelvis_pos_w + [0.0, 0.02, -0.01],
+        )
         made = replanned(motion, obj, pushed)
         assert made.root_pos_w[0] == pytest.approx(pushed.pelvis_pos_w, abs=1e-6)
         assert get_task("sit-chair").fulfilled_by_human(made, obj)
@@ -129,7 +162,10 @@ def test_pushed_people_still_sit_down():
 def test_a_box_that_stands_elsewhere_is_lifted_there():
     motion, obj = clips("lift-box")[0]
     state = state_of_motion(motion, 2)
-    there = replace(state.moved(state.place + [0.5, -0.2], state.yaw), box=BoxState(np.array([0.5, -0.2, 0.0]), rot.IDENTITY, np.zeros(3), np.zeros(3)))
+    there = replace(
+        state.moved(state.place + [0.5, -0.2], state.yaw),
+        box=BoxState(np.array([0.5, -0.2, 0.0]), rot.IDENTITY, np.zeros(3), np.zeros(3)),
+    )
     made, here = replanned(motion, obj, there), replanned(motion, obj, state)
     assert made.object_pos_w[0] == pytest.approx([0.5, -0.2, 0.0]) and made.object_pos_w[-1, 2] > 0.25
     assert made.root_pos_w == pytest.approx(here.root_pos_w + [0.5, -0.2, 0.0], abs=1e-6)

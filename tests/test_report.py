@@ -1,4 +1,7 @@
-"""The tables, plots and page follow from the rows; the page needs nothing from outside; pictures and videos are what they say."""
+"""The tables, plots and page follow from the rows; the page needs nothing from outside.
+
+Pictures and videos are what they say.
+"""
 
 import csv
 import io
@@ -25,7 +28,16 @@ from mimicbench.report.curves import read_curve
 from mimicbench.report.paper_tables import TABLES, TASKS, methods, paper_table
 from mimicbench.report.person import EYES, HAIR, SHIRT, SHOES, SKIN, SOLES, TROUSERS, place, solids_of
 from mimicbench.report.provenance import Provenance, package_versions, this_machine
-from mimicbench.report.render import FIELD_OF_VIEW, Camera, Painter, Picture, frame_all, human_frames, robot_frames, with_object
+from mimicbench.report.render import (
+    FIELD_OF_VIEW,
+    Camera,
+    Painter,
+    Picture,
+    frame_all,
+    human_frames,
+    robot_frames,
+    with_object,
+)
 from mimicbench.report.sheet import contact_sheet
 from mimicbench.report.showcase import Clip, Recording, Showcase, ShowConfig, draw, moments, positions
 from mimicbench.report.tables import Reported, Table, to_csv, to_latex, to_markdown, to_terminal
@@ -44,22 +56,55 @@ CHAIR = make_object("chair-0-00003")
 def made_up_rows():
     """Rows of two policies and a tracker: only for these tests."""
     row = EpisodeRow(
-        task="sit-chair", stage="imitate", policy="act", preset="improved", robot="h1", seed=7, episode=0, object_id="chair-0-00001", object_kind="dining",
-        split="test", reference_id="ref", steps=300, success=True, success_at_end=True, first_success_time=5.5, fell=False, max_energy=5e4,
-        seat_height=0.45, start_distance=1.5, end_distance=0.0, mimicbench="0.1.0", mujoco="3.17.0",
-    )  # fmt: skip
+        task="sit-chair",
+        stage="imitate",
+        policy="act",
+        preset="improved",
+        robot="h1",
+        seed=7,
+        episode=0,
+        object_id="chair-0-00001",
+        object_kind="dining",
+        split="test",
+        reference_id="ref",
+        steps=300,
+        success=True,
+        success_at_end=True,
+        first_success_time=5.5,
+        fell=False,
+        max_energy=5e4,
+        seat_height=0.45,
+        start_distance=1.5,
+        end_distance=0.0,
+        mimicbench="0.1.0",
+        mujoco="3.17.0",
+    )
     rows = []
     for stage, policy, successes in (("imitate", "act", 15), ("imitate", "bc<script>", 6), ("track", "hst", 18)):
         for i in range(20):
             ok = i < successes
-            rows.append(replace(
-                row, stage=stage, policy=policy, episode=i, success=ok, success_at_end=ok, first_success_time=5.5 if ok else None, fell=i % 3 == 0 and not ok,
-                object_kind=("dining", "stool")[i % 2], seat_height=0.38 + 0.01 * i, start_distance=1 + 0.05 * i, end_distance=0.0 if ok or i % 2 else 1.0,
-            ))  # fmt: skip
+            rows.append(
+                replace(
+                    row,
+                    stage=stage,
+                    policy=policy,
+                    episode=i,
+                    success=ok,
+                    success_at_end=ok,
+                    first_success_time=5.5 if ok else None,
+                    fell=i % 3 == 0 and not ok,
+                    object_kind=("dining", "stool")[i % 2],
+                    seat_height=0.38 + 0.01 * i,
+                    start_distance=1 + 0.05 * i,
+                    end_distance=0.0 if ok or i % 2 else 1.0,
+                )
+            )
     return tuple(rows)
 
 
-INPUTS = ReportInputs("sit-chair", made_up_rows(), Provenance(7, ("make run",), {"clips": 256}, {}, package_versions(), this_machine()))
+INPUTS = ReportInputs(
+    "sit-chair", made_up_rows(), Provenance(7, ("make run",), {"clips": 256}, {}, package_versions(), this_machine())
+)
 
 
 def painter_or_skip(model):
@@ -82,16 +127,29 @@ def test_paper_means_are_the_means_of_the_tasks():
         for method, mean in table.mean.items():
             rates = table.rates[method].values()
             assert len(rates) == 6
-            assert np.mean([r.kinematic for r in rates]) == pytest.approx(mean.kinematic, abs=0.7), (table.caption, method)
+            assert np.mean([r.kinematic for r in rates]) == pytest.approx(mean.kinematic, abs=0.7), (
+                table.caption,
+                method,
+            )
             assert np.mean([r.energy for r in rates]) == pytest.approx(mean.energy, abs=0.7), (table.caption, method)
 
 
 def test_paper_rates_for_sitting_on_a_chair():
-    pairs = {name: (rate.kinematic, rate.energy) for measures in ("tracking", "imitation") for name, rate in methods("sit-chair", measures).items()}
+    pairs = {
+        name: (rate.kinematic, rate.energy)
+        for measures in ("tracking", "imitation")
+        for name, rate in methods("sit-chair", measures).items()
+    }
     assert pairs == {
-        "Improved HST": (92, 70), "Simplified PHC": (87, 65), "Original HST": (0, 0),
-        "ACT": (81, 69), "OmniH2O": (79, 72), "PPO": (50, 25), "HIT": (36, 28), "HumanPlus": (36, 28),
-    }  # fmt: skip
+        "Improved HST": (92, 70),
+        "Simplified PHC": (87, 65),
+        "Original HST": (0, 0),
+        "ACT": (81, 69),
+        "OmniH2O": (79, 72),
+        "PPO": (50, 25),
+        "HIT": (36, 28),
+        "HumanPlus": (36, 28),
+    }
 
 
 def test_paper_tables_agree_with_its_source():
@@ -101,7 +159,13 @@ def test_paper_tables_agree_with_its_source():
     tex = re.sub(r"(?<!\\)%.*|\\textbf|\\textcolor\{red\}|[{}]", "", source.read_text())
     printed = {tuple(re.findall(r"\d+/\d+", line)) for line in tex.split(r"\\")}
     for table in TABLES:
-        both_halves = [tuple(f"{r.kinematic}/{r.energy}" for r in (*table.rates[m].values(), *([table.mean[m]] if table.mean else []))) for m in table.rates]
+        both_halves = [
+            tuple(
+                f"{r.kinematic}/{r.energy}"
+                for r in (*table.rates[m].values(), *([table.mean[m]] if table.mean else []))
+            )
+            for m in table.rates
+        ]
         for row in both_halves:
             assert any(line[: len(row)] == row or line[-len(row) :] == row for line in printed), (table.caption, row)
 
@@ -112,7 +176,13 @@ def test_every_paper_table_can_be_written():
     assert list(TASKS.values()) == ["SC", "SS", "LB", "LS", "T", "L"]
 
 
-TABLE = Table("t", "A_title", ("Name", "K", "Paper", "n"), (("a|b", Rate(3, 4), Reported(81), 2), ("c", None, None, 0.5)), note="50 % & more")
+TABLE = Table(
+    "t",
+    "A_title",
+    ("Name", "K", "Paper", "n"),
+    (("a|b", Rate(3, 4), Reported(81), 2), ("c", None, None, 0.5)),
+    note="50 % & more",
+)
 
 
 def test_writers_by_hand():
@@ -158,7 +228,11 @@ def test_failures_and_breakdowns_add_up():
     for breakdown in compare.breakdowns(act):
         assert sum(rate.episodes for rate in breakdown.parts.values()) == 20
         assert sum(rate.successes for rate in breakdown.parts.values()) == 15
-    assert [b.title for b in compare.breakdowns(act)] == ["Kind of object", "Height of the seat", "Distance at the start"]
+    assert [b.title for b in compare.breakdowns(act)] == [
+        "Kind of object",
+        "Height of the seat",
+        "Distance at the start",
+    ]
     assert compare.breakdowns([act[0]] * 4) == []
 
 
@@ -167,7 +241,12 @@ def test_failures_and_breakdowns_add_up():
 
 def test_curves(tmp_path):
     path = tmp_path / "metrics.jsonl"
-    lines = [json.dumps({"step": i, "samples": 1000 * i, "reward": 0.1 * i, "k": None if i < 2 else 0.5, "ended": {"far": 3}}) for i in range(4)]
+    lines = [
+        json.dumps(
+            {"step": i, "samples": 1000 * i, "reward": 0.1 * i, "k": None if i < 2 else 0.5, "ended": {"far": 3}}
+        )
+        for i in range(4)
+    ]
     path.write_text("\n".join(lines) + "\n" + lines[0][:20])
     curve = read_curve(path, "tracker")
     assert curve.x == "samples"
@@ -211,7 +290,9 @@ class Addresses(HTMLParser):
 
     def handle_starttag(self, tag, attrs):
         self.tags.append(tag)
-        self.found += [value for name, value in attrs if name in ("src", "href", "xlink:href", "poster", "data", "srcset")]
+        self.found += [
+            value for name, value in attrs if name in ("src", "href", "xlink:href", "poster", "data", "srcset")
+        ]
 
 
 def test_report_without_pictures_stands_alone_and_regenerates(tmp_path):
@@ -229,7 +310,9 @@ def test_report_without_pictures_stands_alone_and_regenerates(tmp_path):
     assert files == sorted(p.relative_to(tmp_path / "b") for p in (tmp_path / "b").rglob("*") if p.is_file())
     for file in files:
         assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes(), file
-    assert {"tables/results.md", "tables/beside_paper.tex", "tables/breakdown.csv", "plots/rates.svg"} <= {file.as_posix() for file in files}
+    assert {"tables/results.md", "tables/beside_paper.tex", "tables/breakdown.csv", "plots/rates.svg"} <= {
+        file.as_posix() for file in files
+    }
     assert len(read_rows(tmp_path / "a" / "episodes.parquet")) == 60
 
 
@@ -256,7 +339,9 @@ def test_report_of_one_perfect_policy(tmp_path):
 
 def test_texts_are_escaped():
     assert page.tag("p", "x", "n") == '<p class="n">x</p>'
-    assert "&lt;b&gt;" in page.paragraph("<b>") and "&lt;b&gt;" in page.table(Table("t", "", ("<b>",), (("<b>",),), note="<b>"))
+    assert "&lt;b&gt;" in page.paragraph("<b>") and "&lt;b&gt;" in page.table(
+        Table("t", "", ("<b>",), (("<b>",),), note="<b>")
+    )
 
 
 # --- pictures
@@ -274,7 +359,18 @@ def human(frames=40):
 def robot_motion(frames=40):
     motion = human(frames)
     joints = np.tile(ROBOT.rest_pose, (frames, 1))
-    return RobotMotion("clip", "sit-chair", "h1", ROBOT.joint_names, 30, motion.root_pos_w, motion.local_quat[:, 0], joints, CHAIR.id, "clip")
+    return RobotMotion(
+        "clip",
+        "sit-chair",
+        "h1",
+        ROBOT.joint_names,
+        30,
+        motion.root_pos_w,
+        motion.local_quat[:, 0],
+        joints,
+        CHAIR.id,
+        "clip",
+    )
 
 
 def test_camera_sees_all():
@@ -285,7 +381,9 @@ def test_camera_sees_all():
         forward = np.array([np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), np.sin(pitch)])
         right = np.array([np.sin(yaw), -np.cos(yaw), 0])
         eye = np.array(camera.lookat) - camera.distance * forward
-        points = np.concatenate([path * [1, 1, 0], path * [1, 1, 0] + [0, 0, 1.8], CHAIR.corners().reshape(-1, 3)]) - eye
+        points = (
+            np.concatenate([path * [1, 1, 0], path * [1, 1, 0] + [0, 0, 1.8], CHAIR.corners().reshape(-1, 3)]) - eye
+        )
         depth, limit = points @ forward, np.tan(FIELD_OF_VIEW / 2)
         assert (depth > 0).all()
         assert (abs(points @ right) <= aspect * limit * depth).all()
@@ -322,7 +420,8 @@ def test_people_of_all_skeletons_are_dressed_alike(skeleton):
         placed = place(solids, body.skeleton, pos, quat)
         colors = {part.solid.rgb for part in placed}
         assert colors == {SKIN, HAIR, EYES, SHIRT, TROUSERS, SHOES, SOLES}
-        # on the floor, with soles and nothing else below them; a face that looks ahead; the left the right's mirror image
+        # on the floor, with soles and nothing else below them; a face that looks ahead; the left the right's mirror
+        # image
         low: dict[tuple[float, float, float], float] = {}
         for part in placed:
             bottom = min(part.at_w[2], part.to_w[2]) - part.solid.size[0 if part.solid.kind == "capsule" else 2]
@@ -349,7 +448,9 @@ def test_positions_follow_names_and_refuse_other_robots(model):
 def test_boxes_move_and_goals_are_red():
     box = make_object("box-0-00000")
     model = build_model(ROBOT, box, visuals=True)
-    motion = replace(human(2), object_pos_w=np.array([[0, 0, 0], [0.0, 0, 0.5]]), object_quat_w=np.tile(rot.IDENTITY, (2, 1)))
+    motion = replace(
+        human(2), object_pos_w=np.array([[0, 0, 0], [0.0, 0, 0.5]]), object_quat_w=np.tile(rot.IDENTITY, (2, 1))
+    )
     assert np.array_equal(with_object(model, motion)[:, -7:-4], motion.object_pos_w)
     robot_clip = replace(robot_motion(2), object_pos_w=motion.object_pos_w, object_quat_w=motion.object_quat_w)
     assert np.array_equal(positions(robot_clip, model)[1, -7:-4], [0, 0, 0.5])
@@ -392,7 +493,11 @@ def test_showcase_draws_once(tmp_path, model):
     painter_or_skip(model).close()
     config = ShowConfig(moments=3, still=SMALL, video=SMALL, fps=5)
     recording = Recording(positions(robot_motion(), model), 30)
-    clips = (Clip("Human", "note", human()), Clip("Retargeted", "note", robot_motion()), Clip("Tracked", "note", recording))
+    clips = (
+        Clip("Human", "note", human()),
+        Clip("Retargeted", "note", robot_motion()),
+        Clip("Tracked", "note", recording),
+    )
     heard = []
     inputs = replace(INPUTS, showcase=Showcase(CHAIR, "h1", clips), show=config)
     html = write_report(tmp_path, inputs, heard.append).read_text()
@@ -400,7 +505,9 @@ def test_showcase_draws_once(tmp_path, model):
     assert not heard
     made = {path.name: path.stat().st_mtime_ns for path in (tmp_path / "media").iterdir()}
     shown = draw(inputs.showcase, tmp_path / "media", config)
-    assert {path.name: path.stat().st_mtime_ns for path in (tmp_path / "media").iterdir()} == made, "finished pictures are not drawn again"
+    assert {path.name: path.stat().st_mtime_ns for path in (tmp_path / "media").iterdir()} == made, (
+        "finished pictures are not drawn again"
+    )
     assert iio.imread(shown[0].strip).shape == (64, 3 * 96 + 2 * 4, 3)
     for each in shown:
         # 39/30 s at 5 frames per second, both ends included

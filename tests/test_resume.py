@@ -1,4 +1,6 @@
-"""Killed at any moment (SIGKILL), every stage goes on where it stopped, and ends with the files of a run that was never killed."""
+"""Killed at any moment (SIGKILL), every stage goes on where it stopped, and ends with the files of a run that was
+never killed.
+"""
 
 import hashlib
 import os
@@ -16,12 +18,27 @@ ITEM = {"objects": "chair-*.json", "references": "*.npz", "retarget": "*.npz"}
 
 
 def arguments(stage: str, workdir: Path) -> list[str]:
-    return [sys.executable, "-m", "mimicbench.cli", stage, *COUNT[stage], "--workdir", str(workdir), "--workers", "2", "--json"]
+    return [
+        sys.executable,
+        "-m",
+        "mimicbench.cli",
+        stage,
+        *COUNT[stage],
+        "--workdir",
+        str(workdir),
+        "--workers",
+        "2",
+        "--json",
+    ]
 
 
 def files(folder: Path) -> dict[str, str]:
     """Contents of everything in a folder, by name."""
-    return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(folder.rglob("*")) if path.is_file()}
+    return {
+        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +58,9 @@ def test_a_killed_stage_goes_on(stage, items, whole, tmp_path):
         target.parent.mkdir(exist_ok=True)
         target.symlink_to(whole / earlier)
     folder = tmp_path / "sit-chair" / stage
-    process = subprocess.Popen(arguments(stage, tmp_path), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
+    process = subprocess.Popen(
+        arguments(stage, tmp_path), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+    )
     deadline = time.monotonic() + 60
     while len(list(folder.glob(ITEM[stage]))) < items and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.002)

@@ -49,7 +49,9 @@ def walk(frames: int = 24, size: float = 1.0, skeleton: Skeleton = UNIHSI) -> Hu
     quat[:, 1] = turn("y", 0.1 + 0.1 * np.sin(phase))
     for side, sign in (("left", 1.0), ("right", -1.0)):
         lift = np.maximum(0.0, sign * np.sin(phase))
-        joints = {name: skeleton.index(f"{side}_{name}") for name in ("thigh", "shin", "foot", "upper_arm", "lower_arm")}
+        joints = {
+            name: skeleton.index(f"{side}_{name}") for name in ("thigh", "shin", "foot", "upper_arm", "lower_arm")
+        }
         quat[:, joints["thigh"]] = turn("y", -0.25 - 0.5 * lift)
         quat[:, joints["shin"]] = turn("y", 0.5 + 0.9 * lift)
         quat[:, joints["foot"]] = turn("y", -0.25 - 0.4 * lift)
@@ -62,14 +64,21 @@ def walk(frames: int = 24, size: float = 1.0, skeleton: Skeleton = UNIHSI) -> Hu
 
 def mirrored_human(motion: HumanMotion) -> HumanMotion:
     order = [motion.skeleton.index(_other_side(name)) for name in motion.skeleton.joint_names]
-    return replace(motion, root_pos_w=motion.root_pos_w * [1, -1, 1], local_quat=motion.local_quat[:, order] * [1, -1, 1, -1])
+    return replace(
+        motion, root_pos_w=motion.root_pos_w * [1, -1, 1], local_quat=motion.local_quat[:, order] * [1, -1, 1, -1]
+    )
 
 
 def mirrored_robot(motion: RobotMotion) -> RobotMotion:
     order = [motion.joint_names.index(_other_side(name)) for name in motion.joint_names]
     sign = np.where(H1.joint_axis[:, 1] != 0, 1.0, -1.0)  # pitch stays, roll and yaw change sign
     root = motion.root_pos_w * [1, -1, 1]
-    return replace(motion, root_pos_w=root, root_quat_w=motion.root_quat_w * [1, -1, 1, -1], joint_pos=motion.joint_pos[:, order] * sign)
+    return replace(
+        motion,
+        root_pos_w=root,
+        root_quat_w=motion.root_quat_w * [1, -1, 1, -1],
+        joint_pos=motion.joint_pos[:, order] * sign,
+    )
 
 
 def _other_side(name: str) -> str:
@@ -79,7 +88,9 @@ def _other_side(name: str) -> str:
 
 def random_pose(random: np.random.Generator, frames: int = 3) -> Pose:
     quat = rot.normalize(random.normal(size=(frames, 4)))
-    return Pose(random.normal(size=(frames, 3)), quat, random.uniform(LIMITS[:, 0] + 0.01, LIMITS[:, 1] - 0.01, (frames, 19)))
+    return Pose(
+        random.normal(size=(frames, 3)), quat, random.uniform(LIMITS[:, 0] + 0.01, LIMITS[:, 1] - 0.01, (frames, 19))
+    )
 
 
 def retargeted(motion: HumanMotion, config: OptimizationConfig | None = None) -> RobotMotion:
@@ -155,7 +166,13 @@ def test_jacobians_match_finite_differences() -> None:
         step = np.zeros((3, 25))
         step[:, v] = h
         moved, turned, _ = place(move(pose, step, LIMITS))
-        expected = np.concatenate([((moved - at) / h).reshape(3, -1), (rot.to_rotvec(rot.multiply(turned, rot.conjugate(quat))) / h).reshape(3, -1)], 1)
+        expected = np.concatenate(
+            [
+                ((moved - at) / h).reshape(3, -1),
+                (rot.to_rotvec(rot.multiply(turned, rot.conjugate(quat))) / h).reshape(3, -1),
+            ],
+            1,
+        )
         assert np.allclose(found[:, :, v], expected, atol=2e-5)
 
 
@@ -201,7 +218,9 @@ def test_recovers_a_motion_that_the_robot_made() -> None:
     truth = Pose(np.hstack([t, 0.1 * t, 1.0 + 0 * t]), rot.from_rotvec(np.hstack([0.1 * t, 0.2 * t, t])), joints)
     links = TREE.place(truth)
     each, same = np.arange(20), np.tile(rot.IDENTITY, (20, 1))
-    bound = Bound(each, each, np.zeros((20, 3)), each, np.ones(20), each, each, same, (), same[:0], (), (), np.zeros((0, 3)))
+    bound = Bound(
+        each, each, np.zeros((20, 3)), each, np.ones(20), each, each, same, (), same[:0], (), (), np.zeros((0, 3))
+    )
     problem = opt.make_problem(bound, TREE, LIMITS, links.pos, links.quat, 30.0, replace(PAPER, acceleration=1e-9))
     found, losses = solve(problem, truth._replace(joints=np.tile(middle, (20, 1))), 60, 1e-9)
     assert np.abs(found.joints - truth.joints).max() < 1e-3
@@ -214,7 +233,9 @@ def test_at_least_as_good_as_the_papers_adam() -> None:
     problem = replace(problem, softness=1e-3, acceleration_softness=0.1 * problem.acceleration_softness)
     ours, _ = solve(problem, start, 100, 1e-7)
     adams, _ = adam(problem, start, 300, falling=True)  # kinder to Adam than the constant rate of the appendix
-    assert problem.loss(ours, TREE.place(ours), softened=False) <= problem.loss(adams, TREE.place(adams), softened=False)
+    assert problem.loss(ours, TREE.place(ours), softened=False) <= problem.loss(
+        adams, TREE.place(adams), softened=False
+    )
 
 
 def test_mirrored_in_mirrored_out() -> None:
@@ -227,11 +248,19 @@ def test_mirrored_in_mirrored_out() -> None:
 
 
 @settings(max_examples=12, deadline=None)
-@given(st.integers(0, 10**6), st.integers(2, 6), st.floats(0.1, 3.0), st.sampled_from([OptimizationConfig(iterations=6), replace(PAPER, iterations=6)]))
+@given(
+    st.integers(0, 10**6),
+    st.integers(2, 6),
+    st.floats(0.1, 3.0),
+    st.sampled_from([OptimizationConfig(iterations=6), replace(PAPER, iterations=6)]),
+)
 def test_limits_always_hold(seed: int, frames: int, wildness: float, config: OptimizationConfig) -> None:
     random = np.random.default_rng(seed)
     motion = walk(frames)
-    motion = replace(motion, local_quat=rot.multiply(motion.local_quat, rot.from_rotvec(random.normal(size=(frames, 15, 3)) * wildness)))
+    motion = replace(
+        motion,
+        local_quat=rot.multiply(motion.local_quat, rot.from_rotvec(random.normal(size=(frames, 15, 3)) * wildness)),
+    )
     result = retargeted(motion, config)
     stored = result.joint_pos.astype(np.float32).astype(float)
     assert (stored >= LIMITS[:, 0]).all() and (stored <= LIMITS[:, 1]).all()
@@ -249,14 +278,28 @@ def test_walking_feet_stay_in_their_places() -> None:
 
 
 def test_carries_everything_over_and_is_deterministic(tmp_path: Path) -> None:
-    motion = replace(walk(5), contact_names=("left_foot", "right_foot"), contacts=np.ones((5, 2), bool), style={"speed": 0.5})
+    motion = replace(
+        walk(5), contact_names=("left_foot", "right_foot"), contacts=np.ones((5, 2), bool), style={"speed": 0.5}
+    )
     result = retargeted(motion)
-    assert (result.id, result.task, result.object_id, result.reference_id, result.fps) == (motion.id, motion.task, motion.object_id, motion.id, motion.fps)
-    assert result.style == {"speed": 0.5} and result.contact_names == motion.contact_names and (result.contacts == motion.contacts).all()
+    assert (result.id, result.task, result.object_id, result.reference_id, result.fps) == (
+        motion.id,
+        motion.task,
+        motion.object_id,
+        motion.id,
+        motion.fps,
+    )
+    assert (
+        result.style == {"speed": 0.5}
+        and result.contact_names == motion.contact_names
+        and (result.contacts == motion.contacts).all()
+    )
     assert result.robot == "h1" and result.success
     result.save(tmp_path / "clip.npz")
     assert dict(RobotMotion.load(tmp_path / "clip.npz", "h1").measures) == pytest.approx(dict(result.measures))
-    again = pickle.loads(pickle.dumps(optimize))(Clip(motion, make_chair(0, 0), pickle.loads(pickle.dumps(H1))))  # as it travels to another process
+    again = pickle.loads(pickle.dumps(optimize))(
+        Clip(motion, make_chair(0, 0), pickle.loads(pickle.dumps(H1)))
+    )  # as it travels to another process
     assert (again.joint_pos == result.joint_pos).all() and (again.root_pos_w == result.root_pos_w).all()
 
 
@@ -272,7 +315,9 @@ def test_ground_puts_the_stance_sole_on_the_floor() -> None:
     assert ground(TREE.place(pose), bound, np.ones((6, 2), bool)) == pytest.approx(0.0442)
     assert ground(TREE.place(pose), bound, np.zeros((6, 2), bool)) == pytest.approx(0.0442)
     high = pose._replace(root_pos=pose.root_pos + [0, 0, 1.0])
-    assert ground(TREE.place(high), bound, np.zeros((6, 2), bool)) == 0.0  # lies on something: nothing tells where the floor is
+    assert (
+        ground(TREE.place(high), bound, np.zeros((6, 2), bool)) == 0.0
+    )  # lies on something: nothing tells where the floor is
 
 
 def test_stance_comes_from_labels_or_from_low_slow_ankles() -> None:

@@ -1,4 +1,6 @@
-"""The retargeting methods as a user meets them: the paper's tables, what every method promises, what is kept out and why, and the comparison."""
+"""The retargeting methods as a user meets them: the paper's tables, what every method promises, what is kept out and
+why, and the comparison.
+"""
 
 import json
 import subprocess
@@ -50,7 +52,11 @@ def reach(skeleton: Skeleton, frames: int = 12, obj: SceneObject | None = None) 
     quat = np.tile(rot.IDENTITY, (frames, len(skeleton.joint_names), 1))
     bent = np.outer(0.25 + 0.1 * t, [0.0, 1.0, 0.0])
     for leg in body.legs:
-        quat[:, leg.root], quat[:, leg.middle], quat[:, leg.end] = rot.from_rotvec(-bent), rot.from_rotvec(2 * bent), rot.from_rotvec(-bent)
+        quat[:, leg.root], quat[:, leg.middle], quat[:, leg.end] = (
+            rot.from_rotvec(-bent),
+            rot.from_rotvec(2 * bent),
+            rot.from_rotvec(-bent),
+        )
     for arm in body.arms:
         quat[:, arm.root], quat[:, arm.middle] = rot.from_rotvec(-2 * bent), rot.from_rotvec(-4 * bent)
     rest, _ = forward_kinematics(skeleton, np.zeros((frames, 3)), quat)
@@ -58,25 +64,88 @@ def reach(skeleton: Skeleton, frames: int = 12, obj: SceneObject | None = None) 
     root[:, 2] = body.sole - rest[:, body.legs[0].end, 2]
     obj = obj or make_box(0, 0)
     return HumanMotion(
-        f"reach-{skeleton.name}", "lift-box", skeleton, 30.0, root, quat, obj.id, FEET, np.ones((frames, 2), bool), {"speed": 0.5}, "synthetic",
-        np.tile([0.5, 0.1, 0.2], (frames, 1)), np.tile(rot.IDENTITY, (frames, 1)), np.array([[-1.1, 0.3, 1.0], [-1.1, -0.3, 1.0]]),
-    )  # fmt: skip
+        f"reach-{skeleton.name}",
+        "lift-box",
+        skeleton,
+        30.0,
+        root,
+        quat,
+        obj.id,
+        FEET,
+        np.ones((frames, 2), bool),
+        {"speed": 0.5},
+        "synthetic",
+        np.tile([0.5, 0.1, 0.2], (frames, 1)),
+        np.tile(rot.IDENTITY, (frames, 1)),
+        np.array([[-1.1, 0.3, 1.0], [-1.1, -0.3, 1.0]]),
+    )
 
 
 # --- the paper's tables, to the letter
 
 
 TABLES = {
-    "unihsi": (UNIHSI_H1, UNIHSI, {
-        (0, 0), (0, 11), (12, 1), (12, 2), (13, 4), (14, 5), (9, 6), (9, 7), (10, 9), (11, 10), (6, 13), (7, 15), (3, 17), (4, 19),
-    }),
-    "roam": (ROAM_H1, ROAM, {
-        (0, 0), (0, 11), (17, 1), (17, 2), (18, 4), (19, 5), (22, 6), (22, 7), (23, 9), (24, 10), (10, 12), (11, 15), (14, 16), (15, 19),
-    }),
-    "core4d": (CORE4D_H1, CORE4D, {
-        (0, 0), (0, 11), (1, 1), (1, 2), (4, 4), (7, 5), (2, 6), (2, 7), (5, 9), (8, 10), (16, 12), (18, 15), (17, 16), (19, 19),
-    }),
-}  # fmt: skip
+    "unihsi": (
+        UNIHSI_H1,
+        UNIHSI,
+        {
+            (0, 0),
+            (0, 11),
+            (12, 1),
+            (12, 2),
+            (13, 4),
+            (14, 5),
+            (9, 6),
+            (9, 7),
+            (10, 9),
+            (11, 10),
+            (6, 13),
+            (7, 15),
+            (3, 17),
+            (4, 19),
+        },
+    ),
+    "roam": (
+        ROAM_H1,
+        ROAM,
+        {
+            (0, 0),
+            (0, 11),
+            (17, 1),
+            (17, 2),
+            (18, 4),
+            (19, 5),
+            (22, 6),
+            (22, 7),
+            (23, 9),
+            (24, 10),
+            (10, 12),
+            (11, 15),
+            (14, 16),
+            (15, 19),
+        },
+    ),
+    "core4d": (
+        CORE4D_H1,
+        CORE4D,
+        {
+            (0, 0),
+            (0, 11),
+            (1, 1),
+            (1, 2),
+            (4, 4),
+            (7, 5),
+            (2, 6),
+            (2, 7),
+            (5, 9),
+            (8, 10),
+            (16, 12),
+            (18, 15),
+            (17, 16),
+            (19, 19),
+        },
+    ),
+}
 """(human joint, H1 joint) by index, as in the appendix's three tables."""
 
 
@@ -108,7 +177,13 @@ def test_aligned_skeleton_has_the_robots_limbs(skeleton: Skeleton) -> None:
         shoulder = at[f"{side}_shoulder_{'roll' if skeleton is UNIHSI else 'pitch'}_link"]
         wrist = H1.keypoint_pos(f"{side}_wrist", pos, quat)
         elbow, knee = at[f"{side}_elbow_link"], at[f"{side}_knee_link"]
-        for joint, place in ((leg.root, hip), (leg.middle, knee), (arm.root, shoulder), (arm.middle, elbow), (arm.end, wrist)):
+        for joint, place in (
+            (leg.root, hip),
+            (leg.middle, knee),
+            (arm.root, shoulder),
+            (arm.middle, elbow),
+            (arm.end, wrist),
+        ):
             assert rest[joint] == pytest.approx(place, abs=1e-9)
 
 
@@ -122,14 +197,26 @@ def test_every_method_keeps_its_contract(name: str, skeleton: Skeleton) -> None:
     motion = reach(skeleton, obj=box)
     for preset in method.presets:
         result = method.retarget(Clip(motion, box, H1), preset)
-        assert (result.id, result.reference_id, result.task, result.object_id) == (motion.id, motion.id, motion.task, box.id)
-        assert (result.fps, result.frames, result.robot, result.style) == (motion.fps, motion.frames, "h1", motion.style)
+        assert (result.id, result.reference_id, result.task, result.object_id) == (
+            motion.id,
+            motion.id,
+            motion.task,
+            box.id,
+        )
+        assert (result.fps, result.frames, result.robot, result.style) == (
+            motion.fps,
+            motion.frames,
+            "h1",
+            motion.style,
+        )
         assert result.contact_names == motion.contact_names and (result.contacts == motion.contacts).all()
         assert (result.wrist_goal_w == motion.wrist_goal_w).all() and (result.object_pos_w == motion.object_pos_w).all()
         assert (result.object_quat_w == motion.object_quat_w).all()
         stored = result.joint_pos.astype(np.float32).astype(float)
         assert (stored >= H1.joint_range[:, 0]).all() and (stored <= H1.joint_range[:, 1]).all()
-        assert set(MEASURES) <= set(result.measures) and not unsolved({**result.measures, "goal_error": 0.0}, method.limits)
+        assert set(MEASURES) <= set(result.measures) and not unsolved(
+            {**result.measures, "goal_error": 0.0}, method.limits
+        )
         again = method.retarget(Clip(motion, box, load_robot("h1")), preset)
         assert (again.joint_pos == result.joint_pos).all() and (again.root_pos_w == result.root_pos_w).all()
         assert dict(again.measures) == dict(result.measures)
@@ -137,13 +224,21 @@ def test_every_method_keeps_its_contract(name: str, skeleton: Skeleton) -> None:
 
 @pytest.mark.parametrize("skeleton", SKELETONS, ids=lambda skeleton: skeleton.name)
 def test_recovers_what_the_robot_itself_did(skeleton: Skeleton) -> None:
-    """From the places and orientations of the links of the skeleton's table alone, at other joint angles to start with."""
+    """From the places and orientations of the links of the skeleton's table alone, at other joint angles to start
+    with.
+    """
     motion, t = reach(skeleton, 10), np.linspace(0, 1, 10)[:, None]
     bound, limits = bind(find_mapping(skeleton.name, "h1"), skeleton, H1, "paper"), H1.joint_range
     middle = limits.mean(1)
-    truth = Pose(np.hstack([t, 0.1 * t, 1 + 0 * t]), rot.from_rotvec(np.hstack([0.1 * t, 0.2 * t, t])), middle + 0.3 * np.sin(3 * t + np.arange(19)))
+    truth = Pose(
+        np.hstack([t, 0.1 * t, 1 + 0 * t]),
+        rot.from_rotvec(np.hstack([0.1 * t, 0.2 * t, t])),
+        middle + 0.3 * np.sin(3 * t + np.arange(19)),
+    )
     links = TREE.place(truth)
-    problem = opt.make_problem(bound, TREE, limits, *motion.forward_kinematics(), motion.fps, replace(PAPER, acceleration=1e-9), True)
+    problem = opt.make_problem(
+        bound, TREE, limits, *motion.forward_kinematics(), motion.fps, replace(PAPER, acceleration=1e-9), True
+    )
     points = links.pos[:, problem.point_links] + rot.rotate(links.quat[:, problem.point_links], problem.point_offsets)
     problem = replace(problem, point_targets=points, turn_targets=links.quat[:, problem.turn_links])
     found, _ = solve(problem, truth._replace(joints=np.tile(middle, (10, 1))), 80, 1e-10)
@@ -156,10 +251,18 @@ def test_wrist_and_pelvis_errors_are_distances_to_the_human() -> None:
     result = METHODS["copy-rotation"].retarget(Clip(motion, make_box(0, 0), H1), "paper")
     pos, quat = H1.forward_kinematics(result.root_pos_w, result.root_quat_w, result.joint_pos)
     human, _ = motion.forward_kinematics()
-    wrists = [H1.keypoint_pos(f"{side}_wrist", pos, quat) - human[:, UNIHSI.index(f"{side}_hand")] for side in ("left", "right")]
+    wrists = [
+        H1.keypoint_pos(f"{side}_wrist", pos, quat) - human[:, UNIHSI.index(f"{side}_hand")]
+        for side in ("left", "right")
+    ]
     assert result.measures["wrist_error"] == pytest.approx(np.linalg.norm(wrists, axis=-1).mean())
-    assert result.measures["pelvis_error"] == pytest.approx(np.linalg.norm(result.root_pos_w - human[:, 0], axis=-1).mean())
-    goals = [H1.keypoint_pos(f"{side}_wrist", pos, quat) - goal for side, goal in zip(("left", "right"), motion.wrist_goal_w, strict=True)]
+    assert result.measures["pelvis_error"] == pytest.approx(
+        np.linalg.norm(result.root_pos_w - human[:, 0], axis=-1).mean()
+    )
+    goals = [
+        H1.keypoint_pos(f"{side}_wrist", pos, quat) - goal
+        for side, goal in zip(("left", "right"), motion.wrist_goal_w, strict=True)
+    ]
     assert result.measures["goal_error"] == pytest.approx(np.linalg.norm(goals, axis=-1).max(0).min())
 
 
@@ -193,9 +296,14 @@ def test_gradient_without_the_matrix_is_the_models() -> None:
 def test_bench_tells_speeds_losses_and_ratios() -> None:
     box = make_box(0, 0)
     clips = {"lift-box": [Clip(reach(UNIHSI, 8), box, H1)]}
-    found = json.loads(json.dumps(bench_retargeting(clips, {"lift-box": 1e5}, RetargetBenchConfig(3, 8, 1), lambda line: None)))
+    found = json.loads(
+        json.dumps(bench_retargeting(clips, {"lift-box": 1e5}, RetargetBenchConfig(3, 8, 1), lambda line: None))
+    )
     assert set(found["frames_per_second"]) == set(METHODS) == set(found["two_core_hours"])
-    assert all(speed["lift-box"] > 0 and speed["all"] == pytest.approx(speed["lift-box"]) for speed in found["frames_per_second"].values())
+    assert all(
+        speed["lift-box"] > 0 and speed["all"] == pytest.approx(speed["lift-box"])
+        for speed in found["frames_per_second"].values()
+    )
     assert found["adam"]["solver_loss"] <= found["adam"]["loss"] and found["ratios"]["solver_over_adam"] > 0
     assert ("left_out" in found["mink"]) or found["ratios"]["solver_over_mink"] > 0
 
@@ -229,12 +337,27 @@ def test_verdict_by_hand() -> None:
     assert unsolved(good, Limits()) == [] == unsolved({**good, "depth": 0.2, "velocity_ratio": 1.0}, Limits())
     assert unsolved({**good, "depth": 0.2}, PROMISED) == ["depth"]
     assert unsolved({**good, "goal_error": 0.11, "position_error": 0.3}, Limits()) == ["position_error", "goal_error"]
-    assert unsolved({**good, "skate": float("nan")}, Limits()) == ["not_finite"] == unsolved({**good, "skate": float("inf")}, Limits())
-    cases = [({**good, "contact_kept": 1.0}, True), ({**good, "contact_kept": 0.5}, False), ({**good, "contact_kept": 0.9, "velocity_ratio": 2.0}, True)]
+    assert (
+        unsolved({**good, "skate": float("nan")}, Limits())
+        == ["not_finite"]
+        == unsolved({**good, "skate": float("inf")}, Limits())
+    )
+    cases = [
+        ({**good, "contact_kept": 1.0}, True),
+        ({**good, "contact_kept": 0.5}, False),
+        ({**good, "contact_kept": 0.9, "velocity_ratio": 2.0}, True),
+    ]
     found = summary([outcome(measures, fulfilled, 10, Limits()) for measures, fulfilled in cases])
     assert (found.clips, found.frames, found.fulfilled, found.kept) == (3, 30, 2, 1)
-    assert found.rejected_for == {"K": 1, "velocity_ratio": 1} and found.k_rate == pytest.approx(2 / 3) and found.rate == pytest.approx(1 / 3)
-    assert found.measures["contact_kept"] == {"mean": pytest.approx(0.8), "worst": 0.5} and found.measures["velocity_ratio"]["worst"] == 2.0
+    assert (
+        found.rejected_for == {"K": 1, "velocity_ratio": 1}
+        and found.k_rate == pytest.approx(2 / 3)
+        and found.rate == pytest.approx(1 / 3)
+    )
+    assert (
+        found.measures["contact_kept"] == {"mean": pytest.approx(0.8), "worst": 0.5}
+        and found.measures["velocity_ratio"]["worst"] == 2.0
+    )
 
 
 def stage_of(folder: Path, motions: list[HumanMotion], obj: SceneObject) -> Stage:
@@ -257,7 +380,9 @@ def test_unreachable_goals_end_here(tmp_path: Path) -> None:
     near = replace(near, id="near", wrist_goal_w=pos[-1, [UNIHSI.index("left_hand"), UNIHSI.index("right_hand")]])
     stage = stage_of(tmp_path, [near, far], box)
     for _ in range(2):  # the second time everything is there already
-        made = make_retargeted(tmp_path / "retarget", stage, tmp_path / "objects", "lift-box", always, RetargetConfig(), 1, True)
+        made = make_retargeted(
+            tmp_path / "retarget", stage, tmp_path / "objects", "lift-box", always, RetargetConfig(), 1, True
+        )
         told = made.header["summary"]
         assert (told["clips"], told["fulfilled"], told["kept"], told["rejected_for"]) == (2, 2, 1, {"goal_error": 1})
         assert made.header["config"] == {"robot": "h1", "method": "optimization", "preset": "improved"}
@@ -269,18 +394,34 @@ def test_unreachable_goals_end_here(tmp_path: Path) -> None:
         (made.folder / "header.json").write_text(json.dumps({**header, "complete": False}))
     (tmp_path / "references" / "near.npz").unlink()
     with pytest.raises(BadMotion, match="goal_error 1"):
-        make_retargeted(tmp_path / "none", stage, tmp_path / "objects", "lift-box", always, RetargetConfig(method="copy-rotation"), 1, True)
+        make_retargeted(
+            tmp_path / "none",
+            stage,
+            tmp_path / "objects",
+            "lift-box",
+            always,
+            RetargetConfig(method="copy-rotation"),
+            1,
+            True,
+        )
 
 
 def test_bad_input_is_named(tmp_path: Path) -> None:
-    with pytest.raises(UnknownName, match=r"unknown retargeting method 'guess'; known are: copy-rotation, interaction, omnih2o, optimization"):
+    with pytest.raises(
+        UnknownName,
+        match=r"unknown retargeting method 'guess'; known are: copy-rotation, interaction, omnih2o, optimization",
+    ):
         get_method("guess")
     assert get_method("omnih2o").preset(None) == "paper" and get_method("interaction").preset(None) == "improved"
     with pytest.raises(MimicbenchError, match="omnih2o has no preset 'improved'"):
         get_method("omnih2o").preset("improved")
     box = make_box(0, 0)
     stage = stage_of(tmp_path, [], box)
-    made = lambda: make_retargeted(tmp_path / "retarget", stage, tmp_path / "objects", "lift-box", always, RetargetConfig(), 1, True)  # noqa: E731
+
+    def made():
+        folder, objects = tmp_path / "retarget", tmp_path / "objects"
+        return make_retargeted(folder, stage, objects, "lift-box", always, RetargetConfig(), 1, True)
+
     with pytest.raises(BadMotion, match="there are no clips"):
         made()
     with pytest.raises(BadMotion, match="has 0 frames"):
@@ -289,7 +430,10 @@ def test_bad_input_is_named(tmp_path: Path) -> None:
     path = stage.folder / "short.npz"
     motion.save(path)
     with np.load(path) as data:
-        arrays = {name: data[name][:0] if name in ("root_pos_w", "local_quat", "contacts") else data[name] for name in data.files}
+        arrays = {
+            name: data[name][:0] if name in ("root_pos_w", "local_quat", "contacts") else data[name]
+            for name in data.files
+        }
     np.savez(path, **arrays)
     with pytest.raises((BadMotion, BadFile), match=r"0 frames|short\.npz"):
         made()
@@ -303,7 +447,9 @@ def test_a_wild_clip_is_marked_and_not_passed_on(tmp_path: Path) -> None:
     wild = reach(UNIHSI, 6, box)
     wild = replace(wild, id="wild", root_pos_w=wild.root_pos_w + 1e30 * np.arange(6)[:, None])
     stage = stage_of(tmp_path, [reach(UNIHSI, 6, box), wild], box)
-    made = make_retargeted(tmp_path / "retarget", stage, tmp_path / "objects", "lift-box", always, RetargetConfig(), 1, True, first=5)
+    made = make_retargeted(
+        tmp_path / "retarget", stage, tmp_path / "objects", "lift-box", always, RetargetConfig(), 1, True, first=5
+    )
     told = made.header["summary"]
     assert not RobotMotion.load(made.folder / "wild.npz").success and told["rejected_for"] and told["kept"] < 2
     assert "Infinity" not in (made.folder / "header.json").read_text()
@@ -312,17 +458,37 @@ def test_a_wild_clip_is_marked_and_not_passed_on(tmp_path: Path) -> None:
 def test_command_line(tmp_path: Path) -> None:
     box = make_box(0, 0)
     held = reach(UNIHSI, 8, box)
-    stage = stage_of(tmp_path / "work" / "lift-box", [replace(held, wrist_goal_w=np.zeros((0, 3)), object_pos_w=held.object_pos_w + [0.0, 0.0, 5.0])], box)
+    stage = stage_of(
+        tmp_path / "work" / "lift-box",
+        [replace(held, wrist_goal_w=np.zeros((0, 3)), object_pos_w=held.object_pos_w + [0.0, 0.0, 5.0])],
+        box,
+    )
     objects = open_stage(tmp_path / "work" / "lift-box" / "objects", "objects", "lift-box", 0, {}).finish(count=1)
     assert objects.complete and stage.complete
 
     def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", "mimicbench.cli", "retarget", "--task", "lift-box", "--workers", "1", *arguments]
+        command = [
+            sys.executable,
+            "-m",
+            "mimicbench.cli",
+            "retarget",
+            "--task",
+            "lift-box",
+            "--workers",
+            "1",
+            *arguments,
+        ]
         return subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=120, check=False)
 
     wrong = run("--method", "guess")
-    assert wrong.returncode == 2 and "unknown retargeting method 'guess'" in wrong.stderr and not (tmp_path / "work" / "lift-box" / "retarget").exists()
-    beside = run("--method", "copy-rotation", "--preset", "paper", "--beside", "--json")  # the box is in the air, far from the hands
+    assert (
+        wrong.returncode == 2
+        and "unknown retargeting method 'guess'" in wrong.stderr
+        and not (tmp_path / "work" / "lift-box" / "retarget").exists()
+    )
+    beside = run(
+        "--method", "copy-rotation", "--preset", "paper", "--beside", "--json"
+    )  # the box is in the air, far from the hands
     assert beside.returncode == 2 and "none of 1 clips" in beside.stderr and "K 1" in beside.stderr
     assert (tmp_path / "work" / "lift-box" / "retarget-copy-rotation-paper" / f"{held.id}.npz").exists()
 
@@ -337,13 +503,23 @@ def test_comparison_by_hand(tmp_path: Path) -> None:
         told = {"clips": 4, "fulfilled": 3, "kept": 2, "measures": measures}
         return MethodResult("sit-chair", method, "paper", told, 1234.6)
 
-    found = Comparison((result("copy-rotation", 0.3, 0.1), result("omnih2o", 0.2, 0.2), result("optimization", 0.1, 0.05)))
-    assert found.ordering() == {"sit-chair": {"wrist": (True, True), "pelvis": (True, False), "position": (False, False), "k": (True, True)}}
+    found = Comparison(
+        (result("copy-rotation", 0.3, 0.1), result("omnih2o", 0.2, 0.2), result("optimization", 0.1, 0.05))
+    )
+    assert found.ordering() == {
+        "sit-chair": {"wrist": (True, True), "pelvis": (True, False), "position": (False, False), "k": (True, True)}
+    }
     places = found.tables()[0]
     assert [row[4] for row in places.rows] == [30.0, 20.0, 10.0] and places.rows[0][-1] == 1235
-    assert str(places.rows[0][2]).startswith("75.0 %") and [getattr(row[8], "percent", None) for row in places.rows] == [66, 83, 92]
+    assert str(places.rows[0][2]).startswith("75.0 %") and [
+        getattr(row[8], "percent", None) for row in places.rows
+    ] == [66, 83, 92]
     page = write_comparison(tmp_path, found, {"sit-chair": ("A chair.", np.zeros((8, 8, 3), np.uint8))}).read_text()
-    assert "Copy rotation" in page and "http" not in page.replace("http://www.w3.org", "") and (tmp_path / "retargeting-sit-chair.jpg").exists()
+    assert (
+        "Copy rotation" in page
+        and "http" not in page.replace("http://www.w3.org", "")
+        and (tmp_path / "retargeting-sit-chair.jpg").exists()
+    )
     assert "sit-chair" in (tmp_path / "retargeting-ordering.md").read_text()
     assert ("Wrists off", "cm", "1", "2") in measures_table("x", {"wrist_error": {"mean": 0.01, "worst": 0.02}}).rows
 
@@ -356,7 +532,12 @@ def test_interaction_mirrored_in_mirrored_out() -> None:
 
     chair = make_chair(0, 0)
     other = replace(chair, box_pos=chair.box_pos * [1, -1, 1], box_quat=chair.box_quat * [1, -1, 1, -1])
-    motion = replace(reach(UNIHSI, 10, chair), wrist_goal_w=np.zeros((0, 3)), object_pos_w=np.zeros((0, 3)), object_quat_w=np.zeros((0, 4)))
+    motion = replace(
+        reach(UNIHSI, 10, chair),
+        wrist_goal_w=np.zeros((0, 3)),
+        object_pos_w=np.zeros((0, 3)),
+        object_quat_w=np.zeros((0, 4)),
+    )
     body = body_of(UNIHSI)
     quat = motion.local_quat.copy()
     quat[:, body.arms[0].root] = rot.from_rotvec(np.array([0.3, -0.5, 0.1]))
@@ -369,7 +550,9 @@ def test_interaction_mirrored_in_mirrored_out() -> None:
         return f"{swap[side]}_{rest}" if side in swap else name
 
     order = [UNIHSI.index(twin(name)) for name in UNIHSI.joint_names]
-    mirrored = replace(motion, root_pos_w=motion.root_pos_w * [1, -1, 1], local_quat=motion.local_quat[:, order] * [1, -1, 1, -1])
+    mirrored = replace(
+        motion, root_pos_w=motion.root_pos_w * [1, -1, 1], local_quat=motion.local_quat[:, order] * [1, -1, 1, -1]
+    )
     config = InteractionConfig(iterations=60, tolerance=1e-8)
     straight, back = interact(Clip(motion, chair, H1), config), interact(Clip(mirrored, other, H1), config)
     columns = [H1.joint_names.index(twin(name)) for name in H1.joint_names]

@@ -11,8 +11,17 @@ from mimicbench.robots.description import load_robot
 from mimicbench.sim.scene import build_model
 
 H1 = load_robot("h1")
-LEG, ARM = ("hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle"), ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow")
-PARTS = (*(f"left_{part}" for part in LEG), *(f"right_{part}" for part in LEG), "torso", *(f"left_{part}" for part in ARM), *(f"right_{part}" for part in ARM))
+LEG, ARM = (
+    ("hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle"),
+    ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow"),
+)
+PARTS = (
+    *(f"left_{part}" for part in LEG),
+    *(f"right_{part}" for part in LEG),
+    "torso",
+    *(f"left_{part}" for part in ARM),
+    *(f"right_{part}" for part in ARM),
+)
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +52,9 @@ def test_the_model_is_the_description(model):
         np.testing.assert_allclose(body.ipos, H1.links[i].com, atol=1e-9)
         xx, yy, zz, xy, xz, yz = H1.links[i].inertia
         turn = rot.to_matrix(body.iquat)
-        np.testing.assert_allclose(turn @ np.diag(body.inertia) @ turn.T, [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], atol=1e-8)
+        np.testing.assert_allclose(
+            turn @ np.diag(body.inertia) @ turn.T, [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], atol=1e-8
+        )
     for joint in H1.joints:
         found, motor = model.joint(joint.name), model.actuator(joint.name)
         np.testing.assert_allclose(found.range, joint.range)
@@ -77,7 +88,9 @@ def test_limits():
     for side in ("left", "right"):
         np.testing.assert_allclose(limits[f"{side}_hip_pitch"], [-3.14, 2.53])
     torques = {joint.name: joint.torque_limit for joint in H1.joints}
-    assert torques["left_knee_joint"] == 300 and torques["right_ankle_joint"] == 40 and torques["left_elbow_joint"] == 18
+    assert (
+        torques["left_knee_joint"] == 300 and torques["right_ankle_joint"] == 40 and torques["left_elbow_joint"] == 18
+    )
     assert ((H1.joint_range[:, 0] <= H1.rest_pose) & (H1.joint_range[:, 1] >= H1.rest_pose)).all()
 
 
@@ -110,7 +123,9 @@ def test_it_can_sit(model):
     data.qpos[:26] = 0, 0, 0, 1, 0, 0, 0, *np.zeros(19)
     mujoco.mj_forward(model, data)
     lowest = min(
-        data.geom_xpos[g, 2] - np.abs(data.geom_xmat[g].reshape(3, 3)[2] @ [0, 0, model.geom_size[g, 1]]) - model.geom_size[g, 0]
+        data.geom_xpos[g, 2]
+        - np.abs(data.geom_xmat[g].reshape(3, 3)[2] @ [0, 0, model.geom_size[g, 1]])
+        - model.geom_size[g, 0]
         for g in range(model.ngeom)
         if model.geom_bodyid[g] == model.body("pelvis").id
     )
@@ -128,7 +143,10 @@ def test_standing_height():
 
 
 def test_elbow_link_ends_at_the_wrist():
-    assert H1.keypoints["left_wrist"] == (15, (0.28, 0.0, -0.015)) and H1.keypoints["right_wrist"] == (19, (0.28, 0.0, -0.015))
+    assert H1.keypoints["left_wrist"] == (15, (0.28, 0.0, -0.015)) and H1.keypoints["right_wrist"] == (
+        19,
+        (0.28, 0.0, -0.015),
+    )
 
 
 def test_arms_down():

@@ -11,7 +11,12 @@ from mimicbench.core import rotations as rot
 
 number = st.floats(-10, 10, allow_subnormal=False)
 vectors = st.tuples(number, number, number).map(np.array)
-quats = st.tuples(*[st.floats(-1, 1, allow_subnormal=False)] * 4).map(np.array).filter(lambda q: (q**2).sum() > 1e-3).map(rot.normalize)
+quats = (
+    st.tuples(*[st.floats(-1, 1, allow_subnormal=False)] * 4)
+    .map(np.array)
+    .filter(lambda q: (q**2).sum() > 1e-3)
+    .map(rot.normalize)
+)
 
 
 def scipy_rotation(q):
@@ -79,11 +84,20 @@ def test_numpy_and_torch_agree(qs, v, t):
     tensors = torch.tensor(a), torch.tensor(b)
     vs, ts = np.broadcast_to(v, (len(a), 3)).copy(), np.full(len(a), t)
     calls = {
-        "multiply": ((a, b), tensors), "conjugate": ((a,), tensors[:1]), "rotate": ((a, vs), (tensors[0], torch.tensor(vs))),
-        "rotate_inverse": ((a, vs), (tensors[0], torch.tensor(vs))), "from_rotvec": ((vs,), (torch.tensor(vs),)), "to_rotvec": ((a,), tensors[:1]),
-        "angle_between": ((a, b), tensors), "to_matrix": ((a,), tensors[:1]), "to_6d": ((a,), tensors[:1]), "yaw_of": ((a,), tensors[:1]),
-        "from_yaw": ((vs[:, 0],), (torch.tensor(vs[:, 0]),)), "slerp": ((a, b, ts), (*tensors, torch.tensor(ts))), "normalize": ((3 * a,), (3 * tensors[0],)),
-    }  # fmt: skip
+        "multiply": ((a, b), tensors),
+        "conjugate": ((a,), tensors[:1]),
+        "rotate": ((a, vs), (tensors[0], torch.tensor(vs))),
+        "rotate_inverse": ((a, vs), (tensors[0], torch.tensor(vs))),
+        "from_rotvec": ((vs,), (torch.tensor(vs),)),
+        "to_rotvec": ((a,), tensors[:1]),
+        "angle_between": ((a, b), tensors),
+        "to_matrix": ((a,), tensors[:1]),
+        "to_6d": ((a,), tensors[:1]),
+        "yaw_of": ((a,), tensors[:1]),
+        "from_yaw": ((vs[:, 0],), (torch.tensor(vs[:, 0]),)),
+        "slerp": ((a, b, ts), (*tensors, torch.tensor(ts))),
+        "normalize": ((3 * a,), (3 * tensors[0],)),
+    }
     for name, (arrays, theirs) in calls.items():
         ours, other = getattr(rot, name)(*arrays), getattr(rot, name)(*theirs)
         assert isinstance(other, torch.Tensor), name
@@ -93,7 +107,15 @@ def test_numpy_and_torch_agree(qs, v, t):
 def test_precision_is_kept():
     q = rot.normalize(np.array([[0.3, -0.5, 0.1, 0.8], [1, 0, 0, 0]], np.float32))
     v = np.ones((2, 3), np.float32)
-    for result in (rot.multiply(q, q), rot.rotate(q, v), rot.to_rotvec(q), rot.from_rotvec(v), rot.to_6d(q), rot.slerp(q, q, v[:, 0]), rot.from_yaw(v[:, 0])):
+    for result in (
+        rot.multiply(q, q),
+        rot.rotate(q, v),
+        rot.to_rotvec(q),
+        rot.from_rotvec(v),
+        rot.to_6d(q),
+        rot.slerp(q, q, v[:, 0]),
+        rot.from_yaw(v[:, 0]),
+    ):
         assert result.dtype == np.float32
     assert rot.to_rotvec(torch.tensor(q)).dtype == torch.float32
 
@@ -119,7 +141,9 @@ def test_angular_velocity_of_a_steady_turn():
     axis, rate, fps = np.array([0.0, 0.6, 0.8]), 1.5, 50.0
     quat = rot.from_rotvec(np.arange(20)[:, None] / fps * rate * axis)
     close(rot.angular_velocity(quat, fps), np.broadcast_to(rate * axis, (20, 3)), 1e-6)
-    close(rot.angular_velocity(-quat * (-1.0) ** np.arange(20)[:, None], fps), np.broadcast_to(rate * axis, (20, 3)), 1e-6)
+    close(
+        rot.angular_velocity(-quat * (-1.0) ** np.arange(20)[:, None], fps), np.broadcast_to(rate * axis, (20, 3)), 1e-6
+    )
 
 
 def test_resample_keeps_straight_lines_and_steady_turns():

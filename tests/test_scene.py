@@ -1,4 +1,6 @@
-"""Scenes: equal sizes whatever the object, the same bits at any number of threads, effort by hand, and broken physics flagged."""
+"""Scenes: equal sizes whatever the object, the same bits at any number of threads, effort by hand, and broken
+physics flagged.
+"""
 
 from dataclasses import replace
 
@@ -22,7 +24,10 @@ def test_rates():
 
 def test_all_scenes_have_the_same_sizes():
     names = ("nq", "nv", "nu", "nbody", "ngeom", "njnt", "nM", "nsensor")
-    sizes = {tuple(getattr(build_model(H1, obj), name) for name in names) for obj in (*(make_chair(i) for i in range(12)), block())}
+    sizes = {
+        tuple(getattr(build_model(H1, obj), name) for name in names)
+        for obj in (*(make_chair(i) for i in range(12)), block())
+    }
     assert len(sizes) == 1
     assert next(iter(sizes))[:3] == (26, 25, 19)
 
@@ -81,15 +86,23 @@ def test_a_standing_robot_rests_on_its_soles():
     for _ in range(10):
         physics.step(torch.tensor(joints)[None])
     links = physics.links()
-    soles = [H1.keypoint_pos(f"{side}_sole", links.pos_w.numpy(), links.quat_w.numpy())[0, 2] for side in ("left", "right")]
+    soles = [
+        H1.keypoint_pos(f"{side}_sole", links.pos_w.numpy(), links.quat_w.numpy())[0, 2] for side in ("left", "right")
+    ]
     assert np.abs(soles).max() < 0.02
 
 
 def test_link_velocities_are_the_derivatives_of_link_positions():
     physics = NativePhysics(H1, [block()], control="torque", workers=1)
     random = np.random.default_rng(1)
-    place(physics, [-1.5, 0, 3.0], np.array(H1.rest_pose), root_lin_vel_w=random.normal(size=(1, 3)), root_ang_vel_b=random.normal(size=(1, 3)),
-          joint_vel=random.normal(size=(1, 19)))  # fmt: skip
+    place(
+        physics,
+        [-1.5, 0, 3.0],
+        np.array(H1.rest_pose),
+        root_lin_vel_w=random.normal(size=(1, 3)),
+        root_ang_vel_b=random.normal(size=(1, 3)),
+        joint_vel=random.normal(size=(1, 19)),
+    )
     before = physics.links()
     qpos, qvel = physics.qpos()[0].copy(), physics.qvel()[0].copy()
     small = 1e-6
@@ -97,10 +110,14 @@ def test_link_velocities_are_the_derivatives_of_link_positions():
     pos, quat = H1.forward_kinematics(qpos[:3], qpos[3:7], qpos[7:])
     start_pos, start_quat = H1.forward_kinematics(*np.split(physics.qpos()[0], [3, 7]))
     np.testing.assert_allclose(before.lin_vel_w[0], (pos - start_pos) / small, atol=1e-4)
-    np.testing.assert_allclose(before.ang_vel_w[0], rot.to_rotvec(rot.multiply(quat, rot.conjugate(start_quat))) / small, atol=1e-4)
+    np.testing.assert_allclose(
+        before.ang_vel_w[0], rot.to_rotvec(rot.multiply(quat, rot.conjugate(start_quat))) / small, atol=1e-4
+    )
     state = physics.state()
     np.testing.assert_allclose(state.root_lin_vel_w[0], before.lin_vel_w[0, 0], atol=1e-5)
-    np.testing.assert_allclose(rot.rotate(state.root_quat_w, state.root_ang_vel_b)[0], before.ang_vel_w[0, 0], atol=1e-5)
+    np.testing.assert_allclose(
+        rot.rotate(state.root_quat_w, state.root_ang_vel_b)[0], before.ang_vel_w[0, 0], atol=1e-5
+    )
 
 
 def drive(workers):
@@ -123,7 +140,8 @@ def test_one_and_two_threads_give_the_same_bits():
 
 
 def test_effort_by_hand():
-    # appendix D.2 in free fall: e = sum of (mean torque * mean velocity)^2 over the joints, means over the four substeps
+    # appendix D.2 in free fall: e = sum of (mean torque * mean velocity)^2 over the joints, means over the four
+    # substeps
     physics = NativePhysics(H1, [block()], control="torque", workers=1)
     pos, joints = np.array([-2.0, 0, 5.0]), np.array(H1.rest_pose)
     place(physics, pos, joints)
@@ -151,7 +169,11 @@ def test_control_modes():
     ends = []
     gains = H1.gains["improved"]
     elbow = JOINT["left_elbow"]
-    for control, target in (("position", 0.05), ("velocity", 0.05 * gains.kp[elbow] / gains.kd[elbow]), ("torque", 0.05 * gains.kp[elbow])):
+    for control, target in (
+        ("position", 0.05),
+        ("velocity", 0.05 * gains.kp[elbow] / gains.kd[elbow]),
+        ("torque", 0.05 * gains.kp[elbow]),
+    ):
         physics = NativePhysics(H1, [block()], control=control, workers=1)
         place(physics, np.array([-2.0, 0, 5.0]), np.zeros(19))
         command = torch.zeros(1, 19)

@@ -91,8 +91,13 @@ def test_the_robots_own_body_is_not_in_its_map():
 
 
 def test_what_is_behind_the_back_of_a_chair_is_hidden_from_cameras_only():
-    wall = replace(block(), box_pos=np.array([[-0.3, 0, 0.6], [0.1, 0, 0.1]]), box_half=np.array([[0.02, 0.8, 0.6], [0.1, 0.1, 0.1]]),
-                   box_quat=np.tile(rot.IDENTITY, (2, 1)), box_rgb=np.ones((2, 3)))  # fmt: skip
+    wall = replace(
+        block(),
+        box_pos=np.array([[-0.3, 0, 0.6], [0.1, 0, 0.1]]),
+        box_half=np.array([[0.02, 0.8, 0.6], [0.1, 0.1, 0.1]]),
+        box_quat=np.tile(rot.IDENTITY, (2, 1)),
+        box_rgb=np.ones((2, 3)),
+    )
     physics, height = scene(wall, [(-1.2, 0.0, 0.0)])
     box = abs(down_map(physics)[0] - (0.2 - height)) < 1e-3
     assert box.sum() >= 16 and not (camera_map(physics)[0][box] > -height + 0.01).any()
@@ -114,7 +119,9 @@ def test_maps_without_a_simulator_agree():
         seen = camera_map(physics)
         raised = (seen > seen.amin() + 0.01).sum()
         assert (abs(quick - seen) > 1e-3).sum() < 0.03 * raised
-        quick = CameraMaps(chairs, 120, 160, rig=HEAD_RIG, cell=0.02).sample(torch.full((3,), i), state.root_pos_w, state.root_quat_w)
+        quick = CameraMaps(chairs, 120, 160, rig=HEAD_RIG, cell=0.02).sample(
+            torch.full((3,), i), state.root_pos_w, state.root_quat_w
+        )
         seen = camera_map(physics, None, 120, 160, HEAD_RIG, 0.02)
         assert (abs(quick - seen) > 1e-3).sum() <= 0.03 * (seen > seen.amin() + 0.01).sum()
 
@@ -130,11 +137,18 @@ def rendered_map(physics, env, rig, cell, height, width):
     return map_from_depth(depth[None], qpos[None, :3], qpos[None, 3:7], rig, cell)[0]
 
 
-@pytest.mark.parametrize(("rig", "cell", "height", "width"), [(PELVIS_RIG, 0.04, 90, 120), (HEAD_RIG, 0.01, 180, 240), (HEAD_RIG, 0.04, 90, 120)])
+@pytest.mark.parametrize(
+    ("rig", "cell", "height", "width"),
+    [(PELVIS_RIG, 0.04, 90, 120), (HEAD_RIG, 0.01, 180, 240), (HEAD_RIG, 0.04, 90, 120)],
+)
 def test_rendered_depth_and_rays_make_the_same_map(rig, cell, height, width):
     """Of the cells that either raises above the floor, 99 % are within 1 cm; of all cells, 99.99 %."""
     within, raised = [], []
-    for chair, pose in ((make_chair(0), (-0.7, 0.1, 0.1)), (make_chair(4), (0.5, 0.5, -2.2)), (block(), (0.6, 0.1, 3.0))):
+    for chair, pose in (
+        (make_chair(0), (-0.7, 0.1, 0.1)),
+        (make_chair(4), (0.5, 0.5, -2.2)),
+        (block(), (0.6, 0.1, 3.0)),
+    ):
         physics, height_w = scene(chair, [pose])
         lean = rot.multiply(rot.from_yaw(np.array([pose[2]])), rot.from_rotvec(np.array([[0.05, 0.15, 0.0]])))
         physics.reset(np.arange(1), np.array([[*pose[:2], height_w]]), lean, np.array([H1.rest_pose]))
@@ -176,12 +190,16 @@ def test_maps_of_touch_points_are_finer():
     assert expected.sum() == 1200
     np.testing.assert_allclose(found, np.where(expected, 1.2 - height, -height), atol=1e-5)
     seen = camera_map(physics, None, 360, 480, HEAD_RIG, 0.01)[0].numpy()
-    assert (abs(seen[expected] - (1.2 - height)) < 1e-3).mean() > 0.95 and (seen[~expected] < -height + 1e-3).mean() > 0.99
+    assert (abs(seen[expected] - (1.2 - height)) < 1e-3).mean() > 0.95 and (
+        seen[~expected] < -height + 1e-3
+    ).mean() > 0.99
 
 
 def test_fine_maps_are_made_from_the_papers_pictures():
     physics, _ = scene(block(), [(-0.5, 0.0, 0.0)])
-    assert torch.equal(camera_map(physics, rig=HEAD_RIG, cell=0.01), camera_map(physics, None, 360, 480, HEAD_RIG, 0.01))
+    assert torch.equal(
+        camera_map(physics, rig=HEAD_RIG, cell=0.01), camera_map(physics, None, 360, 480, HEAD_RIG, 0.01)
+    )
     assert torch.equal(camera_map(physics), camera_map(physics, None, 90, 120))
 
 
@@ -235,13 +253,22 @@ def test_a_rendered_map_turns_with_the_robot():
 
 def test_bench_measures_every_maker():
     figures = bench_senses(H1, [block()], seconds=0.01)
-    assert {"map_down_ms", "map_cameras_ms", "map_cameras_near_ms"} <= set(figures) and all(value > 0 for value in figures.values())
+    assert {"map_down_ms", "map_cameras_ms", "map_cameras_near_ms"} <= set(figures) and all(
+        value > 0 for value in figures.values()
+    )
 
 
 def test_proprioception():
     physics, height = scene(block(), [(-1.2, 0.4, 0.7)])
-    physics.reset(np.arange(1), np.array([[-1.2, 0.4, height]]), rot.from_yaw(np.array([0.7])), np.array([H1.rest_pose]), np.array([[0.0, 1.0, 0.2]]),
-                  np.array([[0.1, 0.2, 0.3]]), np.full((1, 19), 0.5))  # fmt: skip
+    physics.reset(
+        np.arange(1),
+        np.array([[-1.2, 0.4, height]]),
+        rot.from_yaw(np.array([0.7])),
+        np.array([H1.rest_pose]),
+        np.array([[0.0, 1.0, 0.2]]),
+        np.array([[0.1, 0.2, 0.3]]),
+        np.full((1, 19), 0.5),
+    )
     state, links = physics.state(), physics.links()
     body = body_state(state)[0]
     assert body.shape == (48,)
@@ -270,10 +297,22 @@ def walk(t):
     t = torch.as_tensor(t, dtype=torch.float32)[None]
     yaw, speed = 1.0 + 1.5 * t, 0.4 + 0.05 * t
     heading = torch.stack([torch.cos(yaw), torch.sin(yaw)], -1)
-    integral = torch.stack([speed * torch.sin(yaw) / 1.5 + 0.05 * torch.cos(yaw) / 2.25, -speed * torch.cos(yaw) / 1.5 + 0.05 * torch.sin(yaw) / 2.25], -1)
+    integral = torch.stack(
+        [
+            speed * torch.sin(yaw) / 1.5 + 0.05 * torch.cos(yaw) / 2.25,
+            -speed * torch.cos(yaw) / 1.5 + 0.05 * torch.sin(yaw) / 2.25,
+        ],
+        -1,
+    )
     zero = torch.zeros(1, 1)
-    return RobotState(torch.cat([integral, zero + 1], -1), rot.from_yaw(yaw), torch.cat([speed[:, None] * heading, zero], -1), torch.zeros(1, 3),
-                      torch.zeros(1, 19), torch.zeros(1, 19))  # fmt: skip
+    return RobotState(
+        torch.cat([integral, zero + 1], -1),
+        rot.from_yaw(yaw),
+        torch.cat([speed[:, None] * heading, zero], -1),
+        torch.zeros(1, 3),
+        torch.zeros(1, 19),
+        torch.zeros(1, 19),
+    )
 
 
 def test_odometry_is_the_truth_on_a_known_path():
@@ -320,19 +359,37 @@ class Recorder:
 
     def act(self, senses):
         numbers = [value for name, value in vars(senses).items() if name != "elevation"]
-        self.seen.append([part.numpy().copy() for part in (*numbers, senses.root_height, senses.elevation(torch.arange(len(senses.time))))])
+        self.seen.append(
+            [
+                part.numpy().copy()
+                for part in (*numbers, senses.root_height, senses.elevation(torch.arange(len(senses.time))))
+            ]
+        )
         return self.target
 
 
 @pytest.mark.parametrize("eyes", ["cameras", "rays"])
 def test_no_label_reaches_a_policy(eyes):
-    """At evaluation a policy senses the same wherever the chair says that its seat is, and something else when its shape moves."""
+    """At evaluation a policy senses the same wherever the chair says that its seat is, and something else when its
+    shape moves.
+    """
     chairs = [make_chair(0), make_chair(7)]
     pos, joints = standing()
     starts = [
-        RobotMotion(f"start-{i}", "sit-chair", "h1", H1.joint_names, 50.0, np.tile(pos + [0, 0.2 * i, 0], (3, 1)), np.tile(rot.IDENTITY, (3, 1)),
-                    np.tile(joints, (3, 1)), chair.id, f"start-{i}") for i, chair in enumerate(chairs)
-    ]  # fmt: skip
+        RobotMotion(
+            f"start-{i}",
+            "sit-chair",
+            "h1",
+            H1.joint_names,
+            50.0,
+            np.tile(pos + [0, 0.2 * i, 0], (3, 1)),
+            np.tile(rot.IDENTITY, (3, 1)),
+            np.tile(joints, (3, 1)),
+            chair.id,
+            f"start-{i}",
+        )
+        for i, chair in enumerate(chairs)
+    ]
     task = replace(SIT_CHAIR, time_limit=0.1)
 
     def sensed(objects):
@@ -342,7 +399,12 @@ def test_no_label_reaches_a_policy(eyes):
         return policy.seen
 
     honest = sensed(chairs)
-    moved_labels = [replace(c, seat_height=c.seat_height + 0.2, seat_polygon=c.seat_polygon + 0.5, kind="sofa", family="sofa", mass=3.0) for c in chairs]
+    moved_labels = [
+        replace(
+            c, seat_height=c.seat_height + 0.2, seat_polygon=c.seat_polygon + 0.5, kind="sofa", family="sofa", mass=3.0
+        )
+        for c in chairs
+    ]
     for step, (told, lied) in enumerate(zip(honest, sensed(moved_labels), strict=True)):
         for one, other in zip(told, lied, strict=True):
             np.testing.assert_array_equal(one, other, err_msg=f"step {step}")

@@ -1,4 +1,6 @@
-"""Sitting down on sofas, and the styles of sitting that chairs share: supports that are touched, a drop, a back that is leaned against."""
+"""Sitting down on sofas, and the styles of sitting that chairs share: supports that are touched, a drop, a back that
+is leaned against.
+"""
 
 from dataclasses import replace
 
@@ -39,7 +41,9 @@ def sofa(arms: bool = True, back: bool = True) -> SceneObject:
     pos, half = np.array([box[0] for box in boxes]), np.array([box[1] for box in boxes])
     outline = np.array([[0.25, -0.35], [0.25, 0.35], [-0.25, 0.35], [-0.25, -0.35]])
     quat = np.tile([1.0, 0, 0, 0], (len(boxes), 1))
-    return SceneObject("sofa-by-hand", "sofa", "three-seater", pos, quat, half, np.full((len(boxes), 3), 0.5), 0.42, outline)
+    return SceneObject(
+        "sofa-by-hand", "sofa", "three-seater", pos, quat, half, np.full((len(boxes), 3), 0.5), 0.42, outline
+    )
 
 
 def sit(obj: SceneObject, **style: float) -> HumanMotion:
@@ -148,7 +152,11 @@ def test_who_drops_is_faster_at_the_end():
 def test_who_leans_back_bears_on_the_back():
     motion = sit(sofa(), against=1.0, lean_back=0.3)
     body, (pos, quat) = body_of(motion.skeleton), motion.forward_kinematics()
-    assert motion.style["against"] == 1.0 and label(motion, "back")[-1] and not label(motion, "back")[label(motion, "pelvis").argmax()]
+    assert (
+        motion.style["against"] == 1.0
+        and label(motion, "back")[-1]
+        and not label(motion, "back")[label(motion, "pelvis").argmax()]
+    )
     assert motion.root_pos_w[-1, 0] < sit(sofa()).root_pos_w[-1, 0] - 0.02
     trunk = next(part for part in body.parts if part.role == "trunk")
     axis = pos[-1, trunk.joint] + rot.rotate(quat[-1, trunk.joint], np.linspace(trunk.start, trunk.end, 5))

@@ -12,7 +12,13 @@ from furniture_checks import ball_at_rest, check_plane, check_stands_in_one_piec
 from mimicbench.core.errors import BadObject
 from mimicbench.objects.families.joinery import GROOVE
 from mimicbench.objects.families.sofas import COUCHES, SOFAS, make_couch, make_sofa
-from mimicbench.objects.families.upholstery import MIN_BETWEEN_ARMS, MIN_LYING_DEPTH, MIN_SEAT_DEPTH, SofaShape, build_sofa
+from mimicbench.objects.families.upholstery import (
+    MIN_BETWEEN_ARMS,
+    MIN_LYING_DEPTH,
+    MIN_SEAT_DEPTH,
+    SofaShape,
+    build_sofa,
+)
 from mimicbench.objects.registry import make_object
 from mimicbench.objects.shape import SceneObject
 
@@ -31,7 +37,10 @@ def couches():
 
 def test_sizes_are_those_of_the_papers_table(sofas, couches):
     # the table's length is the long side, y; its width is x
-    for objects, mean, deviation in ((sofas, [1.311, 0.630, 0.573], [0.211, 0.217, 0.218]), (couches, [1.912, 0.867, 0.785], [0.283, 0.252, 0.257])):
+    for objects, mean, deviation in (
+        (sofas, [1.311, 0.630, 0.573], [0.211, 0.217, 0.218]),
+        (couches, [1.912, 0.867, 0.785], [0.283, 0.252, 0.257]),
+    ):
         size = sizes(objects)[:, [1, 0, 2]]
         assert np.abs(size.mean(0) / mean - 1).max() < 0.03
         assert np.abs(size.std(0) / deviation - 1).max() < 0.05

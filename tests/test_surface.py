@@ -12,7 +12,15 @@ from mimicbench.objects.surface import signed_distance
 
 
 def cube(yaw: float = 0.0) -> SceneObject:
-    return SceneObject("cube", "box", "box", np.array([[0, 0, 0.5]]), rot.from_yaw(np.array([yaw])), np.array([[0.2, 0.3, 0.5]]), np.ones((1, 3)))
+    return SceneObject(
+        "cube",
+        "box",
+        "box",
+        np.array([[0, 0, 0.5]]),
+        rot.from_yaw(np.array([yaw])),
+        np.array([[0.2, 0.3, 0.5]]),
+        np.ones((1, 3)),
+    )
 
 
 def test_by_hand() -> None:
@@ -33,7 +41,9 @@ def test_normal_is_the_gradient_and_agrees_with_the_unsigned_distance(index: int
     assert np.maximum(distance, 0) == pytest.approx(chair.distance(points), abs=1e-9)
     assert np.linalg.norm(normal, axis=-1) == pytest.approx(1)
     moved, _ = signed_distance(chair, points + 1e-6 * normal)
-    assert (moved - distance) / 1e-6 == pytest.approx(1, abs=1e-3) or np.mean(np.abs((moved - distance) / 1e-6 - 1) < 1e-3) > 0.9
+    assert (moved - distance) / 1e-6 == pytest.approx(1, abs=1e-3) or np.mean(
+        np.abs((moved - distance) / 1e-6 - 1) < 1e-3
+    ) > 0.9
 
 
 def test_a_mattress_is_left_upwards() -> None:

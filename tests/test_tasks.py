@@ -32,12 +32,23 @@ H, EPS = 0.5, 1e-9
 def holds(x, y, z):
     """K's condition in one frame, with the pelvis at (x, y, z) and a stool of 0.5 m height and +-0.25 m."""
     points = np.array([[x, y, z]], float)
-    return bool(SIT_CHAIR.holds(BodyPoints(points, np.zeros((1, 2, 3)), np.zeros((1, 2, 3))), ObjectFacts.of([block(H)]))[0])
+    return bool(
+        SIT_CHAIR.holds(BodyPoints(points, np.zeros((1, 2, 3)), np.zeros((1, 2, 3))), ObjectFacts.of([block(H)]))[0]
+    )
 
 
 @pytest.mark.parametrize(
     ("z", "expected"),
-    [(H, True), (H - EPS, False), (H + 0.27, True), (H + 0.27 - EPS, True), (H + 0.27 + EPS, False), (H + 0.1, True), (0.0, False), (1.0, False)],
+    [
+        (H, True),
+        (H - EPS, False),
+        (H + 0.27, True),
+        (H + 0.27 - EPS, True),
+        (H + 0.27 + EPS, False),
+        (H + 0.1, True),
+        (0.0, False),
+        (1.0, False),
+    ],
 )
 def test_height_of_the_pelvis(z, expected):
     assert holds(0, 0, z) is expected
@@ -53,8 +64,17 @@ def test_footprint(edge, expected, z):
 def test_the_footprint_is_the_whole_chair_seen_from_above():
     # a back that leans out behind the seat belongs to the chair's interior (appendix D.1)
     seat = block(0.45)
-    leaning = SceneObject("c", "chair", "dining", np.array([[0, 0, 0.225], [-0.4, 0, 0.7]]), np.tile(rot.IDENTITY, (2, 1)),
-                          np.array([[0.25, 0.25, 0.225], [0.05, 0.1, 0.25]]), np.ones((2, 3)), 0.45, seat.seat_polygon)  # fmt: skip
+    leaning = SceneObject(
+        "c",
+        "chair",
+        "dining",
+        np.array([[0, 0, 0.225], [-0.4, 0, 0.7]]),
+        np.tile(rot.IDENTITY, (2, 1)),
+        np.array([[0.25, 0.25, 0.225], [0.05, 0.1, 0.25]]),
+        np.ones((2, 3)),
+        0.45,
+        seat.seat_polygon,
+    )
     facts = ObjectFacts.of([seat, leaning])
     assert facts.interior_xy(np.array([[-0.44, 0.2, 0.6]] * 2)).tolist() == [False, True]
 
@@ -88,7 +108,9 @@ def clip(seated_frames, fps=50.0, frames=40):
     (up, joints), (down, bent) = standing(), seated(0.42)
     sits = (np.arange(frames) >= 10) & (np.arange(frames) < 10 + seated_frames)
     pos, angles = np.where(sits[:, None], down, up), np.where(sits[:, None], bent, joints)
-    return RobotMotion("c", "sit-chair", "h1", H1.joint_names, fps, pos, np.tile(rot.IDENTITY, (frames, 1)), angles, "block", "c")
+    return RobotMotion(
+        "c", "sit-chair", "h1", H1.joint_names, fps, pos, np.tile(rot.IDENTITY, (frames, 1)), angles, "block", "c"
+    )
 
 
 def test_k_of_a_motion():
@@ -100,7 +122,9 @@ def test_k_of_a_motion():
 
 @pytest.mark.parametrize("fps", [30.0, 50.0])
 def test_learning_sees_little_of_the_rest(fps):
-    """K holds from the first seated frame, so it is fulfilled after the hold time, and the clip ends REST seconds later."""
+    """K holds from the first seated frame, so it is fulfilled after the hold time, and the clip ends REST seconds
+    later.
+    """
     motion = clip(190, fps, 200)
     cut = SIT_CHAIR.trimmed(motion, block(), H1)
     assert cut.frames == 10 + SIT_CHAIR.hold_frames(fps) + round(REST * fps)
@@ -130,12 +154,16 @@ def test_body_points():
 
 
 def show(judge, physics, postures, active=None):
-    """Let the judge see a made-up trace: in each frame, robots that sit where `postures` (N,) says so and stand elsewhere."""
+    """Let the judge see a made-up trace: in each frame, robots that sit where `postures` (N,) says so and stand
+    elsewhere.
+    """
     (up, joints), (down, bent) = standing(), seated(0.42)
     for sits in postures:
         sits = np.array(sits)[:, None]
         n = len(sits)
-        physics.reset(np.arange(n), np.where(sits, down, up), np.tile(rot.IDENTITY, (n, 1)), np.where(sits, bent, joints))
+        physics.reset(
+            np.arange(n), np.where(sits, down, up), np.tile(rot.IDENTITY, (n, 1)), np.where(sits, bent, joints)
+        )
         judge.see(physics, np.ones(n, bool) if active is None else active)
 
 
@@ -169,7 +197,12 @@ def test_judge_sees_falls():
     physics.reset(np.arange(3), np.array([[-1, 0, 1.0]] * 3), tilts, np.zeros((3, 19)))
     judge.see(physics, np.ones(3, bool))
     assert judge.fell.tolist() == [False, True, False], "a turn about the vertical is no fall"
-    physics.reset(np.arange(3), np.array([[-1, 0, 0.42 - 0.14], [-1, 0, 1], [-1, 0, 0.42 - 0.16]]), np.tile(rot.IDENTITY, (3, 1)), np.zeros((3, 19)))
+    physics.reset(
+        np.arange(3),
+        np.array([[-1, 0, 0.42 - 0.14], [-1, 0, 1], [-1, 0, 0.42 - 0.16]]),
+        np.tile(rot.IDENTITY, (3, 1)),
+        np.zeros((3, 19)),
+    )
     judge.see(physics, np.ones(3, bool))
     assert judge.fell.tolist() == [False, True, True]
 
@@ -226,7 +259,9 @@ def facts(height=0.5, half=0.25, goals=None):
 
 
 def test_sitting_on_a_sofa_is_judged_as_on_a_chair():
-    assert get_task("sit-sofa").holds is SIT_CHAIR.holds and get_task("sit-sofa").hold_time == SIT_CHAIR.hold_time == 0.3
+    assert (
+        get_task("sit-sofa").holds is SIT_CHAIR.holds and get_task("sit-sofa").hold_time == SIT_CHAIR.hold_time == 0.3
+    )
 
 
 @pytest.mark.parametrize("joint", range(3))
@@ -249,7 +284,13 @@ def test_lying_on_a_bed_needs_pelvis_and_both_ankles_on_it(joint, place, expecte
 
 @pytest.mark.parametrize(
     ("pelvis", "ankle", "expected"),
-    [(H, 0.25 + EPS, True), (H, 0.25, False), (H - EPS, 0.4, False), (H + 0.4 - EPS, 0.4, True), (H + 0.4 + EPS, 0.4, False)],
+    [
+        (H, 0.25 + EPS, True),
+        (H, 0.25, False),
+        (H - EPS, 0.4, False),
+        (H + 0.4 - EPS, 0.4, True),
+        (H + 0.4 + EPS, 0.4, False),
+    ],
 )
 def test_lying_on_a_sofa_needs_ankles_above_half_of_its_height(pelvis, ankle, expected):
     # the ankles may be anywhere seen from above, only not low
@@ -269,7 +310,10 @@ def test_touching_points_needs_both_wrists_within_a_tenth_of_a_meter(off, expect
     assert TOUCH_POINTS.hold_frames(50) == 50
 
 
-@pytest.mark.parametrize(("lift", "off", "expected"), [(0.2, 0.1 - EPS, True), (0.2 - EPS, 0.0, False), (0.5, 0.1 + EPS, False), (0.3, 0.05, True)])
+@pytest.mark.parametrize(
+    ("lift", "off", "expected"),
+    [(0.2, 0.1 - EPS, True), (0.2 - EPS, 0.0, False), (0.5, 0.1 + EPS, False), (0.3, 0.05, True)],
+)
 def test_lifting_a_box_needs_height_and_both_wrists_at_its_surface(lift, off, expected):
     # turned by a quarter and shifted: its sides are still 0.25 m from its middle
     scene = facts().moved(np.array([[0.1, 0.0, lift]]), rot.from_yaw(np.array([np.pi / 2])))
@@ -283,7 +327,9 @@ def test_lifting_a_box_is_judged_in_the_last_frame():
     physics = NativePhysics(H1, [box], workers=1)
     judge = Judge(LIFT_BOX, H1, [box], CONTROL_DT)
     pos, joints = standing()
-    hands = BodyPoints.of(H1, *H1.forward_kinematics(pos[None], rot.IDENTITY[None], joints[None])).wrist_pos_w[0].mean(0)
+    hands = (
+        BodyPoints.of(H1, *H1.forward_kinematics(pos[None], rot.IDENTITY[None], joints[None])).wrist_pos_w[0].mean(0)
+    )
     for height, expected in ((0.0, False), (0.3, True), (0.1, False)):
         place(physics, pos, joints)
         physics.qpos()[0, -7:-4] = [hands[0], hands[1], height]
@@ -298,7 +344,9 @@ def test_who_lies_has_not_fallen_where_lying_is_the_task():
     for task, fallen in ((LIE_BED, False), (SIT_CHAIR, True)):
         physics = NativePhysics(H1, [obj], workers=1)
         judge = Judge(task, H1, [obj], CONTROL_DT)
-        physics.reset(np.arange(1), np.array([[0, 0, 0.6]]), rot.from_rotvec(np.array([[0, -1.5, 0]])), np.zeros((1, 19)))
+        physics.reset(
+            np.arange(1), np.array([[0, 0, 0.6]]), rot.from_rotvec(np.array([[0, -1.5, 0]])), np.zeros((1, 19))
+        )
         judge.see(physics, np.ones(1, bool))
         assert judge.fell.tolist() == [fallen]
 
@@ -306,15 +354,29 @@ def test_who_lies_has_not_fallen_where_lying_is_the_task():
 def test_k_of_a_motion_that_moves_its_object():
     frames = 10
     pos, joints = standing()
-    hands = BodyPoints.of(H1, *H1.forward_kinematics(pos[None], rot.IDENTITY[None], joints[None])).wrist_pos_w[0].mean(0)
+    hands = (
+        BodyPoints.of(H1, *H1.forward_kinematics(pos[None], rot.IDENTITY[None], joints[None])).wrist_pos_w[0].mean(0)
+    )
     track = np.tile([hands[0], hands[1], 0.0], (frames, 1))
     still = np.tile(rot.IDENTITY, (frames, 1))
     box = block(0.8, 0.2, movable=True, mass=2.0)
 
     def lifted(heights):
         track[:, 2] = heights
-        return RobotMotion("c", "lift-box", "h1", H1.joint_names, 50.0, np.tile(pos, (frames, 1)), still, np.tile(joints, (frames, 1)), box.id, "c",
-                           object_pos_w=track.copy(), object_quat_w=still)  # fmt: skip
+        return RobotMotion(
+            "c",
+            "lift-box",
+            "h1",
+            H1.joint_names,
+            50.0,
+            np.tile(pos, (frames, 1)),
+            still,
+            np.tile(joints, (frames, 1)),
+            box.id,
+            "c",
+            object_pos_w=track.copy(),
+            object_quat_w=still,
+        )
 
     assert LIFT_BOX.fulfilled(lifted(np.linspace(0, 0.25, frames)), box, H1)
     assert not LIFT_BOX.fulfilled(lifted(np.linspace(0.25, 0, frames)), box, H1), "put down again"

@@ -22,13 +22,15 @@ from mimicbench.objects.touch import (
     stance_before,
     touch_pair,
     with_touch_points,
-)  # fmt: skip
+)
 
 
 def blocks(*sizes):
     """Boxes (center, half size), upright."""
     pos, half = np.array([size[0] for size in sizes], float), np.array([size[1] for size in sizes], float)
-    return SceneObject("blocks", "household", "block", pos, np.tile(rot.IDENTITY, (len(pos), 1)), half, np.full((len(pos), 3), 0.5))
+    return SceneObject(
+        "blocks", "household", "block", pos, np.tile(rot.IDENTITY, (len(pos), 1)), half, np.full((len(pos), 3), 0.5)
+    )
 
 
 CUBE = blocks(((0, 0, 0.3), (0.25, 0.2, 0.3)))
@@ -41,7 +43,15 @@ def test_distance_to_a_cube():
 
 
 def test_distance_to_turned_boxes_is_that_in_their_frames():
-    turned = SceneObject("x", "household", "x", np.zeros((1, 3)), rot.from_yaw(np.array([np.pi / 4])), np.array([[0.1, 0.2, 0.3]]), np.full((1, 3), 0.5))
+    turned = SceneObject(
+        "x",
+        "household",
+        "x",
+        np.zeros((1, 3)),
+        rot.from_yaw(np.array([np.pi / 4])),
+        np.array([[0.1, 0.2, 0.3]]),
+        np.full((1, 3), 0.5),
+    )
     np.testing.assert_allclose(box_distance(turned, np.array([[1.0, 1.0, 0.0]]) / np.sqrt(2)), [0.9])
     np.testing.assert_allclose(box_distance(turned, np.array([[-1.0, 1.0, 0.0]]) / np.sqrt(2)), [0.8])
 
@@ -105,7 +115,9 @@ def test_what_a_pair_promises(index):
     again = touch_pair(obj, np.random.default_rng(index))
     np.testing.assert_array_equal([left, right], again)
     assert np.abs(wrists - np.stack([left, right])).max((1, 2)).min() == 0
-    np.testing.assert_allclose(stance_before(obj, left, right), [obj.bounds()[1][0] + STAND_OFF, (left[1] + right[1]) / 2, np.pi], atol=0.07)
+    np.testing.assert_allclose(
+        stance_before(obj, left, right), [obj.bounds()[1][0] + STAND_OFF, (left[1] + right[1]) / 2, np.pi], atol=0.07
+    )
 
 
 def test_pairs_are_those_of_the_shape_whatever_its_name():

@@ -1,4 +1,6 @@
-"""Tracking: the reference's derivatives, sizes of what trackers see, rewards and endings by hand, and learning that can be taken up again."""
+"""Tracking: the reference's derivatives, sizes of what trackers see, rewards and endings by hand, and learning that
+can be taken up again.
+"""
 
 from dataclasses import replace
 
@@ -32,7 +34,10 @@ RATES = np.linspace(-0.4, 0.4, 19)
 
 
 def swing(name="swing", frames=41, fps=30.0):
-    """A motion with known derivatives: the root on a circle of 1 m at 0.5 rad/s, turning as it goes; joints swing about the rest pose."""
+    """A motion with known derivatives: the root on a circle of 1 m at 0.5 rad/s, turning as it goes.
+
+    Joints swing about the rest pose.
+    """
     t = np.arange(frames) / fps
     pos = np.stack([np.cos(0.5 * t) - 2.5, np.sin(0.5 * t), 1.0 + 0 * t], -1)
     joints = np.array(H1.rest_pose) + 0.05 * np.sin(t[:, None] * 2 + RATES)
@@ -44,8 +49,18 @@ def swing(name="swing", frames=41, fps=30.0):
 def still(posture, name, frames=40):
     """A motion that stays as it is."""
     pos, joints = posture
-    return RobotMotion(name, "sit-chair", "h1", H1.joint_names, 50.0, np.tile(pos, (frames, 1)), np.tile(rot.IDENTITY, (frames, 1)),
-                       np.tile(joints, (frames, 1)), STOOL.id, name)  # fmt: skip
+    return RobotMotion(
+        name,
+        "sit-chair",
+        "h1",
+        H1.joint_names,
+        50.0,
+        np.tile(pos, (frames, 1)),
+        np.tile(rot.IDENTITY, (frames, 1)),
+        np.tile(joints, (frames, 1)),
+        STOOL.id,
+        name,
+    )
 
 
 CLIPS = [still(standing(), "stands"), still(seated(0.42), "sits")]
@@ -72,11 +87,19 @@ def test_reference_against_the_analytic_motion():
     frame = bank.frame(torch.zeros(count, dtype=torch.long), torch.arange(count))
     t = np.arange(count) / 50
     inner = slice(1, -1)
-    np.testing.assert_allclose(frame.root_pos_w, np.stack([np.cos(0.5 * t) - 2.5, np.sin(0.5 * t), 1 + 0 * t], -1), atol=1e-5)
-    np.testing.assert_allclose(frame.root_lin_vel_w[:-1, :2], 0.5 * np.stack([-np.sin(0.5 * t), np.cos(0.5 * t)], -1)[:-1], atol=1e-3)
+    np.testing.assert_allclose(
+        frame.root_pos_w, np.stack([np.cos(0.5 * t) - 2.5, np.sin(0.5 * t), 1 + 0 * t], -1), atol=1e-5
+    )
+    np.testing.assert_allclose(
+        frame.root_lin_vel_w[:-1, :2], 0.5 * np.stack([-np.sin(0.5 * t), np.cos(0.5 * t)], -1)[:-1], atol=1e-3
+    )
     np.testing.assert_allclose(frame.root_ang_vel_w[inner], np.broadcast_to([0, 0, 0.5], (count - 2, 3)), atol=1e-3)
-    np.testing.assert_allclose(rot.angle_between(frame.root_quat_w.numpy(), rot.from_yaw(0.5 * t).astype(np.float32)), 0, atol=2e-3)
-    np.testing.assert_allclose(frame.joint_pos, np.array(H1.rest_pose) + 0.05 * np.sin(2 * t[:, None] + RATES), atol=1e-4)
+    np.testing.assert_allclose(
+        rot.angle_between(frame.root_quat_w.numpy(), rot.from_yaw(0.5 * t).astype(np.float32)), 0, atol=2e-3
+    )
+    np.testing.assert_allclose(
+        frame.joint_pos, np.array(H1.rest_pose) + 0.05 * np.sin(2 * t[:, None] + RATES), atol=1e-4
+    )
     np.testing.assert_allclose(frame.joint_vel[inner], 0.1 * np.cos(2 * t[:, None] + RATES)[inner], atol=3e-3)
 
 
@@ -102,9 +125,13 @@ def test_link_velocities_of_a_reference_are_derivatives():
     clip = torch.zeros(3, dtype=torch.long)
     links = hst.reference_links(H1, bank.frame(clip, torch.tensor([49, 50, 51])))
     np.testing.assert_allclose(links.lin_vel_w[1], (links.pos_w[2] - links.pos_w[0]) * 25, atol=5e-3)
-    np.testing.assert_allclose(links.ang_vel_w[1], rot.to_rotvec(rot.multiply(links.quat_w[2], rot.conjugate(links.quat_w[0]))) * 25, atol=5e-3)
+    np.testing.assert_allclose(
+        links.ang_vel_w[1], rot.to_rotvec(rot.multiply(links.quat_w[2], rot.conjugate(links.quat_w[0]))) * 25, atol=5e-3
+    )
     frame = bank.frame(clip, torch.tensor([49, 50, 51]))
-    pos, quat = H1.forward_kinematics(*(part.numpy().astype(float) for part in (frame.root_pos_w, frame.root_quat_w, frame.joint_pos)))
+    pos, quat = H1.forward_kinematics(
+        *(part.numpy().astype(float) for part in (frame.root_pos_w, frame.root_quat_w, frame.joint_pos))
+    )
     np.testing.assert_allclose(links.pos_w, pos, atol=1e-5)
     np.testing.assert_allclose(rot.angle_between(links.quat_w.numpy(), quat), 0, atol=2e-3)
 
@@ -123,7 +150,16 @@ def test_observations_do_not_know_where_the_world_is():
     yaw, shift = 1.1, np.array([3.0, -2.0, 0.0])
     turn = rot.from_yaw(np.array(yaw))
     motion = swing()
-    moved = ReferenceBank([replace(motion, root_pos_w=rot.rotate(turn, motion.root_pos_w) + shift, root_quat_w=rot.multiply(turn, motion.root_quat_w))], H1)
+    moved = ReferenceBank(
+        [
+            replace(
+                motion,
+                root_pos_w=rot.rotate(turn, motion.root_pos_w) + shift,
+                root_quat_w=rot.multiply(turn, motion.root_quat_w),
+            )
+        ],
+        H1,
+    )
     for kind in (residual.RESIDUAL, hst.HST_PAPER):
         np.testing.assert_allclose(kind.observe(moment_of(bank, 20)), kind.observe(moment_of(moved, 20)), atol=1e-3)
 
@@ -139,7 +175,13 @@ def test_at_its_next_frame_the_reference_is_nowhere_else():
 
 def no_change(moment, action=0.0, previous=0.0):
     ref = moment.reference(0)
-    return Step(torch.full((1, 19), action), torch.full((1, 19), previous), moment.state.joint_vel, ref.joint_vel, torch.zeros(1))
+    return Step(
+        torch.full((1, 19), action),
+        torch.full((1, 19), previous),
+        moment.state.joint_vel,
+        ref.joint_vel,
+        torch.zeros(1),
+    )
 
 
 def test_reward_of_perfect_tracking():
@@ -154,9 +196,21 @@ def test_reward_by_hand():
     bank = ReferenceBank([CLIPS[0]], H1)
     frame = bank.frame(torch.zeros(1, dtype=torch.long), torch.tensor([5]))
     off = state_of(frame)
-    off = replace(off, root_pos_w=off.root_pos_w + torch.tensor([0.3, 0, 0]), joint_pos=off.joint_pos + 0.1, root_lin_vel_w=torch.tensor([[0, 0.5, 0]]),
-                  root_quat_w=torch.tensor(rot.from_yaw(np.array([0.2])), dtype=torch.float32), joint_vel=torch.full((1, 19), 2.0))  # fmt: skip
-    expected = 0.35 * np.exp(-10 * 0.09) + 0.2 * np.exp(-5 * 0.04) + 0.25 * np.exp(-19 * 0.01) + 0.1 * np.exp(-2 * 0.25) + 0.1 * np.exp(-0.02 * 19 * 4)
+    off = replace(
+        off,
+        root_pos_w=off.root_pos_w + torch.tensor([0.3, 0, 0]),
+        joint_pos=off.joint_pos + 0.1,
+        root_lin_vel_w=torch.tensor([[0, 0.5, 0]]),
+        root_quat_w=torch.tensor(rot.from_yaw(np.array([0.2])), dtype=torch.float32),
+        joint_vel=torch.full((1, 19), 2.0),
+    )
+    expected = (
+        0.35 * np.exp(-10 * 0.09)
+        + 0.2 * np.exp(-5 * 0.04)
+        + 0.25 * np.exp(-19 * 0.01)
+        + 0.1 * np.exp(-2 * 0.25)
+        + 0.1 * np.exp(-0.02 * 19 * 4)
+    )
     moment = moment_of(bank, 5, off)
     assert residual.reward(moment, no_change(moment))[0] == pytest.approx(expected, abs=1e-5)
 
@@ -165,7 +219,9 @@ def test_papers_reward_penalizes_effort_and_height():
     bank = ReferenceBank([CLIPS[0]], H1)
     moment = moment_of(bank, 5)
     step = no_change(moment)
-    assert hst.reward(moment, step)[0] - hst.reward(moment, replace(step, effort=torch.tensor([1e6])))[0] == pytest.approx(1.0, abs=1e-4)
+    assert hst.reward(moment, step)[0] - hst.reward(moment, replace(step, effort=torch.tensor([1e6])))[
+        0
+    ] == pytest.approx(1.0, abs=1e-4)
     low = replace(moment.state, root_pos_w=moment.state.root_pos_w - torch.tensor([0, 0, 0.1]))
     fall = hst.reward(moment, step)[0] - hst.reward(moment_of(bank, 5, low), step)[0]
     assert fall == pytest.approx(100 * 0.01 + 5 * (1 - np.exp(-1.0)), abs=1e-3)
@@ -186,7 +242,12 @@ def test_when_an_episode_ends():
     shift = torch.tensor([[0.49, 0, 0], [0.51, 0, 0], [0, 0, -0.24], [0, 0, -0.26], [0, 0, 0.3], [0, 0, 0]])
     turn = torch.tensor(rot.from_yaw(np.array([0.99, 0, 0, 0, 0, 1.01])), dtype=torch.float32)
     state = replace(state_of(frame), root_pos_w=frame.root_pos_w + shift, root_quat_w=turn)
-    far, turned, dropped = deviations(state, frame.root_pos_w, frame.root_quat_w, TrackingConfig(max_pos_error=0.5, max_angle_error=1.0, max_drop=0.25))
+    far, turned, dropped = deviations(
+        state,
+        frame.root_pos_w,
+        frame.root_quat_w,
+        TrackingConfig(max_pos_error=0.5, max_angle_error=1.0, max_drop=0.25),
+    )
     assert far.tolist() == [False, True, False, False, False, False]
     assert turned.tolist() == [False, False, False, False, False, True]
     assert dropped.tolist() == [False, False, False, True, False, False]
@@ -206,7 +267,9 @@ def test_environment(preset):
         if preset == "improved" and step < length - 2:
             assert not done[sits].any() and (reward[sits] > 0.8).all(), "who sits stays seated"
         if step == length - 2:
-            assert time_out.any() and (done | ~time_out).all(), "a clip that is over ends an episode, and the learner is told"
+            assert time_out.any() and (done | ~time_out).all(), (
+                "a clip that is over ends an episode, and the learner is told"
+            )
     assert env.ended["clip over"] >= 1
 
 
@@ -216,11 +279,15 @@ def test_environment_ends_and_restarts_who_falls():
     _, _, done, time_out = env.step(torch.zeros(4, 19))
     assert done.tolist() == [False, True, False, False] and not time_out.any()
     assert env.ended["position"] == 1 and env.index[1] == 0 and env.index[0] == 1
-    assert (env.moment.state.root_pos_w[1] - env.moment.reference(0).root_pos_w[1]).norm() < 1e-5, "it starts again on its reference"
+    assert (env.moment.state.root_pos_w[1] - env.moment.reference(0).root_pos_w[1]).norm() < 1e-5, (
+        "it starts again on its reference"
+    )
 
 
 def run(seed, workers):
-    env = TrackingEnv(residual.RESIDUAL, H1, [swing(), *CLIPS], OBJECTS, 6, TrackingConfig(push_interval=0.1), seed, workers)
+    env = TrackingEnv(
+        residual.RESIDUAL, H1, [swing(), *CLIPS], OBJECTS, 6, TrackingConfig(push_interval=0.1), seed, workers
+    )
     total = []
     for _ in range(12):
         env.disturb()
@@ -299,7 +366,9 @@ def test_first_actions_leave_the_reference_alone():
 def test_training_end_to_end_and_again(tmp_path):
     config = TrackConfig(samples=3 * 8 * TINY.steps, num_envs=8, evaluate_clips=2, threads=1, ppo=TINY)
     rows = []
-    folder = train_tracker(tmp_path, H1, SIT_CHAIR, CLIPS, CLIPS[1:], OBJECTS, config, seed=0, workers=1, report=rows.append)
+    folder = train_tracker(
+        tmp_path, H1, SIT_CHAIR, CLIPS, CLIPS[1:], OBJECTS, config, seed=0, workers=1, report=rows.append
+    )
     assert rows[-1]["samples"] == config.samples and rows[-1]["iterations"] == 3
     assert rows[-1]["k_held_out"] == 1.0, "who is placed seated and left alone stays so"
     tracker = load_tracker(folder, H1)
@@ -318,7 +387,10 @@ def test_recorded_targets_stay_clean():
     for parameter in network.parameters():
         parameter.data.zero_()
     tracker = Tracker(residual.RESIDUAL, TrackerConfig("improved", 167, 19, (4,)), network)
-    calm, noisy = (track_clips(tracker, H1, SIT_CHAIR, CLIPS[1:], OBJECTS, 1, record=True, action_noise=noise, seed=1) for noise in (0.0, 0.05))
+    calm, noisy = (
+        track_clips(tracker, H1, SIT_CHAIR, CLIPS[1:], OBJECTS, 1, record=True, action_noise=noise, seed=1)
+        for noise in (0.0, 0.05)
+    )
     reference = torch.tensor(seated(0.42)[1], dtype=torch.float32)
     np.testing.assert_allclose(noisy.targets[0], np.tile(reference, (len(noisy.targets[0]), 1)), atol=1e-6)
     np.testing.assert_array_equal(calm.executed[0], calm.targets[0])

@@ -36,20 +36,26 @@ def made_up(seconds=8.0, fps=30):
     ease = np.clip((time - 4) / 1.5, 0, 1)
     hip = -np.pi / 2 * ease**2 * (3 - 2 * ease)
     thigh = 0.421546
-    root = np.stack([np.maximum(2 - 0.5 * time, 0) + thigh * np.sin(hip), 0.3 + 0 * time, 0.88 - thigh * (1 - np.cos(hip))], -1)
+    root = np.stack(
+        [np.maximum(2 - 0.5 * time, 0) + thigh * np.sin(hip), 0.3 + 0 * time, 0.88 - thigh * (1 - np.cos(hip))], -1
+    )
     quat = np.zeros((frames, 15, 4))
     quat[..., 0] = 1
     for upper, lower in (("left_thigh", "left_shin"), ("right_thigh", "right_shin")):
         quat[:, UNIHSI.index(upper)] = np.stack([np.cos(hip / 2), 0 * hip, np.sin(hip / 2), 0 * hip], -1)
         quat[:, UNIHSI.index(lower)] = np.stack([np.cos(hip / 2), 0 * hip, -np.sin(hip / 2), 0 * hip], -1)
     return {
-        "__name__": "SkeletonMotion", "is_local": True, "fps": fps,
-        "rotation": {"arr": quat[..., [1, 2, 3, 0]].astype(np.float32)}, "root_translation": {"arr": root.astype(np.float32)},
+        "__name__": "SkeletonMotion",
+        "is_local": True,
+        "fps": fps,
+        "rotation": {"arr": quat[..., [1, 2, 3, 0]].astype(np.float32)},
+        "root_translation": {"arr": root.astype(np.float32)},
         "skeleton_tree": {
-            "node_names": list(UNIHSI.joint_names), "parent_indices": {"arr": np.array(UNIHSI.parents)},
+            "node_names": list(UNIHSI.joint_names),
+            "parent_indices": {"arr": np.array(UNIHSI.parents)},
             "local_translation": {"arr": UNIHSI.offsets.astype(np.float32)},
         },
-    }  # fmt: skip
+    }
 
 
 def write(folder: Path, data, name="clip.npy") -> Path:
@@ -74,7 +80,12 @@ def test_a_made_up_recording_comes_out_as_it_went_in(tmp_path):
 
 def test_a_made_up_person_gets_a_chair(tmp_path):
     [(motion, chair)] = sitting_clips(import_skeleton_motion(write(tmp_path, made_up(), "made.npy")), "sit-chair")
-    assert (motion.id, motion.object_id, chair.id, motion.source) == ("real-made-0", "fitted-made-0", "fitted-made-0", "made")
+    assert (motion.id, motion.object_id, chair.id, motion.source) == (
+        "real-made-0",
+        "fitted-made-0",
+        "fitted-made-0",
+        "made",
+    )
     assert abs(chair.seat_height - (0.88 - 0.421546 + 0.0014 - unihsi_body().buttock)) < 2e-3
     origin, yaw, _ = seated_frame(motion, slice(motion.frames - 30, None))
     assert abs(origin[1]) < 1e-3 and abs(yaw) < 1e-3
@@ -150,7 +161,7 @@ def set_nan(array):
         (broken(is_local=None), "local"),
         (broken(global_velocity={"arr": np.full((240, 15, 3), 2.0)}), "stored velocities fit"),
     ],
-)  # fmt: skip
+)
 def test_each_fault_has_one_clear_sentence(tmp_path, data, says):
     with pytest.raises(BadMotion, match=says) as caught:
         import_skeleton_motion(write(tmp_path, data))
@@ -215,7 +226,9 @@ def test_mutated_files_are_read_or_refused(tmp_path):
 
 
 @real
-@pytest.mark.parametrize("path", sorted(CLIPS.glob("*.npy")) + [DATA / "ase" / "amp_humanoid_walk.npy"], ids=lambda path: path.stem[:20])
+@pytest.mark.parametrize(
+    "path", sorted(CLIPS.glob("*.npy")) + [DATA / "ase" / "amp_humanoid_walk.npy"], ids=lambda path: path.stem[:20]
+)
 def test_forward_kinematics_agrees_with_the_stored_velocities(path):
     data = load_restricted(path, 1 << 26)
     recording = import_skeleton_motion(path)

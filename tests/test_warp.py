@@ -30,9 +30,12 @@ DEVICES = ["warp-cpu", *(["cuda"] if torch.cuda.is_available() else [])]
 ON = [device.removeprefix("warp-") for device in DEVICES]
 POS, JOINTS = standing()
 TOLERANCE = 5e-5
-"""[rad, m] Warp computes with 32 bits, so a joint angle near 1 is rounded by 6e-8 in each of 80 steps here, and contact makes
-two ways part further: measured were 2e-7 after 5 control steps and 2e-6 after 20, seated or standing, with moving targets.
-Robots that are thrown, or that start inside of something, part for good after a few tenths of a second, on any two simulators."""
+"""[rad, m] Warp computes with 32 bits, so a joint angle near 1 is rounded by 6e-8 in each of 80 steps here, and contact
+makes
+two ways part further: measured were 2e-7 after 5 control steps and 2e-6 after 20, seated or standing, with moving
+targets.
+Robots that are thrown, or that start inside of something, part for good after a few tenths of a second, on any two
+simulators."""
 
 
 @pytest.fixture(params=DEVICES)
@@ -61,8 +64,15 @@ def test_the_same_episode_on_both(device, tmp_path):
     objects, pos, joints = scenes()
     both = [make_physics(name, H1, objects, workers=1, broken_dir=tmp_path) for name in ("cpu", device)]
     for physics in both:
-        physics.reset(np.arange(4), pos, upright(4), joints, root_lin_vel_w=np.full((4, 3), 0.05), root_ang_vel_b=np.full((4, 3), 0.02),
-                      joint_vel=np.full((4, 19), 0.03))  # fmt: skip
+        physics.reset(
+            np.arange(4),
+            pos,
+            upright(4),
+            joints,
+            root_lin_vel_w=np.full((4, 3), 0.05),
+            root_ang_vel_b=np.full((4, 3), 0.02),
+            joint_vel=np.full((4, 19), 0.03),
+        )
     for step in range(20):
         target = torch.from_numpy(joints + 0.2 * np.sin(step / 7 + np.arange(19)))
         if step == 8:
@@ -74,12 +84,22 @@ def test_the_same_episode_on_both(device, tmp_path):
             physics.step(target, True, ids)
     native, warp = both
     for field in ("root_pos_w", "root_quat_w", "joint_pos"):
-        torch.testing.assert_close(getattr(warp.state(), field).cpu(), getattr(native.state(), field), atol=TOLERANCE, rtol=0)
-    for field in ("root_lin_vel_w", "root_ang_vel_b", "joint_vel"):  # a difference that grows within a physics step of 0.005 s
-        torch.testing.assert_close(getattr(warp.state(), field).cpu(), getattr(native.state(), field), atol=TOLERANCE / 0.005, rtol=0)
+        torch.testing.assert_close(
+            getattr(warp.state(), field).cpu(), getattr(native.state(), field), atol=TOLERANCE, rtol=0
+        )
+    for field in (
+        "root_lin_vel_w",
+        "root_ang_vel_b",
+        "joint_vel",
+    ):  # a difference that grows within a physics step of 0.005 s
+        torch.testing.assert_close(
+            getattr(warp.state(), field).cpu(), getattr(native.state(), field), atol=TOLERANCE / 0.005, rtol=0
+        )
     for field in ("pos_w", "quat_w", "lin_vel_w", "ang_vel_w"):
         slack = TOLERANCE if field in ("pos_w", "quat_w") else TOLERANCE / 0.005
-        torch.testing.assert_close(getattr(warp.links(), field).cpu(), getattr(native.links(), field), atol=slack, rtol=0)
+        torch.testing.assert_close(
+            getattr(warp.links(), field).cpu(), getattr(native.links(), field), atol=slack, rtol=0
+        )
     torch.testing.assert_close(warp.effort.cpu(), native.effort, rtol=0.01, atol=1e-3)
     np.testing.assert_allclose(warp.qpos(), native.qpos(), atol=TOLERANCE)
     np.testing.assert_array_equal(warp.object_pose()[0], native.object_pose()[0])
@@ -115,7 +135,9 @@ def test_exchanged_objects_are_as_in_a_fresh_scene(on, family):
         np.testing.assert_array_equal(there[:, first:], getattr(fresh._model, name).numpy()[:, first:], err_msg=name)
         for env, obj in enumerate(new):
             full = getattr(build_model(H1, obj), name)
-            np.testing.assert_allclose(there[env].reshape(full.shape)[first:], full[first:], rtol=1e-5, atol=1e-7, err_msg=name)
+            np.testing.assert_allclose(
+                there[env].reshape(full.shape)[first:], full[first:], rtol=1e-5, atol=1e-7, err_msg=name
+            )
     if on == "cpu":  # on a GPU, sums have no fixed order
         for one, other in zip(lift(exchanged), lift(fresh), strict=True):
             np.testing.assert_array_equal(one, other)
@@ -150,11 +172,21 @@ def test_only_the_broken_world_ends(device, tmp_path):
         for physics in (whole, broken):
             physics.step(target, True)
     assert broken.diverged.tolist() == [False, True, True, False] and not whole.diverged.any()
-    assert torch.isfinite(broken.state().joint_pos).all() and torch.isfinite(broken.links().pos_w).all() and torch.isfinite(broken.effort).all()
-    np.testing.assert_allclose(broken.qpos()[[0, 3]], whole.qpos()[[0, 3]], atol=0 if device == "warp-cpu" else TOLERANCE)
+    assert (
+        torch.isfinite(broken.state().joint_pos).all()
+        and torch.isfinite(broken.links().pos_w).all()
+        and torch.isfinite(broken.effort).all()
+    )
+    np.testing.assert_allclose(
+        broken.qpos()[[0, 3]], whole.qpos()[[0, 3]], atol=0 if device == "warp-cpu" else TOLERANCE
+    )
     assert (broken.broken.count, whole.broken.count) == (2, 0)
     by_target, by_position = (load_broken(path) for path in broken.broken.paths)
-    assert (by_target.scene, by_target.backend, by_target.obj.id) == (1, "warp", objects[1].id) and "targets" in by_target.reason
+    assert (by_target.scene, by_target.backend, by_target.obj.id) == (
+        1,
+        "warp",
+        objects[1].id,
+    ) and "targets" in by_target.reason
     assert replay(by_target).warnings == ("BADCTRL",)
     assert by_position.scene == 2 and "positions" in by_position.reason and "BADQPOS" in replay(by_position).warnings
     broken.reset(np.array([1, 2]), pos[1:3], upright(2), joints[1:3])
@@ -163,7 +195,8 @@ def test_only_the_broken_world_ends(device, tmp_path):
 
 
 def test_a_world_with_too_many_contacts_ends(on, tmp_path):
-    # two robots of four high in the air, one standing with 8 contacts, one dropped on its back, with 10 for a moment: 40 rows, and room for 35
+    # two robots of four high in the air, one standing with 8 contacts, one dropped on its back, with 10 for a moment:
+    # 40 rows, and room for 35
     physics = WarpPhysics(H1, [block()] * 4, on, broken_dir=tmp_path, contacts=4)
     pos, quat = np.tile([-1.5, 0, 3.0], (4, 1)), upright(4)
     pos[1], pos[2], quat[2] = POS, [-1.8, 0, 0.1], [np.sqrt(0.5), 0, -np.sqrt(0.5), 0]
@@ -194,7 +227,9 @@ def test_what_warp_cannot_do_is_said():
     stool = block()
     ones = np.ones((1, 3))
     corners = np.array([[0.2, 0, 0], [-0.2, 0.2, 0], [-0.2, -0.2, 0], [0, 0, 0.4]])
-    pyramid = SceneObject("pyramid", "own", "tent", np.array([[0, 0, 0.2]]), rot.IDENTITY[None], 0.2 * ones, ones, hulls=(corners,))
+    pyramid = SceneObject(
+        "pyramid", "own", "tent", np.array([[0, 0, 0.2]]), rot.IDENTITY[None], 0.2 * ones, ones, hulls=(corners,)
+    )
     physics = WarpPhysics(H1, [stool], "cpu")
     with pytest.raises(BadObject, match="pyramid has convex pieces.*--device cpu"):
         physics.set_objects([pyramid])

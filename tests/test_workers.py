@@ -1,4 +1,6 @@
-"""The same seed gives the same numbers, whatever the number of workers: clips, retargeting, tracking and policies, with the shipped checkpoints."""
+"""The same seed gives the same numbers, whatever the number of workers: clips, retargeting, tracking and policies,
+with the shipped checkpoints.
+"""
 
 from dataclasses import replace
 

@@ -13,7 +13,10 @@ from mimicbench.sim.scene import build_model
 from mimicbench.tasks.registry import TASKS
 from stool import H1, place, standing
 
-BATCHES = {movable: Batch(build_model(H1, FAMILIES[family](0, 0)), 1, 1) for movable, family in ((False, "chair"), (True, "box"))}
+BATCHES = {
+    movable: Batch(build_model(H1, FAMILIES[family](0, 0)), 1, 1)
+    for movable, family in ((False, "chair"), (True, "box"))
+}
 
 
 @settings(max_examples=60, deadline=None)
@@ -35,4 +38,6 @@ def test_maps_of_many_robots_are_those_of_each_alone():
         rig, cell = TASKS[task].rig, TASKS[task].map_cell
         together = camera_map(physics, None, 30, 40, rig, cell).numpy()
         for env in (0, 33, 69):
-            np.testing.assert_array_equal(together[env], camera_map(physics, np.array([env]), 30, 40, rig, cell)[0].numpy())
+            np.testing.assert_array_equal(
+                together[env], camera_map(physics, np.array([env]), 30, 40, rig, cell)[0].numpy()
+            )

@@ -1,6 +1,7 @@
 """Humanoid-scene interaction learned by mimicking humans: benchmark and toolkit.
 
-Importing it makes the environments known to Gymnasium: `gymnasium.make("mimicbench/SitChair-v0")`. Importing Gymnasium takes 0.1 s, so that
+Importing it makes the environments known to Gymnasium: `gymnasium.make("mimicbench/SitChair-v0")`. Importing Gymnasium
+takes 0.1 s, so that
 is not done here; the environments are made known as soon as somebody else does it.
 """
 
@@ -11,8 +12,13 @@ from types import ModuleType
 __version__ = "0.1.0"
 
 ENVIRONMENTS = {
-    "SitChair": "sit-chair", "SitSofa": "sit-sofa", "LieBed": "lie-bed", "LieSofa": "lie-sofa", "TouchPoints": "touch-points", "LiftBox": "lift-box",
-}  # fmt: skip
+    "SitChair": "sit-chair",
+    "SitSofa": "sit-sofa",
+    "LieBed": "lie-bed",
+    "LieSofa": "lie-sofa",
+    "TouchPoints": "touch-points",
+    "LiftBox": "lift-box",
+}
 """Names of the environments, each with its task's; their ids are `mimicbench/<name>-v0`."""
 
 
@@ -20,12 +26,17 @@ def register_environments(gymnasium: ModuleType) -> None:
     """Tell Gymnasium, the module, where its `make` and `make_vec` find the environments."""
     for name, task in ENVIRONMENTS.items():
         gymnasium.register(
-            f"mimicbench/{name}-v0", "mimicbench.envs.gym:TaskEnv", vector_entry_point="mimicbench.envs.gym:TaskVectorEnv", kwargs={"task": task}
+            f"mimicbench/{name}-v0",
+            "mimicbench.envs.gym:TaskEnv",
+            vector_entry_point="mimicbench.envs.gym:TaskVectorEnv",
+            kwargs={"task": task},
         )
 
 
 class _WhenGymnasiumComes:
-    """A finder on `sys.meta_path` that finds Gymnasium the usual way, once, and has the environments registered after its import."""
+    """A finder on `sys.meta_path` that finds Gymnasium the usual way, once, and has the environments registered
+    after its import.
+    """
 
     def find_spec(self, name: str, path: object = None, target: ModuleType | None = None) -> ModuleSpec | None:
         if name != "gymnasium":

@@ -56,20 +56,29 @@ class Profile:
 
 PROFILES = {
     "smoke": Profile(objects=16, clips=16, tracked=16, episodes=16, policies=("planner",)),
-    "default": Profile(objects=120, clips=128, tracked=128, episodes=128, policies=("planner", "act-clock", "bc-clock")),
-    "full": Profile(objects=400, clips=2000, tracked=256, episodes=400, policies=("planner", "act", "bc", "act-clock", "bc-clock")),
+    "default": Profile(
+        objects=120, clips=128, tracked=128, episodes=128, policies=("planner", "act-clock", "bc-clock")
+    ),
+    "full": Profile(
+        objects=400, clips=2000, tracked=256, episodes=400, policies=("planner", "act", "bc", "act-clock", "bc-clock")
+    ),
 }
 
 
 def run_shipped(ws: Workspace, profile: Profile, say: Say) -> tuple[Path, list[EpisodeRow]]:
-    """New objects and clips, retargeted, tracked and done by the shipped policies: no training. Returns the report's page and its rows."""
+    """New objects and clips, retargeted, tracked and done by the shipped policies: no training.
+
+    Returns the report's page and its rows.
+    """
     objects_stage(ws, ObjectsConfig(profile.objects))
     references_stage(ws, ReferencesConfig(profile.clips, test_only=True))
     retarget_stage(ws, RetargetConfig())
     return judge_and_report(ws, profile, say)
 
 
-def run_training(ws: Workspace, profile: Profile, track: TrackConfig, imitate: ImitateConfig, say: Say) -> tuple[Path, list[EpisodeRow]]:
+def run_training(
+    ws: Workspace, profile: Profile, track: TrackConfig, imitate: ImitateConfig, say: Say
+) -> tuple[Path, list[EpisodeRow]]:
     """Everything from nothing: objects, clips, tracker, demonstrations, policies, report."""
     objects_stage(ws, ObjectsConfig(profile.objects))
     references_stage(ws, ReferencesConfig(profile.clips))
@@ -84,22 +93,39 @@ def run_training(ws: Workspace, profile: Profile, track: TrackConfig, imitate: I
 def judge_and_report(ws: Workspace, profile: Profile, say: Say) -> tuple[Path, list[EpisodeRow]]:
     """Judge tracker and policies on the test split and write the report. What is judged already is not run again."""
     tracker = tracker_folder(ws)
-    rows = list(evaluated_rows(ws, "tracker", tracker, profile.tracked, lambda: evaluate_tracker(ws, tracker, profile.tracked, "test")))
+    rows = list(
+        evaluated_rows(
+            ws, "tracker", tracker, profile.tracked, lambda: evaluate_tracker(ws, tracker, profile.tracked, "test")
+        )
+    )
     for policy in profile.policies:
         folder = policy_folder(ws, policy)
-        rows += evaluated_rows(ws, policy, folder, profile.episodes, lambda policy=policy: evaluate_policy(ws, policy, profile.episodes)[0])
+        rows += evaluated_rows(
+            ws, policy, folder, profile.episodes, lambda policy=policy: evaluate_policy(ws, policy, profile.episodes)[0]
+        )
     return report_stage(ws, rows, profile.policies[0], say), rows
 
 
-def evaluated_rows(ws: Workspace, name: str, checkpoint: Path, episodes: int, run: Callable[[], list[EpisodeRow]]) -> list[EpisodeRow]:
-    """The rows of `<evaluate>/<name>.parquet`; made by `run` unless they are there and of this very checkpoint, clips and number."""
+def evaluated_rows(
+    ws: Workspace, name: str, checkpoint: Path, episodes: int, run: Callable[[], list[EpisodeRow]]
+) -> list[EpisodeRow]:
+    """The rows of `<evaluate>/<name>.parquet`.
+
+    Made by `run` unless they are there and of this very checkpoint, clips and number.
+    """
     from mimicbench.core.checkpoint import MODEL
     from mimicbench.core.files import read_json, write_json
     from mimicbench.evaluate.rows import read_rows, write_rows
 
     path, source = ws.folder("evaluate") / f"{name}.parquet", ws.folder("evaluate") / f"{name}.json"
     model = hashlib.blake2b((checkpoint / MODEL).read_bytes(), digest_size=8).hexdigest()
-    made_from = {"checkpoint": model, "retarget": ws.finished("retarget").fingerprint, "episodes": episodes, "seed": ws.seed, "device": ws.device}
+    made_from = {
+        "checkpoint": model,
+        "retarget": ws.finished("retarget").fingerprint,
+        "episodes": episodes,
+        "seed": ws.seed,
+        "device": ws.device,
+    }
     if path.exists() and source.exists() and read_json(source) == made_from:
         return read_rows(path)
     rows = run()
@@ -117,15 +143,33 @@ def report_stage(ws: Workspace, rows: Sequence[EpisodeRow], policy: str, say: Sa
     made_from, config = {}, {}
     for stage in ("objects", "references", "retarget"):
         finished = ws.finished(stage)
-        made_from[stage], config[stage] = finished.fingerprint, {**finished.header["config"], **finished.header["summary"]}
-    curves = [read_curve(path, name) for name in ("track", "imitate/planner") if (path := ws.folder(name) / "metrics.jsonl").exists()]
-    provenance = Provenance(ws.seed, (" ".join(["mimicbench", *sys.argv[1:]]),), config, made_from, package_versions(), this_machine())
+        made_from[stage], config[stage] = (
+            finished.fingerprint,
+            {**finished.header["config"], **finished.header["summary"]},
+        )
+    curves = [
+        read_curve(path, name)
+        for name in ("track", "imitate/planner")
+        if (path := ws.folder(name) / "metrics.jsonl").exists()
+    ]
+    provenance = Provenance(
+        ws.seed, (" ".join(["mimicbench", *sys.argv[1:]]),), config, made_from, package_versions(), this_machine()
+    )
     inputs = ReportInputs(ws.slug, tuple(rows), provenance, tuple(curves), showcase(ws, rows, policy))
     return write_report(ws.folder("report"), inputs, say, ws.workers, ws.quiet)
 
 
 def compare_retargeting(
-    workdir: Path, tasks: Sequence[str], clips: int, preset: Preset, folder: Path, pictures: bool, seed: int, workers: int, quiet: bool, say: Say
+    workdir: Path,
+    tasks: Sequence[str],
+    clips: int,
+    preset: Preset,
+    folder: Path,
+    pictures: bool,
+    seed: int,
+    workers: int,
+    quiet: bool,
+    say: Say,
 ) -> Comparison:
     """The first `clips` clips of each task by every method, with a page in `folder`."""
     from mimicbench.report.retargeting import Comparison, MethodResult, SideBySide, draw_side_by_side, write_comparison
@@ -134,7 +178,10 @@ def compare_retargeting(
     from mimicbench.sensors.opengl import NoPictures, draw_apart
 
     results, sides = [], {}
-    configs = [RetargetConfig(method=method.name, preset=preset if preset in method.presets else None) for method in METHODS.values()]
+    configs = [
+        RetargetConfig(method=method.name, preset=preset if preset in method.presets else None)
+        for method in METHODS.values()
+    ]
     for slug in tasks:
         ws = Workspace(workdir, slug, seed, workers, quiet)
         stages = compared_stages(ws, configs, clips)
@@ -151,7 +198,9 @@ def compare_retargeting(
     drawn = {}
     if pictures:
         try:
-            drawn = dict(zip(sides, draw_apart(draw_side_by_side, list(sides.values()), workers, "drawing", quiet), strict=True))
+            drawn = dict(
+                zip(sides, draw_apart(draw_side_by_side, list(sides.values()), workers, "drawing", quiet), strict=True)
+            )
         except NoPictures as error:
             say(str(error))
     found = Comparison(tuple(results))
@@ -160,7 +209,9 @@ def compare_retargeting(
 
 
 def showcase(ws: Workspace, rows: Sequence[EpisodeRow], policy: str) -> Showcase:
-    """One clip of the test split through all stages: the first of the first batch on which the policy succeeded, or the very first."""
+    """One clip of the test split through all stages: the first of the first batch on which the policy succeeded, or
+    the very first.
+    """
     from mimicbench.evaluate.rollout import Protocol
     from mimicbench.report.showcase import Clip, Recording, Showcase
     from mimicbench.sim.scene import CONTROL_DT
@@ -173,7 +224,16 @@ def showcase(ws: Workspace, rows: Sequence[EpisodeRow], policy: str) -> Showcase
     motion = next(m for m in ws.motions("test") if m.id == chosen.reference_id)
     obj = ws.objects()[motion.object_id]
     human = HumanMotion.load(ws.folder("references") / f"{motion.id}.npz")
-    tracked = track_clips(load_tracker(tracker_folder(ws), ws.robot), ws.robot, ws.task, [motion], {obj.id: obj}, ws.workers, record=True, device=ws.device)
+    tracked = track_clips(
+        load_tracker(tracker_folder(ws), ws.robot),
+        ws.robot,
+        ws.task,
+        [motion],
+        {obj.id: obj},
+        ws.workers,
+        record=True,
+        device=ws.device,
+    )
     # the whole first batch again, so that the episode runs exactly as it was judged
     _, recordings = evaluate_policy(ws, policy, min(len(of_policy), Protocol().batch), [chosen.episode], linger=1.5)
     fps = 1 / CONTROL_DT
@@ -181,6 +241,10 @@ def showcase(ws: Workspace, rows: Sequence[EpisodeRow], policy: str) -> Showcase
         Clip("Human", "The reference, made on this object.", human),
         Clip("Retargeted", "The same motion on the H1, before physics.", motion),
         Clip("Tracked", "The tracker follows it under physics.", Recording(tracked.qpos[0], fps, motion.wrist_goal_w)),
-        Clip("Policy", f"{folder.name} does it from its own senses, without a reference.", Recording(recordings[chosen.episode], fps, motion.wrist_goal_w)),
+        Clip(
+            "Policy",
+            f"{folder.name} does it from its own senses, without a reference.",
+            Recording(recordings[chosen.episode], fps, motion.wrist_goal_w),
+        ),
     )
     return Showcase(obj, ws.robot.name, clips)

@@ -88,7 +88,11 @@ class Workspace:
         """Retargeted clips that fulfil K, of one split or of both, without the long rest after it is fulfilled."""
         self.finished("retarget")
         objects = self.objects()
-        motions = [m for m in read_retargeted(self.folder("retarget"), self.robot.name) if split is None or objects[m.object_id].split == split]
+        motions = [
+            m
+            for m in read_retargeted(self.folder("retarget"), self.robot.name)
+            if split is None or objects[m.object_id].split == split
+        ]
         return [self.task.trimmed(m, objects[m.object_id], self.robot) for m in motions]
 
 
@@ -99,7 +103,16 @@ def objects_stage(ws: Workspace, config: ObjectsConfig) -> Stage:
 
 def references_stage(ws: Workspace, config: ReferencesConfig) -> Stage:
     """Make human clips on the objects."""
-    return make_references(ws.folder("references"), ws.finished("objects"), ws.slug, ws.task.fulfilled_by_human, config, ws.seed, ws.workers, ws.quiet)
+    return make_references(
+        ws.folder("references"),
+        ws.finished("objects"),
+        ws.slug,
+        ws.task.fulfilled_by_human,
+        config,
+        ws.seed,
+        ws.workers,
+        ws.quiet,
+    )
 
 
 def remake_clip(ws: Workspace, name: str) -> tuple[HumanMotion, list[str]]:
@@ -115,9 +128,17 @@ def augment_stage(ws: Workspace, to: Path, config: AugmentConfig) -> Stage:
     if to.resolve() == ws.workdir.resolve():
         raise MimicbenchError(f"{to} holds the clips themselves; give --to another folder for the variants")
     return make_augmented(
-        other.folder("objects"), other.folder("references"), ws.finished("objects"), ws.finished("references"), ws.slug, ws.task.fulfilled_by_human,
-        config, ws.seed, ws.workers, ws.quiet,
-    )  # fmt: skip
+        other.folder("objects"),
+        other.folder("references"),
+        ws.finished("objects"),
+        ws.finished("references"),
+        ws.slug,
+        ws.task.fulfilled_by_human,
+        config,
+        ws.seed,
+        ws.workers,
+        ws.quiet,
+    )
 
 
 def reference_statistics(workdir: Path, tasks: Sequence[str]) -> list[SetStatistics]:
@@ -129,7 +150,9 @@ def reference_statistics(workdir: Path, tasks: Sequence[str]) -> list[SetStatist
     return [set_statistics(ws.task.slug, ws.folder("objects"), ws.folder("references")) for ws in there]
 
 
-def import_stage(ws: Workspace, files: Sequence[Path], say: Say, form: str = "auto", wishes: Wishes | None = None) -> Stage:
+def import_stage(
+    ws: Workspace, files: Sequence[Path], say: Say, form: str = "auto", wishes: Wishes | None = None
+) -> Stage:
     """Human clips from recordings instead of made ones, on objects fitted to them."""
     return import_references(ws.folder("objects"), ws.folder("references"), ws.slug, files, say, form, wishes)[1]
 
@@ -137,12 +160,22 @@ def import_stage(ws: Workspace, files: Sequence[Path], say: Say, form: str = "au
 def retarget_stage(ws: Workspace, config: RetargetConfig, beside: bool = False) -> Stage:
     """Retarget the clips, judge each by its measures and by K.
 
-    Later stages go on from `<task>/retarget`, whatever method made it. `beside`: into `<task>/retarget-<method>-<preset>` instead, so that
+    Later stages go on from `<task>/retarget`, whatever method made it. `beside`: into
+    `<task>/retarget-<method>-<preset>` instead, so that
     several methods can be had side by side in one workdir.
     """
     method = get_method(config.method)
     folder = ws.folder(f"retarget-{method.name}-{method.preset(config.preset)}" if beside else "retarget")
-    return make_retargeted(folder, ws.finished("references"), ws.folder("objects"), ws.slug, ws.task.fulfilled, config, ws.workers, ws.quiet)
+    return make_retargeted(
+        folder,
+        ws.finished("references"),
+        ws.folder("objects"),
+        ws.slug,
+        ws.task.fulfilled,
+        config,
+        ws.workers,
+        ws.quiet,
+    )
 
 
 def compared_stages(ws: Workspace, methods: Sequence[RetargetConfig], clips: int) -> list[Stage]:
@@ -152,7 +185,19 @@ def compared_stages(ws: Workspace, methods: Sequence[RetargetConfig], clips: int
         method = get_method(config.method)
         folder = ws.folder("compare") / f"{clips}-{method.name}-{method.preset(config.preset)}"
         references = ws.finished("references")
-        found.append(make_retargeted(folder, references, ws.folder("objects"), ws.slug, ws.task.fulfilled, config, ws.workers, ws.quiet, clips))
+        found.append(
+            make_retargeted(
+                folder,
+                references,
+                ws.folder("objects"),
+                ws.slug,
+                ws.task.fulfilled,
+                config,
+                ws.workers,
+                ws.quiet,
+                clips,
+            )
+        )
     return found
 
 
@@ -160,18 +205,23 @@ def track_stage(ws: Workspace, config: TrackConfig, say: Say = print) -> Stage:
     """Train the tracker on the clips of training objects; objects of the test split only judge it."""
     from mimicbench.track.train import train_tracker
 
-    stage = open_stage(ws.folder("track"), "track", ws.slug, ws.seed, asdict(config), {"retarget": ws.finished("retarget").fingerprint})
+    stage = open_stage(
+        ws.folder("track"), "track", ws.slug, ws.seed, asdict(config), {"retarget": ws.finished("retarget").fingerprint}
+    )
     if stage.complete:
         return stage
     train, test = ws.motions("train"), ws.motions("test")
 
     def report(row: dict) -> None:
         say(
-            f"{row['samples'] / 1e6:6.2f} M samples  {row['samples'] / row['seconds']:6.0f}/s  reward {row['reward']:.3f}  "
+            f"{row['samples'] / 1e6:6.2f} M samples  {row['samples'] / row['seconds']:6.0f}/s  reward "
+            f"{row['reward']:.3f}  "
             f"K on training clips {row['k_train']:.2f}, on unseen objects {row['k_held_out']:.2f}"
         )
 
-    train_tracker(stage.folder, ws.robot, ws.task, train, test, ws.objects(), config, ws.seed, ws.workers, report, ws.device)
+    train_tracker(
+        stage.folder, ws.robot, ws.task, train, test, ws.objects(), config, ws.seed, ws.workers, report, ws.device
+    )
     return stage.finish(clips=len(train), samples=config.samples, device=ws.device)
 
 
@@ -196,9 +246,20 @@ def demos_stage(ws: Workspace, config: DemosConfig) -> Stage:
     track = ws.finished("track")
     tracker = load_tracker(track.folder / "checkpoint", ws.robot)
     return make_demos(
-        ws.folder("demos"), ws.finished("retarget"), ws.robot, ws.task, tracker, track.fingerprint, ws.motions("train"), ws.objects(), config,
-        ws.seed, ws.workers, ws.quiet, ws.device,
-    )  # fmt: skip
+        ws.folder("demos"),
+        ws.finished("retarget"),
+        ws.robot,
+        ws.task,
+        tracker,
+        track.fingerprint,
+        ws.motions("train"),
+        ws.objects(),
+        config,
+        ws.seed,
+        ws.workers,
+        ws.quiet,
+        ws.device,
+    )
 
 
 def imitate_stage(ws: Workspace, name: str, config: ImitateConfig, say: Say = print) -> Stage:
@@ -211,13 +272,38 @@ def imitate_stage(ws: Workspace, name: str, config: ImitateConfig, say: Say = pr
     train = [obj for obj in objects.values() if obj.split == "train"]
     test = [obj for obj in objects.values() if obj.split == "test"]
     made_from = {"objects": ws.finished("objects").fingerprint}
-    eyes = make.make_perception(folder / "perception", ws.slug, ws.robot, train, test, made_from, config.perception, ws.quiet)
+    eyes = make.make_perception(
+        folder / "perception", ws.slug, ws.robot, train, test, made_from, config.perception, ws.quiet
+    )
     if name == "planner":
         made_from = {"track": track.fingerprint, "perception": eyes.fingerprint}
-        return make.make_planner(folder / name, ws.robot, ws.task, ws.motions("train"), objects, made_from, config.planner, ws.seed, ws.workers, say, ws.device)
+        return make.make_planner(
+            folder / name,
+            ws.robot,
+            ws.task,
+            ws.motions("train"),
+            objects,
+            made_from,
+            config.planner,
+            ws.seed,
+            ws.workers,
+            say,
+            ws.device,
+        )
     demos = demos_stage(ws, config.demos)
     made_from = {"demos": demos.fingerprint, "perception": eyes.fingerprint}
-    return make.make_clone(folder / name, ws.robot, ws.task, name, demos.folder / "dataset", objects, made_from, config.clone, ws.seed, ws.quiet)
+    return make.make_clone(
+        folder / name,
+        ws.robot,
+        ws.task,
+        name,
+        demos.folder / "dataset",
+        objects,
+        made_from,
+        config.clone,
+        ws.seed,
+        ws.quiet,
+    )
 
 
 def copy_checkpoint(source: Path, target: Path) -> None:
@@ -244,7 +330,10 @@ SHIPPED = Path(__file__).parent / "checkpoints"
 
 
 def policy_folder(ws: Workspace, policy: str) -> Path:
-    """Where a policy is: `best`, a name, or a path. A workdir's own comes before the shipped one. Raises UnknownName."""
+    """Where a policy is: `best`, a name, or a path. A workdir's own comes before the shipped one.
+
+    Raises UnknownName.
+    """
     name = BEST.get(ws.slug, "planner") if policy == "best" else policy
     places = [ws.folder("imitate") / name, SHIPPED / ws.slug / name]
     if "/" in policy or policy.startswith("."):
@@ -252,7 +341,9 @@ def policy_folder(ws: Workspace, policy: str) -> Path:
     for place in places:
         if (place / "config.json").exists():
             return place
-    known = {path.parent.name for root in (ws.folder("imitate"), SHIPPED / ws.slug) for path in root.glob("*/config.json")}
+    known = {
+        path.parent.name for root in (ws.folder("imitate"), SHIPPED / ws.slug) for path in root.glob("*/config.json")
+    }
     raise UnknownName("policy", policy, ["best", *sorted(known - {"tracker", "perception"})])
 
 
@@ -278,7 +369,19 @@ def evaluate_policy(
     driver = load_any(folder, ws.robot)
     starts, objects = ws.motions("test")[:episodes], ws.objects()
     with counter(len(starts), f"evaluating {folder.name}", ws.quiet) as tick:
-        runs = run_policy(driver, ws.robot, ws.task, starts, objects, driver.gains, Protocol(linger=linger), ws.workers, record, tick, ws.device)
+        runs = run_policy(
+            driver,
+            ws.robot,
+            ws.task,
+            starts,
+            objects,
+            driver.gains,
+            Protocol(linger=linger),
+            ws.workers,
+            record,
+            tick,
+            ws.device,
+        )
     rows = policy_rows(runs, starts, objects, ws.task, ws.robot, folder.name, driver.gains, ws.seed)
     recordings = {}
     for number, run in enumerate(runs):
@@ -287,7 +390,10 @@ def evaluate_policy(
 
 
 def prepare_episodes(ws: Workspace, episodes: int) -> None:
-    """See to it that there are `episodes` retargeted clips on objects of the test split to start from. Does nothing if the workdir has its own."""
+    """See to it that there are `episodes` retargeted clips on objects of the test split to start from.
+
+    Does nothing if the workdir has its own.
+    """
     if (ws.folder("retarget") / "header.json").exists():
         ws.finished("retarget")
         return

@@ -38,14 +38,22 @@ def bench(clips: ClipsConfig, config: RetargetBenchConfig, say: Callable[[str], 
 def speed_table(found: dict, tasks: Sequence[str]) -> Table:
     """Frames per second of one core by method and task."""
     rows = [
-        (name, *(round(by_task[task]) for task in tasks), round(by_task["all"]), round(found["two_core_hours"][name], 2))
+        (
+            name,
+            *(round(by_task[task]) for task in tasks),
+            round(by_task["all"]),
+            round(found["two_core_hours"][name], 2),
+        )
         for name, by_task in found["frames_per_second"].items()
     ]
     adam, mink, ratios = found["adam"], found["mink"], found["ratios"]
     note = (
-        f"On the paper's loss, {adam['frames']} frames: the banded solver {found['solver_frames_per_second']:.0f} frames/s at a loss of "
-        f"{adam['solver_loss']:.6f} ({adam['solver_converged_loss']:.6f} if it goes on); Adam, {adam['epochs']} epochs, {adam['frames_per_second']:.1f} "
-        f"frames/s at {adam['loss']:.6f} ({adam['falling_rate_loss']:.6f} with a falling rate), {ratios['solver_over_adam']:.0f} times slower. "
+        f"On the paper's loss, {adam['frames']} frames: the banded solver "
+        f"{found['solver_frames_per_second']:.0f} frames/s at a loss of "
+        f"{adam['solver_loss']:.6f} ({adam['solver_converged_loss']:.6f} if it goes on); Adam, "
+        f"{adam['epochs']} epochs, {adam['frames_per_second']:.1f} "
+        f"frames/s at {adam['loss']:.6f} ({adam['falling_rate_loss']:.6f} with a falling rate), "
+        f"{ratios['solver_over_adam']:.0f} times slower. "
     )
     if "left_out" in mink:
         note += f"mink: {mink['left_out']}."

@@ -17,11 +17,15 @@ from mimicbench.sensors.rigs import HEAD_RIG, HEIGHT, PELVIS_RIG, WIDTH
 from mimicbench.sim.backends import make_physics
 
 
-def bench_senses(robot: Robot, objects: Sequence[SceneObject], seconds: float = 1.0, seed: int = 0, device: str = "cpu") -> dict[str, float]:
+def bench_senses(
+    robot: Robot, objects: Sequence[SceneObject], seconds: float = 1.0, seed: int = 0, device: str = "cpu"
+) -> dict[str, float]:
     """Measure the makers of elevation maps and the cameras' pictures.
 
-    A robot stands 0.6 to 2 m from each object, and then, for the keys with `near`, on the object's middle, where every line of
-    sight can meet it. Figures are processor time over all threads, and so those of one core however busy the machine is.
+    A robot stands 0.6 to 2 m from each object, and then, for the keys with `near`, on the object's middle, where every
+    line of
+    sight can meet it. Figures are processor time over all threads, and so those of one core however busy the machine
+    is.
     What needs OpenGL is left out where there is none; where a graphics card draws, its own time does not count.
 
     Args:
@@ -32,9 +36,12 @@ def bench_senses(robot: Robot, objects: Sequence[SceneObject], seconds: float = 
         device: What computes the physics, and with it the rays.
 
     Returns:
-        Milliseconds per robot. Maps: `map_down_ms` by rays straight down, `map_cameras_ms` by the rays of four pictures of 90 x 120,
-        `map_rendered_ms` by four rendered depth images of 90 x 120, of which `render_depth_ms` is the drawing; for touch-points
-        `map_down_touch_ms`, and `map_cameras_touch_ms` by the rays of one picture of 360 x 480. Pictures: `ray_depth_ms`, four depth images of
+        Milliseconds per robot. Maps: `map_down_ms` by rays straight down, `map_cameras_ms` by the rays of four pictures
+        of 90 x 120,
+        `map_rendered_ms` by four rendered depth images of 90 x 120, of which `render_depth_ms` is the drawing; for
+        touch-points
+        `map_down_touch_ms`, and `map_cameras_touch_ms` by the rays of one picture of 360 x 480. Pictures:
+        `ray_depth_ms`, four depth images of
         90 x 120 by rays; `render_all_ms`, color, depth and segmentation of four cameras at 360 x 480.
     """
     count, random = len(objects), rng(seed, "bench", "senses")
@@ -47,9 +54,16 @@ def bench_senses(robot: Robot, objects: Sequence[SceneObject], seconds: float = 
     figures = {}
     physics.reset(np.arange(count), np.stack([0 * yaw, 0 * yaw, height], -1), rot.from_yaw(yaw), joints)
     figures["map_cameras_near_ms"] = _cost(lambda: camera_map(physics, None, *SMALL), count, seconds)
-    physics.reset(np.arange(count), np.stack([distance * np.cos(around), distance * np.sin(around), height], -1), rot.from_yaw(yaw), joints)
+    physics.reset(
+        np.arange(count),
+        np.stack([distance * np.cos(around), distance * np.sin(around), height], -1),
+        rot.from_yaw(yaw),
+        joints,
+    )
     figures["map_cameras_ms"] = _cost(lambda: camera_map(physics, None, *SMALL), count, seconds)
-    figures["map_cameras_touch_ms"] = _cost(lambda: camera_map(physics, None, HEIGHT, WIDTH, HEAD_RIG, 0.01), count, seconds)
+    figures["map_cameras_touch_ms"] = _cost(
+        lambda: camera_map(physics, None, HEIGHT, WIDTH, HEAD_RIG, 0.01), count, seconds
+    )
     figures["map_down_ms"] = _cost(lambda: down_map(physics), count, seconds)
     figures["map_down_touch_ms"] = _cost(lambda: down_map(physics, cell=0.01), count, seconds)
     figures["ray_depth_ms"] = _cost(lambda: ray_depth(physics, None, *SMALL), count, seconds)
@@ -58,7 +72,11 @@ def bench_senses(robot: Robot, objects: Sequence[SceneObject], seconds: float = 
         with RigCameras(physics.model(0), PELVIS_RIG, *SMALL, robot=False) as cameras:
             figures["render_depth_ms"] = _cost(lambda: cameras.look(qpos[0], color=False, labels=False), 1, seconds)
             figures["map_rendered_ms"] = _cost(
-                lambda: map_from_depth(cameras.look(qpos[0], color=False, labels=False).depth[None], qpos[:1, :3], qpos[:1, 3:7]), 1, seconds
+                lambda: map_from_depth(
+                    cameras.look(qpos[0], color=False, labels=False).depth[None], qpos[:1, :3], qpos[:1, 3:7]
+                ),
+                1,
+                seconds,
             )
         with RigCameras(physics.model(0), PELVIS_RIG) as cameras:
             figures["render_all_ms"] = _cost(lambda: cameras.look(qpos[0]), 1, seconds)

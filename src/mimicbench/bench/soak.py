@@ -82,19 +82,37 @@ class SoakedTask:
 
 
 def soak(config: SoakConfig, say: Callable[[str], None]) -> dict[str, Any]:
-    """Compile every object, then step; everything as plain JSON values. `sound` sums up whether all is as it should be."""
+    """Compile every object, then step; everything as plain JSON values.
+
+    `sound` sums up whether all is as it should be.
+    """
     robot = load_robot("h1")
-    compiled = [compile_family(robot, family, config.objects or PAPER_COUNTS[family], config.seed, say) for family in FAMILIES]
+    compiled = [
+        compile_family(robot, family, config.objects or PAPER_COUNTS[family], config.seed, say) for family in FAMILIES
+    ]
     steps = max(1, config.steps // (len(TASKS) * len(CONTROLS)))
-    parts = {threads: [soak_task(task, control, steps, threads, config, say) for task in TASKS for control in CONTROLS] for threads in config.threads}
-    hashes = {threads: hashlib.sha256("".join(part.hash for part in found).encode()).hexdigest() for threads, found in parts.items()}
+    parts = {
+        threads: [soak_task(task, control, steps, threads, config, say) for task in TASKS for control in CONTROLS]
+        for threads in config.threads
+    }
+    hashes = {
+        threads: hashlib.sha256("".join(part.hash for part in found).encode()).hexdigest()
+        for threads, found in parts.items()
+    }
     every = [part for found in parts.values() for part in found]
-    sound = len(set(hashes.values())) == 1 and not any(part.unreported for part in every) and not any(family.failed for family in compiled)
+    sound = (
+        len(set(hashes.values())) == 1
+        and not any(part.unreported for part in every)
+        and not any(family.failed for family in compiled)
+    )
     say(f"{sum(part.steps for part in every)} control steps, hashes {hashes}: {'sound' if sound else 'NOT sound'}")
     return {
-        "config": asdict(config), "sound": sound, "compiled": [asdict(family) for family in compiled], "hashes": {str(n): value for n, value in hashes.items()},
+        "config": asdict(config),
+        "sound": sound,
+        "compiled": [asdict(family) for family in compiled],
+        "hashes": {str(n): value for n, value in hashes.items()},
         "parts": {str(n): [asdict(part) for part in found] for n, found in parts.items()},
-    }  # fmt: skip
+    }
 
 
 def compile_family(robot: Robot, family: str, count: int, seed: int, say: Callable[[str], None]) -> CompiledFamily:
@@ -113,7 +131,9 @@ def compile_family(robot: Robot, family: str, count: int, seed: int, say: Callab
     return CompiledFamily(family, count, tuple(failed), seconds)
 
 
-def soak_task(task: str, control: str, steps: int, threads: int, config: SoakConfig, say: Callable[[str], None]) -> SoakedTask:
+def soak_task(
+    task: str, control: str, steps: int, threads: int, config: SoakConfig, say: Callable[[str], None]
+) -> SoakedTask:
     """Step environments of a task with random targets, `steps` control steps in all, rounded up."""
     pool = config.objects or PAPER_COUNTS[get_task(task).family]
     envs = min(config.envs, steps)
@@ -138,13 +158,23 @@ def soak_task(task: str, control: str, steps: int, threads: int, config: SoakCon
         if step == rounds // 5:
             settled = resident_bytes()
     found = SoakedTask(
-        task, control, rounds * envs, episodes, len(met), physics.broken.count, unreported, digest.hexdigest(), time.perf_counter() - started,
+        task,
+        control,
+        rounds * envs,
+        episodes,
+        len(met),
+        physics.broken.count,
+        unreported,
+        digest.hexdigest(),
+        time.perf_counter() - started,
         (resident_bytes() - settled) / 1e6,
-    )  # fmt: skip
+    )
     env.close()
     say(
-        f"{task}, {control} control, {threads} threads: {found.steps} control steps, {found.episodes} episodes, {found.objects} objects, "
-        f"{found.reported} reported, {found.unreported} unreported, {found.seconds:.0f} s, memory {found.grown_mb:+.1f} MB, {found.hash[:12]}"
+        f"{task}, {control} control, {threads} threads: {found.steps} control steps, {found.episodes} "
+        f"episodes, {found.objects} objects, "
+        f"{found.reported} reported, {found.unreported} unreported, {found.seconds:.0f} s, memory "
+        f"{found.grown_mb:+.1f} MB, {found.hash[:12]}"
     )
     return found
 

@@ -41,7 +41,9 @@ class BenchResult:
     """Samples per second of the whole training: environment, exploration, updates."""
 
 
-def bench(robot: Robot, task: Task, workers: int, seconds: float, say: Callable[[str], None], device: str = "cpu") -> dict[str, float]:
+def bench(
+    robot: Robot, task: Task, workers: int, seconds: float, say: Callable[[str], None], device: str = "cpu"
+) -> dict[str, float]:
     """Measure everything; each part runs for about `seconds`."""
     check_device(device)
     objects = [FAMILIES[task.family](index, 0) for index in range(CLIPS)]
@@ -49,16 +51,32 @@ def bench(robot: Robot, task: Task, workers: int, seconds: float, say: Callable[
     humans = [synthesize(task.slug, index, obj, 0) for index, obj in enumerate(objects)]
     synthesis = (time.perf_counter() - started) / CLIPS
     say(f"one clip synthesized in {1e3 * synthesis:.0f} ms")
-    method, clips = get_method("optimization"), [Clip(human, obj, robot) for human, obj in zip(humans, objects, strict=True)]
+    method, clips = (
+        get_method("optimization"),
+        [Clip(human, obj, robot) for human, obj in zip(humans, objects, strict=True)],
+    )
     retarget = frames_per_second(clips[: max(2, CLIPS // 4)], method)
     say(f"{retarget:.0f} frames retargeted per second and core")
     motions = [method.retarget(clip, "improved") for clip in clips]
-    env = TrackingEnv(get_kind("improved"), robot, motions, {obj.id: obj for obj in objects}, ENVS, TrackingConfig(), 0, workers, device)
+    env = TrackingEnv(
+        get_kind("improved"),
+        robot,
+        motions,
+        {obj.id: obj for obj in objects},
+        ENVS,
+        TrackingConfig(),
+        0,
+        workers,
+        device,
+    )
     learner = PPOLearner(env.observe().shape[1], len(robot.joints), ENVS, PPOConfig(), env.device)
     train = _rate(lambda: _train(env, learner), ENVS * PPOConfig().steps, seconds)
     say(f"training: {train:.0f} samples per second")
     # environment and bare physics take turns, so that both meet the same machine
-    rates = [(_rate(lambda: _steps(env), ENVS * 8, seconds / 4), _rate(lambda: _bare(env), ENVS * 8, seconds / 4)) for _ in range(4)]
+    rates = [
+        (_rate(lambda: _steps(env), ENVS * 8, seconds / 4), _rate(lambda: _bare(env), ENVS * 8, seconds / 4))
+        for _ in range(4)
+    ]
     env_steps, bare_steps = (float(np.median(column)) for column in zip(*rates, strict=True))
     ratio = float(np.median([a / b for a, b in rates]))
     say(f"environment: {env_steps:.0f} of bare physics' {bare_steps:.0f} control steps per second, {ratio:.0%}")

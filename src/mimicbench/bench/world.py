@@ -1,7 +1,8 @@
 """How fast environments are, beside bare physics in the same run.
 
 Environments and bare physics take turns on the same simulation, a quarter of a second each: the same models, the same
-random targets, the robots in the same states, the machine under the same load. A ratio is the median over the turns, and
+random targets, the robots in the same states, the machine under the same load. A ratio is the median over the turns,
+and
 holds on a busy machine too, which the rates do not. The episodes are of all ages, so that as many end and begin
 in each step as in a long run.
 """
@@ -75,7 +76,8 @@ class MemoryRow:
 
     envs: int
     mb_per_env: float
-    """[MB] What making, resetting and stepping them adds to the process, shared out; None of it is Python's or MuJoCo's own."""
+    """[MB] What making, resetting and stepping them adds to the process, shared out; None of it is Python's or MuJoCo's
+    own."""
     mb_per_env_map: float | None
     """The same with the elevation map."""
 
@@ -84,9 +86,19 @@ def bench_world(config: WorldBenchConfig, say: Callable[[str], None]) -> dict[st
     """Measure environments of all tasks and sizes, memory, and the senses; everything as plain JSON values."""
     rows = [bench_task(task, envs, config, say) for task in config.tasks for envs in config.sizes]
     memory = [_memory_row(config.tasks[0], envs, config, say) for envs in config.sizes] if config.memory else []
-    senses = bench_senses(load_robot("h1"), [make_object(f"chair-0-{index:05d}") for index in range(16)], config.seconds / 4, device=config.device)
+    senses = bench_senses(
+        load_robot("h1"),
+        [make_object(f"chair-0-{index:05d}") for index in range(16)],
+        config.seconds / 4,
+        device=config.device,
+    )
     say(", ".join(f"{name} {value:.3g}" for name, value in senses.items()))
-    return {"config": asdict(config), "rows": [asdict(row) for row in rows], "memory": [asdict(row) for row in memory], "senses": senses}
+    return {
+        "config": asdict(config),
+        "rows": [asdict(row) for row in rows],
+        "memory": [asdict(row) for row in memory],
+        "senses": senses,
+    }
 
 
 def bench_task(task: str, envs: int, config: WorldBenchConfig, say: Callable[[str], None]) -> WorldRow:
@@ -122,7 +134,9 @@ def _take_turns(task: str, envs: int, observe: Sequence[str], config: WorldBench
     rates: list[tuple[float, float]] = []
     started = time.perf_counter()
     while time.perf_counter() - started < config.seconds or len(rates) < 3:
-        turns = {step: _rate(step, envs) for step in ((step_env, step_bare) if len(rates) % 2 else (step_bare, step_env))}
+        turns = {
+            step: _rate(step, envs) for step in ((step_env, step_bare) if len(rates) % 2 else (step_bare, step_env))
+        }
         rates.append((turns[step_env], turns[step_bare]))
     env.close()
     with_env, without = (float(np.median(column)) for column in zip(*rates, strict=True))
@@ -131,7 +145,9 @@ def _take_turns(task: str, envs: int, observe: Sequence[str], config: WorldBench
 
 def _make(task: str, envs: int, observe: Sequence[str], config: WorldBenchConfig) -> tuple[TaskVectorEnv, np.ndarray]:
     """Environments in the midst of their episodes, and targets for some steps (_TARGETS, N, J)."""
-    env = TaskVectorEnv(task, envs, observe=observe, split="all", pool=config.pool, workers=config.workers, device=config.device)
+    env = TaskVectorEnv(
+        task, envs, observe=observe, split="all", pool=config.pool, workers=config.workers, device=config.device
+    )
     env.reset(seed=0)
     random = rng(0, "bench", "world", task)
     robot = env.episodes.robot
@@ -160,7 +176,10 @@ def _memory_row(task: str, envs: int, config: WorldBenchConfig, say: Callable[[s
         with multiprocessing.get_context("spawn").Pool(1) as pool:
             found.append(pool.apply(memory_per_env, (task, envs, observe, config)) / 1e6)
     row = MemoryRow(envs, found[0], found[1] if len(found) > 1 else None)
-    say(f"{envs} environments: {row.mb_per_env:.3f} MB each" + ("" if row.mb_per_env_map is None else f", with the elevation map {row.mb_per_env_map:.3f} MB"))
+    say(
+        f"{envs} environments: {row.mb_per_env:.3f} MB each"
+        + ("" if row.mb_per_env_map is None else f", with the elevation map {row.mb_per_env_map:.3f} MB")
+    )
     return row
 
 

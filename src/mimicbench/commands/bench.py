@@ -38,7 +38,9 @@ def bench_retarget(
     epochs: Annotated[int, tyro.conf.arg(help="of Adam; the paper has 3000")] = 3000,
     as_json: Json = False,
 ) -> None:
-    """Measure every way to retarget on one core, beside the paper's Adam and a per-frame inverse kinematics with mink."""
+    """Measure every way to retarget on one core, beside the paper's Adam and a per-frame inverse kinematics with
+    mink.
+    """
     from mimicbench.bench.retargeting import ClipsConfig, bench, speed_table
     from mimicbench.report.tables import to_terminal
     from mimicbench.retarget.baselines.speed import RetargetBenchConfig
@@ -67,14 +69,22 @@ def bench_world_(
     from mimicbench.tasks.registry import TASKS, get_task
 
     chosen = tuple(get_task(task).slug for task in tasks or TASKS)
-    _measured(bench_world(WorldBenchConfig(chosen, sizes, seconds, maps, memory, workers=workers, device=device), say), as_json)
+    _measured(
+        bench_world(WorldBenchConfig(chosen, sizes, seconds, maps, memory, workers=workers, device=device), say),
+        as_json,
+    )
 
 
 @app.command(name="soak")
 def bench_soak(
     steps: Annotated[int, tyro.conf.arg(help="control steps, all tasks together")] = 10_000_000,
-    objects: Annotated[int | None, tyro.conf.arg(help="objects of each family; by default as many as the paper has, 10.6 thousand")] = None,
-    threads: Annotated[tuple[int, ...], tyro.conf.arg(help="do it once with each of these numbers of threads; the results must be the same")] = (1, 2),
+    objects: Annotated[
+        int | None, tyro.conf.arg(help="objects of each family; by default as many as the paper has, 10.6 thousand")
+    ] = None,
+    threads: Annotated[
+        tuple[int, ...],
+        tyro.conf.arg(help="do it once with each of these numbers of threads; the results must be the same"),
+    ] = (1, 2),
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:

@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 def evaluate(
     task: Task = "sit-chair",
-    policy: Annotated[str, tyro.conf.arg(help="best, planner, act, bc, act-clock, bc-clock, or the path of a checkpoint")] = "best",
+    policy: Annotated[
+        str, tyro.conf.arg(help="best, planner, act, bc, act-clock, bc-clock, or the path of a checkpoint")
+    ] = "best",
     episodes: Annotated[int, tyro.conf.arg(help="episodes on unseen objects from unseen starts")] = 400,
     workdir: Workdir = WORK,
     seed: Seed = 0,
@@ -37,10 +39,19 @@ def evaluate(
 
 def run(
     task: Task = "sit-chair",
-    train: Annotated[bool, tyro.conf.arg(help="learn everything from nothing (hours) instead of using the shipped checkpoints (minutes)")] = False,
-    profile: Annotated[Literal["smoke", "default", "full"] | None, tyro.conf.arg(help="how much; by default `default`, with --train `full`")] = None,
+    train: Annotated[
+        bool,
+        tyro.conf.arg(help="learn everything from nothing (hours) instead of using the shipped checkpoints (minutes)"),
+    ] = False,
+    profile: Annotated[
+        Literal["smoke", "default", "full"] | None,
+        tyro.conf.arg(help="how much; by default `default`, with --train `full`"),
+    ] = None,
     workdir: Workdir = WORK,
-    seed: Annotated[int | None, tyro.conf.arg(help="by default 0 with --train and 1 without, so that the shipped policies meet new objects")] = None,
+    seed: Annotated[
+        int | None,
+        tyro.conf.arg(help="by default 0 with --train and 1 without, so that the shipped policies meet new objects"),
+    ] = None,
     workers: Workers = 0,
     device: Device = "cpu",
     as_json: Json = False,
@@ -49,7 +60,9 @@ def run(
     from mimicbench import pipelines, workspace
 
     size = pipelines.PROFILES[profile or ("full" if train else "default")]
-    ws = workspace.Workspace(workdir, task, (0 if train else 1) if seed is None else seed, workers, as_json, device=device)
+    ws = workspace.Workspace(
+        workdir, task, (0 if train else 1) if seed is None else seed, workers, as_json, device=device
+    )
     if train:
         from dataclasses import replace
 
@@ -65,7 +78,9 @@ def run(
     if as_json:
         from mimicbench.report.compare import summaries
 
-        print(json.dumps({"task": task, "report": str(page), "results": [found.to_dict() for found in summaries(rows)]}))
+        print(
+            json.dumps({"task": task, "report": str(page), "results": [found.to_dict() for found in summaries(rows)]})
+        )
     else:
         _tables(task, rows)
         print(f"report: {page}")
@@ -73,14 +88,23 @@ def run(
 
 def table(
     files: tyro.conf.Positional[tuple[Path, ...]],
-    form: Annotated[Literal["terminal", "markdown", "latex", "csv"], tyro.conf.arg(name="format", help="how to print it")] = "terminal",
+    form: Annotated[
+        Literal["terminal", "markdown", "latex", "csv"], tyro.conf.arg(name="format", help="how to print it")
+    ] = "terminal",
 ) -> None:
-    """Print the results in files of episode rows (`<workdir>/<task>/evaluate/*.parquet`) beside the paper's, one table per task."""
+    """Print the results in files of episode rows (`<workdir>/<task>/evaluate/*.parquet`) beside the paper's, one
+    table per task.
+    """
     from mimicbench.evaluate.rows import read_rows
     from mimicbench.report import tables
     from mimicbench.report.compare import beside_paper_table, summaries
 
-    write = {"terminal": tables.to_terminal, "markdown": tables.to_markdown, "latex": tables.to_latex, "csv": tables.to_csv}[form]
+    write = {
+        "terminal": tables.to_terminal,
+        "markdown": tables.to_markdown,
+        "latex": tables.to_latex,
+        "csv": tables.to_csv,
+    }[form]
     rows = [row for path in files for row in read_rows(path)]
     for task in dict.fromkeys(row.task for row in rows):
         print(write(beside_paper_table(task, summaries([row for row in rows if row.task == task]))))

@@ -29,7 +29,9 @@ def track(
 
     ws = workspace.Workspace(workdir, task, seed, workers, as_json, device=device)
     if evaluate:
-        rows = workspace.evaluate_tracker(ws, checkpoint or workspace.tracker_folder(ws), episodes, None if split == "all" else split)
+        rows = workspace.evaluate_tracker(
+            ws, checkpoint or workspace.tracker_folder(ws), episodes, None if split == "all" else split
+        )
         summary(rows, as_json)
         return
     from mimicbench.track.train import TrackConfig
@@ -37,7 +39,14 @@ def track(
     done(workspace.track_stage(ws, TrackConfig(preset=preset, samples=samples), say).header, as_json)
 
 
-def demos(task: Task = "sit-chair", workdir: Workdir = WORK, seed: Seed = 0, workers: Workers = 0, device: Device = "cpu", as_json: Json = False) -> None:
+def demos(
+    task: Task = "sit-chair",
+    workdir: Workdir = WORK,
+    seed: Seed = 0,
+    workers: Workers = 0,
+    device: Device = "cpu",
+    as_json: Json = False,
+) -> None:
     """Let the tracker turn the training clips into demonstrations (a LeRobotDataset v3)."""
     from mimicbench import workspace
     from mimicbench.imitate.demos import DemosConfig
@@ -48,7 +57,9 @@ def demos(task: Task = "sit-chair", workdir: Workdir = WORK, seed: Seed = 0, wor
 
 def imitate(
     task: Task = "sit-chair",
-    policy: Annotated[Literal["planner", "act", "bc", "act-clock", "bc-clock"], tyro.conf.arg(help="what to learn")] = "planner",
+    policy: Annotated[
+        Literal["planner", "act", "bc", "act-clock", "bc-clock"], tyro.conf.arg(help="what to learn")
+    ] = "planner",
     minutes: Annotated[float, tyro.conf.arg(help="how long act and bc learn")] = 7.0,
     samples: Annotated[int, tyro.conf.arg(help="control steps that the planner learns from")] = 3_200_000,
     workdir: Workdir = WORK,
@@ -65,5 +76,8 @@ def imitate(
     from mimicbench.sim.devices import tensor_device
 
     ws = workspace.Workspace(workdir, task, seed, workers, as_json, device=device)
-    config = ImitateConfig(planner=PlannerConfig(samples=samples), clone=CloneConfig(TrainConfig(minutes=minutes, seed=seed, device=tensor_device(device))))
+    config = ImitateConfig(
+        planner=PlannerConfig(samples=samples),
+        clone=CloneConfig(TrainConfig(minutes=minutes, seed=seed, device=tensor_device(device))),
+    )
     done(workspace.imitate_stage(ws, policy, config, say).header, as_json)

@@ -14,7 +14,14 @@ app = tyro.extras.SubcommandApp()
 
 
 @app.command(name="make", is_default=True)
-def objects(task: Tasks = "sit-chair", count: Count = 400, workdir: Workdir = WORK, seed: Seed = 0, workers: Workers = 0, as_json: Json = False) -> None:
+def objects(
+    task: Tasks = "sit-chair",
+    count: Count = 400,
+    workdir: Workdir = WORK,
+    seed: Seed = 0,
+    workers: Workers = 0,
+    as_json: Json = False,
+) -> None:
     """Make the objects of a task, or of all tasks."""
     from mimicbench import workspace
     from mimicbench.objects.make import ObjectsConfig
@@ -49,14 +56,26 @@ def draw_objects(
 def import_objects_(
     files: tyro.conf.Positional[tuple[Path, ...]],
     task: Task = "sit-chair",
-    unit: Annotated[Literal["m", "cm", "mm", "in", "normalized"] | None, tyro.conf.arg(help="unit of the files' numbers; guessed if not given")] = None,
-    height: Annotated[float | None, tyro.conf.arg(help="height that the objects shall have [m], instead of a unit")] = None,
+    unit: Annotated[
+        Literal["m", "cm", "mm", "in", "normalized"] | None,
+        tyro.conf.arg(help="unit of the files' numbers; guessed if not given"),
+    ] = None,
+    height: Annotated[
+        float | None, tyro.conf.arg(help="height that the objects shall have [m], instead of a unit")
+    ] = None,
     scale: Annotated[float | None, tyro.conf.arg(help="meters per unit of the files, instead of a unit")] = None,
     up: Annotated[Axis | None, tyro.conf.arg(help="the files' axis that points up; guessed if not given")] = None,
-    front: Annotated[Axis | None, tyro.conf.arg(help="the files' axis that points to the objects' front; guessed if not given")] = None,
-    pieces: Annotated[Literal["convex", "boxes"], tyro.conf.arg(help="what the objects collide with: convex pieces, or the boxes around them")] = "convex",
+    front: Annotated[
+        Axis | None, tyro.conf.arg(help="the files' axis that points to the objects' front; guessed if not given")
+    ] = None,
+    pieces: Annotated[
+        Literal["convex", "boxes"],
+        tyro.conf.arg(help="what the objects collide with: convex pieces, or the boxes around them"),
+    ] = "convex",
     mass: Annotated[float, tyro.conf.arg(help="of an object to be lifted [kg]")] = 2.0,
-    workdir: Annotated[Path, tyro.conf.arg(help="a workdir of its own for these objects; the other commands go on from there")] = Path("work/own"),
+    workdir: Annotated[
+        Path, tyro.conf.arg(help="a workdir of its own for these objects; the other commands go on from there")
+    ] = Path("work/own"),
     as_json: Json = False,
 ) -> None:
     """Make objects of your own meshes (OBJ, PLY, STL, GLB)."""
@@ -70,6 +89,15 @@ def import_objects_(
     config = ImportConfig(Wishes(unit, up, front, height, scale), pieces, mass)
     stage, evidence = import_objects(ws.folder("objects"), ws.slug, ws.task.family, files, config, say)
     if as_json:
-        print(json.dumps({"stage": "objects", "task": ws.slug, **stage.header["summary"], "imported": [asdict(found) for found in evidence]}))
+        print(
+            json.dumps(
+                {
+                    "stage": "objects",
+                    "task": ws.slug,
+                    **stage.header["summary"],
+                    "imported": [asdict(found) for found in evidence],
+                }
+            )
+        )
     else:
         done(stage.header, as_json)

@@ -18,8 +18,15 @@ Count = Annotated[int | Literal["paper"], tyro.conf.arg(help="how many, or `pape
 Workdir = Annotated[Path, tyro.conf.arg(help="where all artefacts go, in <workdir>/<task>/<stage>")]
 Seed = Annotated[int, tyro.conf.arg(help="same seed, same results, whatever the number of workers")]
 Workers = Annotated[int, tyro.conf.arg(help="threads or processes; 0 for all processors")]
-Device = Annotated[str, tyro.conf.arg(help="what computes the physics: cpu, cuda, cuda:1 (MuJoCo Warp on a GPU), or warp-cpu (slow, for tests)")]
-Json = Annotated[bool, tyro.conf.arg(name="json", help="print the summary as one line of JSON and nothing else on stdout")]
+Device = Annotated[
+    str,
+    tyro.conf.arg(
+        help="what computes the physics: cpu, cuda, cuda:1 (MuJoCo Warp on a GPU), or warp-cpu (slow, for tests)"
+    ),
+]
+Json = Annotated[
+    bool, tyro.conf.arg(name="json", help="print the summary as one line of JSON and nothing else on stdout")
+]
 Axis = Literal["x+", "x-", "y+", "y-", "z+", "z-"]
 WORK = Path("work")
 
@@ -45,7 +52,10 @@ def done(header: object, as_json: bool) -> None:
     else:
         print(
             f"{header['stage']}: "
-            + ", ".join(f"{key} {value:.3g}" if isinstance(value, float) else f"{key} {value}" for key, value in header["summary"].items())
+            + ", ".join(
+                f"{key} {value:.3g}" if isinstance(value, float) else f"{key} {value}"
+                for key, value in header["summary"].items()
+            )
         )
 
 

@@ -14,7 +14,14 @@ app = tyro.extras.SubcommandApp()
 
 
 @app.command(name="make", is_default=True)
-def references(task: Tasks = "sit-chair", count: Count = 2000, workdir: Workdir = WORK, seed: Seed = 0, workers: Workers = 0, as_json: Json = False) -> None:
+def references(
+    task: Tasks = "sit-chair",
+    count: Count = 2000,
+    workdir: Workdir = WORK,
+    seed: Seed = 0,
+    workers: Workers = 0,
+    as_json: Json = False,
+) -> None:
     """Make good human clips on the objects of a task, or of all tasks."""
     from mimicbench import workspace
     from mimicbench.references.make import ReferencesConfig
@@ -34,7 +41,9 @@ def remake_(
     to: Annotated[Path | None, tyro.conf.arg(help="file to write; by default <clip>.npz here")] = None,
     as_json: Json = False,
 ) -> None:
-    """Make one clip of a workdir again from its id alone, such as sit-chair-0-00042, and say what the quality gate finds."""
+    """Make one clip of a workdir again from its id alone, such as sit-chair-0-00042, and say what the quality gate
+    finds.
+    """
     from mimicbench import workspace
 
     ws = workspace.Workspace(workdir, task or clip.rsplit("-", 2)[0], quiet=as_json)
@@ -42,25 +51,47 @@ def remake_(
     path = to or Path(f"{clip}.npz")
     motion.save(path)
     if as_json:
-        print(json.dumps({"clip": clip, "object": motion.object_id, "seconds": motion.duration, "rejected_for": wrong, "file": str(path)}))
+        print(
+            json.dumps(
+                {
+                    "clip": clip,
+                    "object": motion.object_id,
+                    "seconds": motion.duration,
+                    "rejected_for": wrong,
+                    "file": str(path),
+                }
+            )
+        )
     else:
-        print(f"{path}: {motion.duration:.1f} s on {motion.object_id}, {'rejected for ' + ', '.join(wrong) if wrong else 'passes the gate'}")
+        print(
+            f"{path}: {motion.duration:.1f} s on {motion.object_id}, "
+            f"{'rejected for ' + ', '.join(wrong) if wrong else 'passes the gate'}"
+        )
 
 
 @app.command(name="augment")
 def augment(
-    to: Annotated[Path, tyro.conf.arg(help="a workdir of its own for the clips and their variants; the other commands go on from there")],
+    to: Annotated[
+        Path,
+        tyro.conf.arg(
+            help="a workdir of its own for the clips and their variants; the other commands go on from there"
+        ),
+    ],
     task: Tasks = "sit-chair",
     kinds: Annotated[
         tuple[Literal["mirror", "speed", "start", "size"], ...],
-        tyro.conf.arg(help="left and right exchanged; faster or slower; the way begins elsewhere; a larger or smaller object"),
+        tyro.conf.arg(
+            help="left and right exchanged; faster or slower; the way begins elsewhere; a larger or smaller object"
+        ),
     ] = ("mirror", "speed", "start", "size"),
     workdir: Workdir = WORK,
     seed: Seed = 0,
     workers: Workers = 0,
     as_json: Json = False,
 ) -> None:
-    """Add variants of a workdir's human clips: mirrored, at other speeds, from other starts, on objects of other sizes."""
+    """Add variants of a workdir's human clips: mirrored, at other speeds, from other starts, on objects of other
+    sizes.
+    """
     from mimicbench import workspace
     from mimicbench.references.augment import AugmentConfig
 
@@ -72,12 +103,16 @@ def augment(
 @app.command(name="stats")
 def references_stats(
     task: Tasks = "all",
-    picture: Annotated[Path | None, tyro.conf.arg(help="PNG with the plots; by default <workdir>/references.png")] = None,
+    picture: Annotated[
+        Path | None, tyro.conf.arg(help="PNG with the plots; by default <workdir>/references.png")
+    ] = None,
     styles: Annotated[bool, tyro.conf.arg(help="print every choice that clips make, too")] = False,
     workdir: Workdir = WORK,
     as_json: Json = False,
 ) -> None:
-    """Print the paper's table of statistics for the clips of a workdir beside the paper's figures, and how the clips vary."""
+    """Print the paper's table of statistics for the clips of a workdir beside the paper's figures, and how the clips
+    vary.
+    """
     from mimicbench import workspace
     from mimicbench.report import dataset
     from mimicbench.report.tables import to_terminal
@@ -88,7 +123,11 @@ def references_stats(
     if as_json:
         print(json.dumps({found.task: found.to_dict() for found in sets}))
         return
-    for table in (dataset.statistics_table(sets), dataset.variety_table(sets), *([dataset.style_table(sets)] if styles else [])):
+    for table in (
+        dataset.statistics_table(sets),
+        dataset.variety_table(sets),
+        *([dataset.style_table(sets)] if styles else []),
+    ):
         print(to_terminal(table))
     print(f"plots: {path}")
 
@@ -100,14 +139,27 @@ def import_(
         Literal["auto", "unihsi", "unihsi-states", "roam", "core4d", "amass", "bvh", "intermimic"],
         tyro.conf.arg(name="format", help="the files' format; by default found out"),
     ] = "auto",
-    fps: Annotated[float | None, tyro.conf.arg(help="the files' frames per second; by default as they say, or as is usual in the format")] = None,
-    up: Annotated[Axis | None, tyro.conf.arg(help="the files' axis that points up; by default as is usual in the format, or guessed")] = None,
-    unit: Annotated[
-        Literal["m", "cm", "mm", "in", "cmu"] | None, tyro.conf.arg(help="the files' unit of length (bvh, roam); by default guessed by the legs' length")
+    fps: Annotated[
+        float | None,
+        tyro.conf.arg(help="the files' frames per second; by default as they say, or as is usual in the format"),
     ] = None,
-    floor: Annotated[float | None, tyro.conf.arg(help="height of the files' floor [m]; by default where the soles usually are")] = None,
-    object_mesh: Annotated[Path | None, tyro.conf.arg(help="mesh of the object that the files track (core4d, intermimic), in meters")] = None,
-    workdir: Annotated[Path, tyro.conf.arg(help="a workdir of its own for these clips; the other commands go on from there")] = Path("work/real"),
+    up: Annotated[
+        Axis | None,
+        tyro.conf.arg(help="the files' axis that points up; by default as is usual in the format, or guessed"),
+    ] = None,
+    unit: Annotated[
+        Literal["m", "cm", "mm", "in", "cmu"] | None,
+        tyro.conf.arg(help="the files' unit of length (bvh, roam); by default guessed by the legs' length"),
+    ] = None,
+    floor: Annotated[
+        float | None, tyro.conf.arg(help="height of the files' floor [m]; by default where the soles usually are")
+    ] = None,
+    object_mesh: Annotated[
+        Path | None, tyro.conf.arg(help="mesh of the object that the files track (core4d, intermimic), in meters")
+    ] = None,
+    workdir: Annotated[
+        Path, tyro.conf.arg(help="a workdir of its own for these clips; the other commands go on from there")
+    ] = Path("work/real"),
     as_json: Json = False,
 ) -> None:
     """Import recordings of real people, each beside its object, or one fitted to the person."""
@@ -115,4 +167,7 @@ def import_(
     from mimicbench.references.importers.recording import Wishes
 
     wishes = Wishes(fps, up, unit, floor, object_mesh)
-    done(workspace.import_stage(workspace.Workspace(workdir, task, quiet=as_json), files, say, form, wishes).header, as_json)
+    done(
+        workspace.import_stage(workspace.Workspace(workdir, task, quiet=as_json), files, say, form, wishes).header,
+        as_json,
+    )

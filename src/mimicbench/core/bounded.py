@@ -20,7 +20,9 @@ from mimicbench.core.errors import BadFile, MimicbenchError
 _OUT_OF_MEMORY, _FAILED = 3, 4
 
 
-def run_bounded(module: str, function: str, arrays: Mapping[str, np.ndarray], seconds: float, memory: int, blame: str) -> dict[str, np.ndarray]:
+def run_bounded(
+    module: str, function: str, arrays: Mapping[str, np.ndarray], seconds: float, memory: int, blame: str
+) -> dict[str, np.ndarray]:
     """Call `module.function(**arrays)`, which returns a dict of arrays, in another process.
 
     Args:
@@ -40,9 +42,22 @@ def run_bounded(module: str, function: str, arrays: Mapping[str, np.ndarray], se
     try:
         # -P: modules of the folder that the user is in are none of ours
         done = subprocess.run(
-            [sys.executable, "-P", "-m", "mimicbench.core.bounded", module, function, str(int(seconds) + 1), str(memory)],
-            input=stream.getvalue(), capture_output=True, timeout=seconds, check=False, env={**os.environ, **one_thread},
-        )  # fmt: skip
+            [
+                sys.executable,
+                "-P",
+                "-m",
+                "mimicbench.core.bounded",
+                module,
+                function,
+                str(int(seconds) + 1),
+                str(memory),
+            ],
+            input=stream.getvalue(),
+            capture_output=True,
+            timeout=seconds,
+            check=False,
+            env={**os.environ, **one_thread},
+        )
     except subprocess.TimeoutExpired:
         raise BadFile(f"{blame}it takes more than {seconds:.0f} s") from None
     if done.returncode == 0:

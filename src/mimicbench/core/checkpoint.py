@@ -51,25 +51,41 @@ class Checkpoint:
         try:
             return msgspec.convert(self.config, config_type, strict=False)
         except (msgspec.ValidationError, TypeError, ValueError) as error:
-            raise BadCheckpoint(f"{self.folder / CONFIG} does not describe a {self.kind} ({error}); train it again with this version") from None
+            raise BadCheckpoint(
+                f"{self.folder / CONFIG} does not describe a {self.kind} ({error}); train it again with this version"
+            ) from None
 
     def matching(self, shapes: Mapping[str, tuple[int, ...]]) -> dict[str, np.ndarray]:
         """The arrays, if they are exactly those of `shapes`. Raises BadCheckpoint with the first one that differs."""
         for name, shape in shapes.items():
             if name not in self.tensors:
-                raise BadCheckpoint(f"{self.folder / MODEL} lacks {name!r}; it is not the {self.kind} that its {CONFIG} describes: train it again")
+                raise BadCheckpoint(
+                    f"{self.folder / MODEL} lacks {name!r}; it is not the {self.kind} that its "
+                    f"{CONFIG} describes: train it again"
+                )
             found = tuple(self.tensors[name].shape)
             if found != tuple(shape):
                 raise BadCheckpoint(
-                    f"{self.folder / MODEL}: {name!r} is {_by(found)}, but the {self.kind} of its {CONFIG} needs {_by(tuple(shape))}; train it again"
+                    f"{self.folder / MODEL}: {name!r} is {_by(found)}, but the {self.kind} of its "
+                    f"{CONFIG} needs {_by(tuple(shape))}; train it again"
                 )
         extra = sorted(set(self.tensors) - set(shapes))
         if extra:
-            raise BadCheckpoint(f"{self.folder / MODEL} holds {extra[0]!r}, which the {self.kind} of its {CONFIG} does not have; train it again")
+            raise BadCheckpoint(
+                f"{self.folder / MODEL} holds {extra[0]!r}, which the {self.kind} of its {CONFIG} "
+                "does not have; train it again"
+            )
         return dict(self.tensors)
 
 
-def save_checkpoint(folder: Path, kind: str, robot: str, config: Any, tensors: Mapping[str, np.ndarray], notes: Mapping[str, Any] | None = None) -> None:
+def save_checkpoint(
+    folder: Path,
+    kind: str,
+    robot: str,
+    config: Any,
+    tensors: Mapping[str, np.ndarray],
+    notes: Mapping[str, Any] | None = None,
+) -> None:
     """Write a checkpoint, whole or not at all, over an earlier one if there is one.
 
     Args:
@@ -82,7 +98,10 @@ def save_checkpoint(folder: Path, kind: str, robot: str, config: Any, tensors: M
     """
     for name, array in tensors.items():
         if np.issubdtype(array.dtype, np.floating) and not np.isfinite(array).all():
-            raise BadCheckpoint(f"{name!r} of this {kind} is not finite: training diverged, so {folder} keeps what it held; train with a smaller learning rate")
+            raise BadCheckpoint(
+                f"{name!r} of this {kind} is not finite: training diverged, so {folder} keeps what it "
+                "held; train with a smaller learning rate"
+            )
     plain = dataclasses.asdict(config) if dataclasses.is_dataclass(config) and not isinstance(config, type) else config
     data = safetensors.numpy.save({name: np.asarray(array, order="C") for name, array in tensors.items()})
 
@@ -90,7 +109,13 @@ def save_checkpoint(folder: Path, kind: str, robot: str, config: Any, tensors: M
         stream.write(data)
 
     write_atomic(folder / MODEL, write)
-    header = {"format": FORMAT, "kind": kind, "robot": robot, "config": msgspec.to_builtins(plain), "notes": msgspec.to_builtins(notes or {})}
+    header = {
+        "format": FORMAT,
+        "kind": kind,
+        "robot": robot,
+        "config": msgspec.to_builtins(plain),
+        "notes": msgspec.to_builtins(notes or {}),
+    }
     write_json(folder / CONFIG, header)
 
 
@@ -98,9 +123,14 @@ def load_checkpoint(folder: Path, kind: str | None = None, robot: str | None = N
     """Read a checkpoint; `kind` and `robot`, if given, are what it must be of. Raises BadCheckpoint."""
     header = _read_header(folder)
     if kind is not None and header["kind"] != kind:
-        raise BadCheckpoint(f"{folder} is a checkpoint of kind {header['kind']!r}, not {kind!r}; give the folder of a {kind}")
+        raise BadCheckpoint(
+            f"{folder} is a checkpoint of kind {header['kind']!r}, not {kind!r}; give the folder of a {kind}"
+        )
     if robot is not None and header["robot"] != robot:
-        raise BadCheckpoint(f"{folder} is a checkpoint of another robot, {header['robot']!r}; train one for {robot!r}, or choose that robot")
+        raise BadCheckpoint(
+            f"{folder} is a checkpoint of another robot, {header['robot']!r}; train one for "
+            f"{robot!r}, or choose that robot"
+        )
     tensors = read_tensors(folder / MODEL)
     return Checkpoint(folder, header["kind"], header["robot"], header["config"], tensors, header["notes"])
 
@@ -119,10 +149,14 @@ def read_tensors(path: Path) -> dict[str, np.ndarray]:
     try:
         tensors = safetensors.numpy.load_file(path)
     except (safetensors.SafetensorError, OSError, ValueError, KeyError, TypeError) as error:
-        raise BadCheckpoint(f"{path} cannot be read ({error}); it is cut off or not a safetensors file: copy or train it again") from None
+        raise BadCheckpoint(
+            f"{path} cannot be read ({error}); it is cut off or not a safetensors file: copy or train it again"
+        ) from None
     for name, array in tensors.items():
         if np.issubdtype(array.dtype, np.floating) and not np.isfinite(array).all():
-            raise BadCheckpoint(f"{path}: {name!r} holds numbers that are not finite; use an earlier checkpoint or train it again")
+            raise BadCheckpoint(
+                f"{path}: {name!r} holds numbers that are not finite; use an earlier checkpoint or train it again"
+            )
     return tensors
 
 
@@ -135,7 +169,10 @@ def _read_header(folder: Path) -> dict[str, Any]:
     if not isinstance(header, dict) or any(not isinstance(header.get(key), kind) for key, kind in kinds.items()):
         raise BadCheckpoint(f"{path} does not describe a checkpoint; give a folder that training wrote")
     if header["format"] != FORMAT:
-        raise BadCheckpoint(f"{path} has checkpoint format {header['format']}, this version reads {FORMAT}; install the version that wrote it, or train again")
+        raise BadCheckpoint(
+            f"{path} has checkpoint format {header['format']}, this version reads {FORMAT}; install "
+            "the version that wrote it, or train again"
+        )
     return header
 
 

@@ -18,7 +18,9 @@ def smooth(values: np.ndarray, half_width: int) -> np.ndarray:
 
 
 def smooth_below(limit: np.ndarray, half_width: int) -> np.ndarray:
-    """A smooth curve (T,) that is nowhere above `limit` (T,): the moving minimum, then the moving average of equal width."""
+    """A smooth curve (T,) that is nowhere above `limit` (T,): the moving minimum, then the moving average of equal
+    width.
+    """
     padded = np.pad(limit, half_width, mode="edge")
     lowest = np.lib.stride_tricks.sliding_window_view(padded, 2 * half_width + 1).min(-1)
     return smooth(lowest, half_width)

@@ -56,7 +56,9 @@ def read_json(path: Path, max_bytes: int = 64 << 20) -> Any:
 
 
 def write_npz(path: Path, header: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
-    """Write arrays with a JSON header as a compressed `.npz`, atomically and with the same bytes for the same content."""
+    """Write arrays with a JSON header as a compressed `.npz`, atomically and with the same bytes for the same
+    content.
+    """
     text = json.dumps(header, sort_keys=True)
 
     def write(stream: IO[bytes]) -> None:
@@ -71,23 +73,43 @@ def write_npz(path: Path, header: Mapping[str, Any], arrays: Mapping[str, np.nda
     write_atomic(path, write)
 
 
-def read_npz(path: Path, kind: str, only: Collection[str] | None = None) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Read what `write_npz` wrote: its header, whose `type` must be `kind`, and its arrays, or those in `only`. Raises BadFile."""
+def read_npz(
+    path: Path, kind: str, only: Collection[str] | None = None
+) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Read what `write_npz` wrote: its header, whose `type` must be `kind`, and its arrays, or those in `only`.
+
+    Raises BadFile.
+    """
     if not path.is_file():
         raise BadFile(f"{path} does not exist")
     try:
         with zipfile.ZipFile(path) as archive:
             unpacked = sum(entry.file_size for entry in archive.infolist())
             if unpacked > MAX_UNPACKED:
-                raise BadFile(f"{path} unpacks to {unpacked >> 20} MiB, more than any file of ours; refusing to read it")
+                raise BadFile(
+                    f"{path} unpacks to {unpacked >> 20} MiB, more than any file of ours; refusing to read it"
+                )
         with np.load(path, allow_pickle=False) as archive:
             if "header" not in archive.files:
                 raise BadFile(f"{path} has no header; it was not written by mimicbench")
             header = json.loads(str(archive["header"]))
-            arrays = {name: archive[name] for name in archive.files if name != "header" and (only is None or name in only)}
+            arrays = {
+                name: archive[name] for name in archive.files if name != "header" and (only is None or name in only)
+            }
     except BadFile:
         raise
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, KeyError, SyntaxError, MemoryError, NotImplementedError, RuntimeError, zlib.error) as error:
+    except (
+        OSError,
+        ValueError,
+        EOFError,
+        zipfile.BadZipFile,
+        KeyError,
+        SyntaxError,
+        MemoryError,
+        NotImplementedError,
+        RuntimeError,
+        zlib.error,
+    ) as error:
         raise BadFile(f"{path} cannot be read ({error}); it is cut off or not an .npz file of ours") from None
     if not isinstance(header, dict) or header.get("type") != kind:
         found = header.get("type") if isinstance(header, dict) else type(header).__name__

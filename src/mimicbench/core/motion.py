@@ -34,7 +34,9 @@ class Skeleton:
     def __post_init__(self) -> None:
         joints = len(self.joint_names)
         if len(self.parents) != joints or self.offsets.shape != (joints, 3) or not np.isfinite(self.offsets).all():
-            raise BadMotion(f"skeleton {self.name} needs a parent and three finite offsets for each of its {joints} joints")
+            raise BadMotion(
+                f"skeleton {self.name} needs a parent and three finite offsets for each of its {joints} joints"
+            )
         if any(not -1 <= parent < i for i, parent in enumerate(self.parents)):
             raise BadMotion(f"skeleton {self.name}: parents must come before their children; sort its joints")
 
@@ -47,7 +49,9 @@ class Skeleton:
         try:
             return self.joint_names.index(joint)
         except ValueError:
-            raise BadMotion(f"skeleton {self.name} has no joint {joint!r}; it has {', '.join(self.joint_names)}") from None
+            raise BadMotion(
+                f"skeleton {self.name} has no joint {joint!r}; it has {', '.join(self.joint_names)}"
+            ) from None
 
 
 @dataclass(frozen=True)
@@ -79,7 +83,9 @@ class HumanMotion:
 
     def __post_init__(self) -> None:
         joints = len(self.skeleton.joint_names)
-        _check_frames(self.id, self.fps, {"root_pos_w": (self.root_pos_w, (3,)), "local_quat": (self.local_quat, (joints, 4))})
+        _check_frames(
+            self.id, self.fps, {"root_pos_w": (self.root_pos_w, (3,)), "local_quat": (self.local_quat, (joints, 4))}
+        )
         _check_unit(self.id, "local_quat", self.local_quat)
         _check_contacts(self.id, self.frames, self.contact_names, self.contacts)
         _check_scene(self.id, self.frames, self.object_pos_w, self.object_quat_w, self.wrist_goal_w)
@@ -106,15 +112,33 @@ class HumanMotion:
     def save(self, path: Path) -> None:
         """Write one `.npz` file, atomically."""
         header = {
-            "schema": SCHEMA, "type": "human_motion", "id": self.id, "task": self.task, "skeleton": self.skeleton.name,
-            "joint_names": list(self.skeleton.joint_names), "parents": list(self.skeleton.parents), "fps": self.fps,
-            "object_id": self.object_id, "contact_names": list(self.contact_names), "style": dict(self.style),
-            "source": self.source, "quaternion_order": "wxyz", "frame": "z up, object at the origin facing +x", "units": "m, s, rad",
-        }  # fmt: skip
-        write_npz(path, header, {
-            "offsets": self.skeleton.offsets, "root_pos_w": self.root_pos_w.astype(np.float32),
-            "local_quat": self.local_quat.astype(np.float32), "contacts": self.contacts, **_scene_arrays(self),
-        })  # fmt: skip
+            "schema": SCHEMA,
+            "type": "human_motion",
+            "id": self.id,
+            "task": self.task,
+            "skeleton": self.skeleton.name,
+            "joint_names": list(self.skeleton.joint_names),
+            "parents": list(self.skeleton.parents),
+            "fps": self.fps,
+            "object_id": self.object_id,
+            "contact_names": list(self.contact_names),
+            "style": dict(self.style),
+            "source": self.source,
+            "quaternion_order": "wxyz",
+            "frame": "z up, object at the origin facing +x",
+            "units": "m, s, rad",
+        }
+        write_npz(
+            path,
+            header,
+            {
+                "offsets": self.skeleton.offsets,
+                "root_pos_w": self.root_pos_w.astype(np.float32),
+                "local_quat": self.local_quat.astype(np.float32),
+                "contacts": self.contacts,
+                **_scene_arrays(self),
+            },
+        )
 
     @staticmethod
     def load(path: Path) -> "HumanMotion":
@@ -122,12 +146,26 @@ class HumanMotion:
         header, data = read_npz(path, "human_motion")
         _check_conventions(path, header)
         with _documented(path):
-            skeleton = Skeleton(header["skeleton"], tuple(header["joint_names"]), tuple(header["parents"]), data["offsets"].astype(float))
+            skeleton = Skeleton(
+                header["skeleton"],
+                tuple(header["joint_names"]),
+                tuple(header["parents"]),
+                data["offsets"].astype(float),
+            )
             return HumanMotion(
-                header["id"], header["task"], skeleton, header["fps"], data["root_pos_w"].astype(float), _read_quat(data["local_quat"]),
-                header["object_id"], tuple(header["contact_names"]), data["contacts"], header["style"], header["source"],
+                header["id"],
+                header["task"],
+                skeleton,
+                header["fps"],
+                data["root_pos_w"].astype(float),
+                _read_quat(data["local_quat"]),
+                header["object_id"],
+                tuple(header["contact_names"]),
+                data["contacts"],
+                header["style"],
+                header["source"],
                 **_read_scene(data),
-            )  # fmt: skip
+            )
 
 
 @dataclass(frozen=True)
@@ -165,7 +203,11 @@ class RobotMotion:
 
     def __post_init__(self) -> None:
         n = len(self.joint_names)
-        arrays = {"root_pos_w": (self.root_pos_w, (3,)), "root_quat_w": (self.root_quat_w, (4,)), "joint_pos": (self.joint_pos, (n,))}
+        arrays = {
+            "root_pos_w": (self.root_pos_w, (3,)),
+            "root_quat_w": (self.root_quat_w, (4,)),
+            "joint_pos": (self.joint_pos, (n,)),
+        }
         _check_frames(self.id, self.fps, arrays)
         _check_unit(self.id, "root_quat_w", self.root_quat_w)
         _check_contacts(self.id, self.frames, self.contact_names, self.contacts)
@@ -196,28 +238,54 @@ class RobotMotion:
         if contacts.size:
             contacts = contacts[np.round(rot.resample_times(self.frames, self.fps, fps)).astype(int)]
         return replace(
-            self, fps=fps, contacts=contacts, root_pos_w=rot.resample(self.root_pos_w, self.fps, fps),
-            root_quat_w=rot.resample_quat(self.root_quat_w, self.fps, fps), joint_pos=rot.resample(self.joint_pos, self.fps, fps),
+            self,
+            fps=fps,
+            contacts=contacts,
+            root_pos_w=rot.resample(self.root_pos_w, self.fps, fps),
+            root_quat_w=rot.resample_quat(self.root_quat_w, self.fps, fps),
+            joint_pos=rot.resample(self.joint_pos, self.fps, fps),
             **self._resampled_object(fps),
-        )  # fmt: skip
+        )
 
     def _resampled_object(self, fps: float) -> dict[str, np.ndarray]:
         if not len(self.object_pos_w):
             return {}
-        return {"object_pos_w": rot.resample(self.object_pos_w, self.fps, fps), "object_quat_w": rot.resample_quat(self.object_quat_w, self.fps, fps)}
+        return {
+            "object_pos_w": rot.resample(self.object_pos_w, self.fps, fps),
+            "object_quat_w": rot.resample_quat(self.object_quat_w, self.fps, fps),
+        }
 
     def save(self, path: Path) -> None:
         """Write one `.npz` file, atomically."""
         header = {
-            "schema": SCHEMA, "type": "robot_motion", "id": self.id, "task": self.task, "robot": self.robot,
-            "joint_names": list(self.joint_names), "fps": self.fps, "object_id": self.object_id, "reference_id": self.reference_id,
-            "contact_names": list(self.contact_names), "style": dict(self.style), "measures": dict(self.measures), "success": self.success,
-            "quaternion_order": "wxyz", "frame": "z up, object at the origin facing +x", "units": "m, s, rad",
-        }  # fmt: skip
-        write_npz(path, header, {
-            "root_pos_w": self.root_pos_w.astype(np.float32), "root_quat_w": self.root_quat_w.astype(np.float32),
-            "joint_pos": self.joint_pos.astype(np.float32), "contacts": self.contacts, **_scene_arrays(self),
-        })  # fmt: skip
+            "schema": SCHEMA,
+            "type": "robot_motion",
+            "id": self.id,
+            "task": self.task,
+            "robot": self.robot,
+            "joint_names": list(self.joint_names),
+            "fps": self.fps,
+            "object_id": self.object_id,
+            "reference_id": self.reference_id,
+            "contact_names": list(self.contact_names),
+            "style": dict(self.style),
+            "measures": dict(self.measures),
+            "success": self.success,
+            "quaternion_order": "wxyz",
+            "frame": "z up, object at the origin facing +x",
+            "units": "m, s, rad",
+        }
+        write_npz(
+            path,
+            header,
+            {
+                "root_pos_w": self.root_pos_w.astype(np.float32),
+                "root_quat_w": self.root_quat_w.astype(np.float32),
+                "joint_pos": self.joint_pos.astype(np.float32),
+                "contacts": self.contacts,
+                **_scene_arrays(self),
+            },
+        )
 
     @staticmethod
     def load(path: Path, robot: str | None = None) -> "RobotMotion":
@@ -226,17 +294,35 @@ class RobotMotion:
         _check_conventions(path, header)
         with _documented(path):
             if robot is not None and header["robot"] != robot:
-                raise BadMotion(f"{path} is a motion of robot {header['robot']!r}, not of {robot!r}; retarget its reference to {robot!r} first")
+                raise BadMotion(
+                    f"{path} is a motion of robot {header['robot']!r}, not of {robot!r}; retarget its "
+                    f"reference to {robot!r} first"
+                )
             return RobotMotion(
-                header["id"], header["task"], header["robot"], tuple(header["joint_names"]), header["fps"], data["root_pos_w"].astype(float),
-                _read_quat(data["root_quat_w"]), data["joint_pos"].astype(float), header["object_id"], header["reference_id"],
-                tuple(header["contact_names"]), data["contacts"], header["style"], header["measures"], header["success"],
+                header["id"],
+                header["task"],
+                header["robot"],
+                tuple(header["joint_names"]),
+                header["fps"],
+                data["root_pos_w"].astype(float),
+                _read_quat(data["root_quat_w"]),
+                data["joint_pos"].astype(float),
+                header["object_id"],
+                header["reference_id"],
+                tuple(header["contact_names"]),
+                data["contacts"],
+                header["style"],
+                header["measures"],
+                header["success"],
                 **_read_scene(data),
-            )  # fmt: skip
+            )
 
 
-def forward_kinematics(skeleton: Skeleton, root_pos_w: np.ndarray, local_quat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """World positions (..., J, 3) and orientations (..., J, 4) from root positions (..., 3) and local rotations (..., J, 4).
+def forward_kinematics(
+    skeleton: Skeleton, root_pos_w: np.ndarray, local_quat: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """World positions (..., J, 3) and orientations (..., J, 4) from root positions (..., 3) and local rotations
+    (..., J, 4).
 
     G_i = G_parent q_i and p_i = p_parent + G_parent offset_i.
     """
@@ -267,7 +353,9 @@ def _check_frames(clip: str, fps: float, arrays: dict[str, tuple[np.ndarray, tup
 def _check_unit(clip: str, name: str, quat: np.ndarray) -> None:
     worst = np.abs((quat**2).sum(-1) - 1).max()
     if worst > 1e-2:
-        raise BadMotion(f"clip {clip}: {name} is not of unit length (off by {worst:.2g}); are these quaternions in the order wxyz?")
+        raise BadMotion(
+            f"clip {clip}: {name} is not of unit length (off by {worst:.2g}); are these quaternions in the order wxyz?"
+        )
 
 
 def _check_contacts(clip: str, frames: int, names: tuple[str, ...], contacts: np.ndarray) -> None:
@@ -275,12 +363,24 @@ def _check_contacts(clip: str, frames: int, names: tuple[str, ...], contacts: np
         raise BadMotion(f"clip {clip}: contacts has shape {contacts.shape}, expected {(frames, len(names))}")
 
 
-def _check_scene(clip: str, frames: int, object_pos: np.ndarray, object_quat: np.ndarray, wrist_goal: np.ndarray) -> None:
+def _check_scene(
+    clip: str, frames: int, object_pos: np.ndarray, object_quat: np.ndarray, wrist_goal: np.ndarray
+) -> None:
     if len(object_pos) or len(object_quat):
-        _check_frames(clip, 1.0, {"root_pos_w": (np.zeros((frames, 0)), (0,)), "object_pos_w": (object_pos, (3,)), "object_quat_w": (object_quat, (4,))})
+        _check_frames(
+            clip,
+            1.0,
+            {
+                "root_pos_w": (np.zeros((frames, 0)), (0,)),
+                "object_pos_w": (object_pos, (3,)),
+                "object_quat_w": (object_quat, (4,)),
+            },
+        )
         _check_unit(clip, "object_quat_w", object_quat)
     if wrist_goal.shape not in ((0, 3), (2, 3)) or not np.isfinite(wrist_goal).all():
-        raise BadMotion(f"clip {clip}: wrist_goal_w must be two places of three finite numbers, left and right, or none")
+        raise BadMotion(
+            f"clip {clip}: wrist_goal_w must be two places of three finite numbers, left and right, or none"
+        )
 
 
 _SCENE = {"object_pos_w": 3, "object_quat_w": 4, "wrist_goal_w": 3}
@@ -301,7 +401,10 @@ def _read_scene(data: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 def _check_conventions(path: Path, header: dict) -> None:
     order = header.get("quaternion_order")
     if order != "wxyz":
-        raise BadMotion(f"{path} does not say that its quaternions are wxyz (it says {order!r}); convert it and set quaternion_order")
+        raise BadMotion(
+            f"{path} does not say that its quaternions are wxyz (it says {order!r}); convert it and "
+            "set quaternion_order"
+        )
     if header.get("schema") != SCHEMA:
         raise BadMotion(f"{path} has schema {header.get('schema')!r}, this version reads {SCHEMA}; make it again")
 
@@ -312,11 +415,16 @@ def _documented(path: Path) -> Iterator[None]:
     try:
         yield
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise BadMotion(f"{path} is not a motion as docs/formats.md describes it ({error!r}); make it again or convert it") from None
+        raise BadMotion(
+            f"{path} is not a motion as docs/formats.md describes it ({error!r}); make it again or convert it"
+        ) from None
 
 
 def _read_quat(stored: np.ndarray) -> np.ndarray:
-    """Stored quaternions in double precision, of unit length if they nearly were; what is farther off stays, to be refused."""
+    """Stored quaternions in double precision, of unit length if they nearly were.
+
+    What is farther off stays, to be refused.
+    """
     quat = stored.astype(float)
     length = np.sqrt((quat**2).sum(-1, keepdims=True))
     return np.where(abs(length - 1) < 5e-3, quat / np.where(length > 0, length, 1.0), quat)

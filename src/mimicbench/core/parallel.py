@@ -22,7 +22,14 @@ def cpu_count() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
 
 
-def map_items(function: Callable[[Item], Result], items: Sequence[Item], workers: int, label: str, quiet: bool = False, isolated: bool = False) -> list[Result]:
+def map_items(
+    function: Callable[[Item], Result],
+    items: Sequence[Item],
+    workers: int,
+    label: str,
+    quiet: bool = False,
+    isolated: bool = False,
+) -> list[Result]:
     """[function(item) for item in items] on `workers` processes (0: all processors).
 
     `function` must be importable by name (or a functools.partial of such), for it is sent to fresh processes: forking a
@@ -35,10 +42,18 @@ def map_items(function: Callable[[Item], Result], items: Sequence[Item], workers
     context = multiprocessing.get_context("spawn")
     try:
         with ProcessPoolExecutor(workers, mp_context=context, initializer=_start_worker) as pool:
-            return list(progress(pool.map(function, items, chunksize=max(1, min(8, len(items) // (4 * workers)))), len(items), label, quiet))
+            return list(
+                progress(
+                    pool.map(function, items, chunksize=max(1, min(8, len(items) // (4 * workers)))),
+                    len(items),
+                    label,
+                    quiet,
+                )
+            )
     except BrokenProcessPool:
         raise WorkerDied(
-            f"{label}: a worker process was killed, most likely for want of memory; the same command goes on from here, and fewer --workers need less"
+            f"{label}: a worker process was killed, most likely for want of memory; the same command "
+            "goes on from here, and fewer --workers need less"
         ) from None
 
 
@@ -57,16 +72,32 @@ def counter(total: int, label: str, quiet: bool = False) -> Iterator[Callable[[i
         yield lambda count: None
         return
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
-    columns = [TextColumn("{task.description:<24}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn()]
+    columns = [
+        TextColumn("{task.description:<24}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    ]
     with Progress(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task(label, total=total)
         yield lambda count: bar.advance(task, count)
 
 
 def _start_worker() -> None:
-    """Each worker process uses one thread: the processes already fill the processors. A crash of native code tells where it was.
+    """Each worker process uses one thread: the processes already fill the processors.
+
+    A crash of native code tells where it was.
 
     A worker that is waiting for work hears nothing of its parent being killed, and would wait for ever.
     """

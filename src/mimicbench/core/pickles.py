@@ -18,12 +18,54 @@ import numpy as np
 MAX_OPCODES = 20_000
 """Instructions in one pickle; the motion files that we know have a few hundred."""
 
-_OPCODES = frozenset({
-    "PROTO", "FRAME", "STOP", "MARK", "POP", "POP_MARK", "DUP", "NONE", "NEWTRUE", "NEWFALSE", "BININT", "BININT1", "BININT2", "LONG1", "LONG4",
-    "BINFLOAT", "BINUNICODE", "SHORT_BINUNICODE", "BINUNICODE8", "BINBYTES", "SHORT_BINBYTES", "BINBYTES8", "EMPTY_LIST", "APPEND", "APPENDS",
-    "EMPTY_TUPLE", "TUPLE", "TUPLE1", "TUPLE2", "TUPLE3", "EMPTY_DICT", "DICT", "LIST", "SETITEM", "SETITEMS", "BINPUT", "LONG_BINPUT", "MEMOIZE",
-    "BINGET", "LONG_BINGET", "GLOBAL", "STACK_GLOBAL", "REDUCE", "BUILD",
-})  # fmt: skip
+_OPCODES = frozenset(
+    {
+        "PROTO",
+        "FRAME",
+        "STOP",
+        "MARK",
+        "POP",
+        "POP_MARK",
+        "DUP",
+        "NONE",
+        "NEWTRUE",
+        "NEWFALSE",
+        "BININT",
+        "BININT1",
+        "BININT2",
+        "LONG1",
+        "LONG4",
+        "BINFLOAT",
+        "BINUNICODE",
+        "SHORT_BINUNICODE",
+        "BINUNICODE8",
+        "BINBYTES",
+        "SHORT_BINBYTES",
+        "BINBYTES8",
+        "EMPTY_LIST",
+        "APPEND",
+        "APPENDS",
+        "EMPTY_TUPLE",
+        "TUPLE",
+        "TUPLE1",
+        "TUPLE2",
+        "TUPLE3",
+        "EMPTY_DICT",
+        "DICT",
+        "LIST",
+        "SETITEM",
+        "SETITEMS",
+        "BINPUT",
+        "LONG_BINPUT",
+        "MEMOIZE",
+        "BINGET",
+        "LONG_BINGET",
+        "GLOBAL",
+        "STACK_GLOBAL",
+        "REDUCE",
+        "BUILD",
+    }
+)
 PLAIN_TYPE = re.compile(r"[<>=|]?(b1|[iu][1248]|f[248]|c(8|16)|\?|[SU]\d{1,4}|O8?)")
 """What a data type may be called."""
 
@@ -59,7 +101,12 @@ class _Type:
 
     def __setstate__(self, state: tuple) -> None:
         # (version, byte order, subarray, names, fields, ...): structured types have no place here
-        if not isinstance(state, tuple) or len(state) < 5 or state[1] not in ("<", ">", "|", "=") or any(part is not None for part in state[2:5]):
+        if (
+            not isinstance(state, tuple)
+            or len(state) < 5
+            or state[1] not in ("<", ">", "|", "=")
+            or any(part is not None for part in state[2:5])
+        ):
             raise ValueError("a structured data type")
         self.code = state[1] + self.code.lstrip("<>=|")
 
@@ -89,7 +136,12 @@ class _Array:
         _, shape, kind, fortran, content = self.state
         if not isinstance(kind, _Type):
             raise ValueError("an array without data type")
-        return make_array(shape, kind.dtype(), bool(fortran), [resolve(item) for item in content] if isinstance(content, list) else content)
+        return make_array(
+            shape,
+            kind.dtype(),
+            bool(fortran),
+            [resolve(item) for item in content] if isinstance(content, list) else content,
+        )
 
 
 def make_array(shape: Any, dtype: np.dtype, fortran: bool, content: bytes | list) -> np.ndarray:
@@ -131,7 +183,12 @@ class _Tensor(_Array):
     def array(self, resolve: Callable[[Any], Any]) -> np.ndarray:
         storage, offset, shape, strides = self._view
         whole = [offset, *shape, *strides] if isinstance(shape, tuple) and isinstance(strides, tuple) else [None]
-        if not isinstance(storage, Storage) or len(shape) != len(strides) or len(shape) > 8 or not all(type(n) is int and n >= 0 for n in whole):
+        if (
+            not isinstance(storage, Storage)
+            or len(shape) != len(strides)
+            or len(shape) > 8
+            or not all(type(n) is int and n >= 0 for n in whole)
+        ):
             raise ValueError("a tensor without numbers, shape or strides")
         numbers = storage.numbers
         if math.prod(shape) > len(numbers):
@@ -158,7 +215,17 @@ _GLOBALS = {
     ("collections", "OrderedDict"): _Maker(dict),
 }
 
-_TORCH_TYPES = {"Float": "f4", "Double": "f8", "Half": "f2", "Long": "i8", "Int": "i4", "Short": "i2", "Char": "i1", "Byte": "u1", "Bool": "b1"}
+_TORCH_TYPES = {
+    "Float": "f4",
+    "Double": "f8",
+    "Half": "f2",
+    "Long": "i8",
+    "Int": "i4",
+    "Short": "i2",
+    "Char": "i1",
+    "Byte": "u1",
+    "Bool": "b1",
+}
 _TORCH_GLOBALS = _GLOBALS | {
     **{("torch", f"{name}Storage"): StorageType(code) for name, code in _TORCH_TYPES.items()},
     ("torch._utils", "_rebuild_tensor_v2"): _Maker(_Tensor),
@@ -189,7 +256,8 @@ class _Unpickler(pickle.Unpickler):
 def unpickle(raw: bytes, storage: Callable[[Any], Storage] | None = None) -> Any:
     """The value of a pickle, after its instructions were checked.
 
-    With `storage`, which finds the numbers that a reference of torch's stands for, tensors may be in it too. Raises RefusedError if it asks for
+    With `storage`, which finds the numbers that a reference of torch's stands for, tensors may be in it too. Raises
+    RefusedError if it asks for
     anything else, and nearly anything if it is damaged.
     """
     known = _GLOBALS if storage is None else _TORCH_GLOBALS
@@ -206,7 +274,10 @@ def unpickle(raw: bytes, storage: Callable[[Any], Storage] | None = None) -> Any
 
 
 def _resolve(value: Any, done: dict[int, tuple[Any, Any]]) -> Any:
-    """The same value with arrays in place of their descriptions. What occurs twice is made once; a value inside itself is refused."""
+    """The same value with arrays in place of their descriptions.
+
+    What occurs twice is made once; a value inside itself is refused.
+    """
     if not isinstance(value, dict | list | tuple | _Array):
         if isinstance(value, _Maker | _Type | Storage):
             raise ValueError("a function or a data type where a value should be")

@@ -6,7 +6,10 @@ import numpy as np
 
 
 def rng(seed: int, *keys: str | int) -> np.random.Generator:
-    """A generator for one named thing, such as the legs of chair-0-00042 under seed 0; independent of every other name's."""
+    """A generator for one named thing, such as the legs of chair-0-00042 under seed 0.
+
+    Independent of every other name's.
+    """
     return np.random.default_rng(digest(seed, *keys))
 
 

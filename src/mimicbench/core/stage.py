@@ -51,22 +51,38 @@ def fingerprint(header: Mapping[str, Any]) -> str:
     return hashlib.blake2b(text.encode(), digest_size=8).hexdigest()
 
 
-def open_stage(folder: Path, stage: str, task: str, seed: int, config: Mapping[str, Any], made_from: Mapping[str, str] | None = None) -> Stage:
+def open_stage(
+    folder: Path,
+    stage: str,
+    task: str,
+    seed: int,
+    config: Mapping[str, Any],
+    made_from: Mapping[str, str] | None = None,
+) -> Stage:
     """Start or take up a stage. `config` is the resolved configuration as plain JSON values.
 
     `made_from` maps each earlier stage's name to its fingerprint. Raises MimicbenchError if the folder holds the same
     stage made from something else.
     """
     header = {
-        "schema": SCHEMA, "stage": stage, "task": task, "seed": seed, "config": dict(config), "made_from": dict(made_from or {}),
-        "mimicbench": mimicbench.__version__, "complete": False,
-    }  # fmt: skip
+        "schema": SCHEMA,
+        "stage": stage,
+        "task": task,
+        "seed": seed,
+        "config": dict(config),
+        "made_from": dict(made_from or {}),
+        "mimicbench": mimicbench.__version__,
+        "complete": False,
+    }
     path = folder / HEADER
     if path.exists():
         found = _read_header(path)
         differs = [key for key in _DETERMINES if found[key] != json.loads(json.dumps(header[key]))]
         if differs:
-            raise MimicbenchError(f"{folder} was made with another {' and '.join(differs)}; use another --workdir, or delete that folder to make it again")
+            raise MimicbenchError(
+                f"{folder} was made with another {' and '.join(differs)}; use another --workdir, or "
+                "delete that folder to make it again"
+            )
         if not found["complete"]:
             remove_unfinished(folder)
         return Stage(folder, found)
@@ -75,7 +91,10 @@ def open_stage(folder: Path, stage: str, task: str, seed: int, config: Mapping[s
 
 
 def read_stage(folder: Path, command: str) -> Stage:
-    """An earlier stage that this one needs; `command` is what makes it. Raises BadFile if it is missing or unfinished."""
+    """An earlier stage that this one needs; `command` is what makes it.
+
+    Raises BadFile if it is missing or unfinished.
+    """
     path = folder / HEADER
     if not path.exists():
         raise BadFile(f"{folder} does not exist; run `{command}` first")

@@ -1,4 +1,6 @@
-"""Reading other projects' `.npy`, `.npz`, `.pt` and pickle files: sizes are bounded, and nothing that they name is run (see pickles.py)."""
+"""Reading other projects' `.npy`, `.npz`, `.pt` and pickle files: sizes are bounded, and nothing that they name is
+run (see pickles.py).
+"""
 
 import ast
 import io
@@ -21,20 +23,37 @@ MAX_MEMBERS = 1_000
 """Files in one archive; motions have a dozen."""
 
 _MALFORMED = (
-    ValueError, TypeError, EOFError, KeyError, IndexError, AttributeError, OverflowError, MemoryError, RecursionError, SyntaxError, pickle.PickleError,
-    zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, OSError
-)  # fmt: skip
+    ValueError,
+    TypeError,
+    EOFError,
+    KeyError,
+    IndexError,
+    AttributeError,
+    OverflowError,
+    MemoryError,
+    RecursionError,
+    SyntaxError,
+    pickle.PickleError,
+    zipfile.BadZipFile,
+    zlib.error,
+    NotImplementedError,
+    RuntimeError,
+    OSError,
+)
 """What reading a damaged file may raise."""
 
 
 def load_restricted(path: Path, max_bytes: int) -> Any:
     """What a `.npy` file (object arrays included) or a pickle holds: plain values and NumPy arrays.
 
-    An object array without dimensions, as `np.save` makes of a dict, is unwrapped. Raises BadFile if the file is missing,
+    An object array without dimensions, as `np.save` makes of a dict, is unwrapped. Raises BadFile if the file is
+    missing,
     larger than `max_bytes`, cut off, or names a class or function outside the short list of NumPy's and OrderedDict.
     """
     raw = read_bytes(path, max_bytes)
-    return _guarded(path, ".npy or pickle", lambda: _unwrapped(_read_npy(raw) if raw.startswith(NPY) else unpickle(raw)))
+    return _guarded(
+        path, ".npy or pickle", lambda: _unwrapped(_read_npy(raw) if raw.startswith(NPY) else unpickle(raw))
+    )
 
 
 def load_npz(path: Path, max_bytes: int, names: Sequence[str]) -> dict[str, Any]:
@@ -43,7 +62,13 @@ def load_npz(path: Path, max_bytes: int, names: Sequence[str]) -> dict[str, Any]
     Nothing else is unpacked, and together they may unpack to `max_bytes`. Raises BadFile.
     """
     raw = read_bytes(path, max_bytes)
-    return _guarded(path, ".npz", lambda: {name: _unwrapped(_read_npy(member)) for name, member in _members(raw, names, ".npy", max_bytes).items()})
+    return _guarded(
+        path,
+        ".npz",
+        lambda: {
+            name: _unwrapped(_read_npy(member)) for name, member in _members(raw, names, ".npy", max_bytes).items()
+        },
+    )
 
 
 def load_torch(path: Path, max_bytes: int) -> Any:
@@ -62,7 +87,9 @@ def read_bytes(path: Path, max_bytes: int) -> bytes:
             raise BadFile(f"{path} has {size >> 20} MiB, more than the {max_bytes >> 20} MiB that such a file may have")
         raw = path.read_bytes()
     except OSError as error:
-        raise BadFile(f"{path} cannot be read ({error.strerror or error}); give the path of a file that exists") from None
+        raise BadFile(
+            f"{path} cannot be read ({error.strerror or error}); give the path of a file that exists"
+        ) from None
     if not raw:
         raise BadFile(f"{path} is empty; get it again from where it came")
     return raw
@@ -73,10 +100,16 @@ def _guarded(path: Path, what: str, read: Callable[[], Any]) -> Any:
     try:
         return read()
     except RefusedError as error:
-        raise BadFile(f"{path} asks for {error}, which a motion file has no need of; nothing was run: get the file from a source you trust") from None
+        raise BadFile(
+            f"{path} asks for {error}, which a motion file has no need of; nothing was run: get the "
+            "file from a source you trust"
+        ) from None
     except _MALFORMED as error:
         detail = " ".join(str(error).split())[:120]
-        raise BadFile(f"{path} cannot be read ({detail}); it is cut off or not {'an' if what[1] == 'n' else 'a'} {what} file: get it again") from None
+        raise BadFile(
+            f"{path} cannot be read ({detail}); it is cut off or not "
+            f"{'an' if what[1] == 'n' else 'a'} {what} file: get it again"
+        ) from None
 
 
 def _unwrapped(value: Any) -> Any:
@@ -84,7 +117,10 @@ def _unwrapped(value: Any) -> Any:
 
 
 def _members(raw: bytes, names: Sequence[str], ending: str, max_bytes: int) -> dict[str, bytes]:
-    """Files of a zip archive by name, without their ending, of which only those named are unpacked; the rest must be small, too."""
+    """Files of a zip archive by name, without their ending, of which only those named are unpacked.
+
+    The rest must be small, too.
+    """
     with zipfile.ZipFile(io.BytesIO(raw)) as archive:
         entries = archive.infolist()
         if len(entries) > MAX_MEMBERS:
@@ -95,7 +131,9 @@ def _members(raw: bytes, names: Sequence[str], ending: str, max_bytes: int) -> d
             raise ValueError("an empty archive")
         total = sum(entry.file_size for entry in chosen.values())
         if total > max_bytes:
-            raise ValueError(f"it unpacks to {total >> 20} MiB, more than the {max_bytes >> 20} MiB that such a file may have")
+            raise ValueError(
+                f"it unpacks to {total >> 20} MiB, more than the {max_bytes >> 20} MiB that such a file may have"
+            )
         for entry in chosen.values():
             # the other methods may be told to reserve gigabytes
             if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) or entry.flag_bits & 1:
@@ -110,7 +148,9 @@ def _members(raw: bytes, names: Sequence[str], ending: str, max_bytes: int) -> d
 def _read_torch(raw: bytes, max_bytes: int) -> Any:
     """The content of a `.pt` archive: a pickle, and one file of numbers for each storage that it names."""
     if not raw.startswith(b"PK"):
-        raise ValueError("not the zip archive that torch writes since version 1.6; load and save it again with a newer torch")
+        raise ValueError(
+            "not the zip archive that torch writes since version 1.6; load and save it again with a newer torch"
+        )
     with zipfile.ZipFile(io.BytesIO(raw)) as archive:
         pickles = [name for name in archive.namelist()[:MAX_MEMBERS] if name.endswith("/data.pkl")]
     if len(pickles) != 1:
@@ -125,7 +165,13 @@ def _read_torch(raw: bytes, max_bytes: int) -> Any:
 
     def storage(key: Any) -> Storage:
         nonlocal spent
-        if not (isinstance(key, tuple) and len(key) == 5 and key[0] == "storage" and isinstance(key[1], StorageType) and isinstance(key[2], str)):
+        if not (
+            isinstance(key, tuple)
+            and len(key) == 5
+            and key[0] == "storage"
+            and isinstance(key[1], StorageType)
+            and isinstance(key[2], str)
+        ):
             raise ValueError("a reference that is no storage")
         if key[2] not in storages:
             name = f"{folder}data/{key[2]}"

@@ -39,26 +39,32 @@ class EnvConfig:
     control: str = "position"
     """What actions are: `position`, `velocity` or `torque`."""
     preset: str = "improved"
-    """Which of the robot's gains drive position and velocity control: `improved`, or the paper's 100/5 on all joints, `paper`."""
+    """Which of the robot's gains drive position and velocity control: `improved`, or the paper's 100/5 on all joints,
+    `paper`."""
     observe: Sequence[str] = ("proprio", "state", "time")
-    """Which of `proprio`, `state`, `time`, `elevation`, `depth`, `color` and `labels` are observed; the last two need OpenGL."""
+    """Which of `proprio`, `state`, `time`, `elevation`, `depth`, `color` and `labels` are observed; the last two need
+    OpenGL."""
     cameras: tuple[int, int] = (90, 120)
     """Height and width of what one of the robot's cameras observes [px]; the paper's are 360 and 480."""
     time_limit: float | None = None
     """Seconds to a truncation; None: the task's, 20 s or 10 s (appendix C.1)."""
     starts: Sequence[RobotMotion] | Path | str | None = None
-    """Motions in whose first frames episodes start, beside the motions' objects: as such, or the folder of a `--workdir`, whose
+    """Motions in whose first frames episodes start, beside the motions' objects: as such, or the folder of a
+    `--workdir`, whose
     retargeted clips are taken. None: starts are drawn by rule."""
     objects: Sequence[str | SceneObject] | None = None
-    """The objects to meet instead of those of the split, as objects or by their ids; with `starts`, those that have no id to be made from."""
+    """The objects to meet instead of those of the split, as objects or by their ids; with `starts`, those that have no
+    id to be made from."""
     pool: int = 1000
-    """How many objects of the task's family there are to meet, both splits together: numbers 0 to pool - 1 of seed 0."""
+    """How many objects of the task's family there are to meet, both splits together: numbers 0 to pool - 1 of seed
+    0."""
     robot: str = "h1"
     """The robot."""
     workers: int = 0
     """Threads that step the physics; 0: all processors. Never changes a result. Single environments use one."""
     device: str = "cpu"
-    """What computes the physics: `cpu`, `cuda`, `cuda:1` for another GPU, or `warp-cpu`, for tests. Observations are NumPy arrays on all of them."""
+    """What computes the physics: `cpu`, `cuda`, `cuda:1` for another GPU, or `warp-cpu`, for tests. Observations are
+    NumPy arrays on all of them."""
     height: int = 480
     """Of the pictures [px]."""
     width: int = 640
@@ -70,7 +76,9 @@ class EnvConfig:
             if sense not in SENSES:
                 raise UnknownName("observation", sense, list(SENSES))
         if self.time_limit is not None and not CONTROL_DT <= self.time_limit <= 3600:
-            raise MimicbenchError(f"a time limit of {self.time_limit} s is none; give seconds from {CONTROL_DT} to 3600")
+            raise MimicbenchError(
+                f"a time limit of {self.time_limit} s is none; give seconds from {CONTROL_DT} to 3600"
+            )
         if not 1 <= self.pool <= 99999:
             raise MimicbenchError(f"a pool of {self.pool} objects is none; give a number from 1 to 99999")
         for height, width in ((self.height, self.width), self.cameras):
@@ -134,7 +142,9 @@ class Episodes:
                 raise MimicbenchError("no episode has begun; call reset() for all environments first")
             config, self.starts = self.config, starts
             room = any(not isinstance(obj, str) and obj.hulls for obj in (*(config.objects or ()), *objects))
-            physics = make_physics(config.device, self.robot, objects, config.preset, config.control, config.workers, meshes=room)
+            physics = make_physics(
+                config.device, self.robot, objects, config.preset, config.control, config.workers, meshes=room
+            )
             self._scene = physics, Judge(self.task, self.robot, objects, CONTROL_DT, goals)
         else:
             self.physics.set_objects(objects, ids)
@@ -146,11 +156,17 @@ class Episodes:
         self._links = None
 
     def step(self, target: np.ndarray, running: np.ndarray) -> Outcome:
-        """One control step of the episodes `running` (N,) bool with joint targets (N, J); the others stay as they are."""
+        """One control step of the episodes `running` (N,) bool with joint targets (N, J).
+
+        The others stay as they are.
+        """
         target = np.asarray(target, np.float32)
         ids = None if running.all() else np.flatnonzero(running)
         if target.shape != self._last_target.shape or not np.isfinite(target if ids is None else target[ids]).all():
-            raise MimicbenchError(f"actions must be {' x '.join(map(str, self._last_target.shape))} finite numbers, one for each joint of each robot")
+            raise MimicbenchError(
+                f"actions must be {' x '.join(map(str, self._last_target.shape))} finite numbers, one "
+                "for each joint of each robot"
+            )
         target = target.copy() if ids is None else np.where(running[:, None], target, self._last_target)
         if ids is None or len(ids):
             self.physics.step(torch.from_numpy(target), True, ids)
@@ -184,7 +200,11 @@ class Episodes:
         if "proprio" in senses:
             seen["proprio"] = body_state(state, turn).cpu().numpy()
         if "state" in senses:
-            seen["state"] = s_current(state, self._look(), torch.from_numpy(self._last_target).to(self.physics.device), turn).cpu().numpy()
+            seen["state"] = (
+                s_current(state, self._look(), torch.from_numpy(self._last_target).to(self.physics.device), turn)
+                .cpu()
+                .numpy()
+            )
         if "time" in senses:
             seen["time"] = (self.judge.steps[:, None] * CONTROL_DT).astype(np.float32)
         if "elevation" in senses:
@@ -193,8 +213,14 @@ class Episodes:
             seen["depth"] = ray_depth(self.physics, None, *self.config.cameras, rig=self.task.rig)
         if "color" in senses or "labels" in senses:
             qpos = self.physics.qpos()
-            looks = [self._eyes.look(env, start.obj, qpos[env], start.wrist_goal_w) for env, start in enumerate(self.starts)]
-            seen |= {name: np.stack([getattr(look, name) for look in looks]) for name in ("color", "labels") if name in senses}
+            looks = [
+                self._eyes.look(env, start.obj, qpos[env], start.wrist_goal_w) for env, start in enumerate(self.starts)
+            ]
+            seen |= {
+                name: np.stack([getattr(look, name) for look in looks])
+                for name in ("color", "labels")
+                if name in senses
+            }
         if self.task.wrist_goals:
             goal, qpos = self.judge.wrist_goal_w, self.physics.qpos()
             root_pos, root_quat = qpos[:, :3], qpos[:, 3:7]
@@ -212,7 +238,11 @@ class Episodes:
         """What is known of each episode now, one entry a robot. See gym.TaskEnv."""
         judge = self.judge
         return {
-            "success": self.success(), "effort": judge.effort().copy(), "fell": judge.fell.copy(), "diverged": judge.diverged.copy(),
+            "success": self.success(),
+            "effort": judge.effort().copy(),
+            "fell": judge.fell.copy(),
+            "diverged": judge.diverged.copy(),
             "object_id": np.array([start.obj.id for start in self.starts], object),
-            "reference_id": np.array([start.reference_id for start in self.starts], object), "seed": self.seeds.copy(),
-        }  # fmt: skip
+            "reference_id": np.array([start.reference_id for start in self.starts], object),
+            "seed": self.seeds.copy(),
+        }

@@ -21,7 +21,14 @@ _UPRIGHT = float(np.cos(FALLEN_TILT))
 class Judge:
     """Sees every control step of N episodes and keeps their verdicts. Policies never see a judge."""
 
-    def __init__(self, task: Task, robot: Robot, objects: Sequence[SceneObject], control_dt: float, wrist_goals: Sequence[np.ndarray] | None = None) -> None:
+    def __init__(
+        self,
+        task: Task,
+        robot: Robot,
+        objects: Sequence[SceneObject],
+        control_dt: float,
+        wrist_goals: Sequence[np.ndarray] | None = None,
+    ) -> None:
         """`wrist_goals` are (2, 3) or empty for each episode, if the task has such goals."""
         self._task, self._robot, self._dt = task, robot, control_dt
         self._facts = ObjectFacts.of(objects, wrist_goals)
@@ -31,7 +38,8 @@ class Judge:
         self.run = np.zeros(n, int)
         """(N,) frames in a row that the condition holds now."""
         self.success = np.zeros(n, bool)
-        """(N,) K was fulfilled at some time; of a task that is judged in its last frame: K holds in the last frame seen."""
+        """(N,) K was fulfilled at some time; of a task that is judged in its last frame: K holds in the last frame
+        seen."""
         self.first_success = np.full(n, np.nan)
         """(N,) when, [s]."""
         self.success_at_end = np.zeros(n, bool)
@@ -52,7 +60,9 @@ class Judge:
         """(N, 2, 3) where left and right wrist are to go [m]; NaN without such a goal."""
         return self._facts.wrist_goal_w
 
-    def restart(self, ids: np.ndarray, objects: Sequence[SceneObject], wrist_goals: Sequence[np.ndarray] | None = None) -> None:
+    def restart(
+        self, ids: np.ndarray, objects: Sequence[SceneObject], wrist_goals: Sequence[np.ndarray] | None = None
+    ) -> None:
         """Forget the episodes `ids` (n,), which begin anew with these objects and goals."""
         fresh = ObjectFacts.of(objects, wrist_goals)
         self._facts.exchange(ids, fresh)
@@ -92,7 +102,9 @@ class Judge:
         self.fell |= active & fallen
 
     def over(self, linger: float = 0.0) -> np.ndarray:
-        """(N,) whether there is nothing left to see: K has been fulfilled for `linger` [s], or the physics broke down."""
+        """(N,) whether there is nothing left to see: K has been fulfilled for `linger` [s], or the physics broke
+        down.
+        """
         if self._task.in_last_frame:
             return self.diverged.copy()
         return self.diverged | (self.success & (self.steps * self._dt >= self.first_success + linger - 0.5 * self._dt))

@@ -1,6 +1,7 @@
 """How an episode starts (appendix C.1): the object at the origin facing +x, the robot in the first pose of a reference.
 
-A start comes from a motion (`start_of`), or, where there are no motions, from a rule (`draw_start`): the robot stands at
+A start comes from a motion (`start_of`), or, where there are no motions, from a rule (`draw_start`): the robot stands
+at
 rest, around the object for the tasks that navigate, in front of it and facing it for the other two.
 """
 
@@ -32,13 +33,15 @@ SPLITS = ("train", "test", "all")
 CLEARANCE = 0.005
 """[m] between the soles and the floor, so that no start begins inside of it."""
 BACK_TO_TOUCH, BACK_TO_LIFT = 0.1, 0.3
-"""[m] how far behind where it could begin at once a robot in front of an object may stand. Whoever touches has the targets on its map of 1.28 m."""
+"""[m] how far behind where it could begin at once a robot in front of an object may stand. Whoever touches has the
+targets on its map of 1.28 m."""
 SIDE, TURN = 0.1, 0.2
 """How far it may stand to either side [m], and be turned [rad]."""
 _TRIES = 50
 """Draws of a start with both targets on the map; nine in ten pairs can be, of every object."""
 _HEAD = 40
-"""Frames of a motion that its first frame's velocity is taken from; what comes later changes it by less than rounding does."""
+"""Frames of a motion that its first frame's velocity is taken from; what comes later changes it by less than rounding
+does."""
 
 
 @dataclass(frozen=True)
@@ -65,24 +68,43 @@ class Start:
 
 
 def start_of(motion: RobotMotion, obj: SceneObject, robot: Robot, task: Task) -> Start:
-    """The first frame of a motion, velocities included, no farther from the origin than the task allows. Raises BadMotion."""
+    """The first frame of a motion, velocities included, no farther from the origin than the task allows.
+
+    Raises BadMotion.
+    """
     if motion.joint_names != robot.joint_names:
-        raise BadMotion(f"clip {motion.id} is for {motion.robot!r} with other joints than {robot.name!r}; retarget it again")
+        raise BadMotion(
+            f"clip {motion.id} is for {motion.robot!r} with other joints than {robot.name!r}; retarget it again"
+        )
     head = slice(0, _HEAD)
     times = np.arange(motion.frames)[head] / motion.fps
     quat = motion.root_quat_w[head].copy()
     # a quaternion and its negative are the same turn; keep to one side so that a spline may pass through them
     quat[1:] *= np.cumprod(np.where((quat[1:] * quat[:-1]).sum(-1) < 0, -1.0, 1.0))[:, None]
     turning = rot.normalize(CubicSpline(times, quat)(np.array([0.0, CONTROL_DT])))
-    lin_vel_w, joint_vel = (CubicSpline(times, values[head])(0.0, 1) for values in (motion.root_pos_w, motion.joint_pos))
-    spin_w, joint_pos = rot.angular_velocity(turning, 1 / CONTROL_DT)[0], np.clip(motion.joint_pos[0], *robot.joint_range.T)
+    lin_vel_w, joint_vel = (
+        CubicSpline(times, values[head])(0.0, 1) for values in (motion.root_pos_w, motion.joint_pos)
+    )
+    spin_w, joint_pos = (
+        rot.angular_velocity(turning, 1 / CONTROL_DT)[0],
+        np.clip(motion.joint_pos[0], *robot.joint_range.T),
+    )
     # rounded as a tracker's references are, so that both start from the same bits
     pos, quat_w, joint_pos, lin_vel_w, spin_w, joint_vel = (
-        np.asarray(values, np.float32).astype(float) for values in (motion.root_pos_w[0], turning[0], joint_pos, lin_vel_w, spin_w, joint_vel)
+        np.asarray(values, np.float32).astype(float)
+        for values in (motion.root_pos_w[0], turning[0], joint_pos, lin_vel_w, spin_w, joint_vel)
     )
     quat_w = rot.normalize(quat_w)
     return Start(
-        obj, clipped(pos, task.max_start_distance), quat_w, joint_pos, lin_vel_w, rot.rotate_inverse(quat_w, spin_w), joint_vel, motion.wrist_goal_w, motion.id
+        obj,
+        clipped(pos, task.max_start_distance),
+        quat_w,
+        joint_pos,
+        lin_vel_w,
+        rot.rotate_inverse(quat_w, spin_w),
+        joint_vel,
+        motion.wrist_goal_w,
+        motion.id,
     )
 
 
@@ -93,7 +115,9 @@ def put_at_start(physics: Physics, ids: np.ndarray, starts: Sequence[Start]) -> 
 
 
 def clipped(root_pos_w: np.ndarray, limit: float | None) -> np.ndarray:
-    """(3,) the position, moved towards the origin until it is within `limit` [m] of it seen from above (None: anywhere)."""
+    """(3,) the position, moved towards the origin until it is within `limit` [m] of it seen from above (None:
+    anywhere).
+    """
     pos = np.array(root_pos_w, float)
     if limit is not None:
         pos[:2] *= min(1.0, limit / max(float(np.linalg.norm(pos[:2])), 1e-9))
@@ -116,16 +140,22 @@ class Stance:
         """The stance of a robot."""
         joints = np.array(robot.rest_pose, float)
         links = robot.forward_kinematics(np.zeros(3), rot.IDENTITY, joints)
-        soles, ankles = (np.array([robot.keypoint_pos(f"{side}_{name}", *links) for side in ("left", "right")]) for name in ("sole", "ankle"))
+        soles, ankles = (
+            np.array([robot.keypoint_pos(f"{side}_{name}", *links) for side in ("left", "right")])
+            for name in ("sole", "ankle")
+        )
         return Stance(joints, CLEARANCE - float(soles[:, 2].min()), ankles.mean(0))
 
 
 def draw_start(task: Task, obj: SceneObject, stance: Stance, random: np.random.Generator) -> Start:
     """A start without a reference: at rest.
 
-    Tasks that navigate: anywhere 1 to 2 m from the origin, within 100 degrees of the front and 0.45 m clear of the object, any heading, as the
-    clips of sit-chair start. The others: in front of the object, facing it, up to 0.3 m (touch-points: 0.1 m) behind where it could begin,
-    0.1 m to the side and turned by 0.2 rad. Targets and places are drawn again until both targets are on the robot's map, which is to tell it of them.
+    Tasks that navigate: anywhere 1 to 2 m from the origin, within 100 degrees of the front and 0.45 m clear of the
+    object, any heading, as the
+    clips of sit-chair start. The others: in front of the object, facing it, up to 0.3 m (touch-points: 0.1 m) behind
+    where it could begin,
+    0.1 m to the side and turned by 0.2 rad. Targets and places are drawn again until both targets are on the robot's
+    map, which is to tell it of them.
     """
     goal, root, quat = _stand(task, obj, stance, random)
     for _ in range(_TRIES):
@@ -136,14 +166,18 @@ def draw_start(task: Task, obj: SceneObject, stance: Stance, random: np.random.G
     return Start(obj, root, quat, stance.joint_pos, still, still, np.zeros(len(stance.joint_pos)), goal)
 
 
-def _stand(task: Task, obj: SceneObject, stance: Stance, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _stand(
+    task: Task, obj: SceneObject, stance: Stance, random: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Targets (2, 3) or none, and position (3,) [m] and orientation (4,) of the root."""
     goal = np.stack(touch_pair(obj, random)) if task.wrist_goals else np.zeros((0, 3))
     if task.max_start_distance is not None:
         xy, yaw = _around(obj, task.max_start_distance, random)
     else:
         before = goal if len(goal) else np.zeros((2, 3))  # two hands at the object's middle, where there are no targets
-        *xy, yaw = stance_before(obj, *before) + random.uniform([0.0, -SIDE, -TURN], [BACK_TO_TOUCH if len(goal) else BACK_TO_LIFT, SIDE, TURN])
+        *xy, yaw = stance_before(obj, *before) + random.uniform(
+            [0.0, -SIDE, -TURN], [BACK_TO_TOUCH if len(goal) else BACK_TO_LIFT, SIDE, TURN]
+        )
     quat = rot.from_yaw(np.array(yaw))
     return goal, np.array([*(xy - rot.rotate(quat, stance.ankles_r)[:2]), stance.height]), quat
 
@@ -161,7 +195,13 @@ class Starts:
     """Where the episodes of a task start. An episode's seed alone decides its object and its start."""
 
     def __init__(
-        self, task: Task, robot: Robot, split: str, objects: Sequence[str | SceneObject] | None, pool: int, motions: Sequence[RobotMotion] | Path | str | None
+        self,
+        task: Task,
+        robot: Robot,
+        split: str,
+        objects: Sequence[str | SceneObject] | None,
+        pool: int,
+        motions: Sequence[RobotMotion] | Path | str | None,
     ) -> None:
         """See gym.EnvConfig for `split`, `objects`, `pool`, and `motions`, which is its `starts`."""
         if split not in SPLITS:
@@ -171,7 +211,9 @@ class Starts:
         if isinstance(motions, Path | str):
             own, motions = _read_workdir(Path(motions), task, robot, own)
         self._own: Mapping[str, SceneObject] = own
-        self._motions = None if motions is None else [motion for motion in motions if split in ("all", split_of(motion.object_id))]
+        self._motions = (
+            None if motions is None else [motion for motion in motions if split in ("all", split_of(motion.object_id))]
+        )
         self._ids: Sequence[str] = [obj if isinstance(obj, str) else obj.id for obj in objects or ()]
         if objects is None and motions is None:
             if task.family not in FAMILIES:
@@ -179,9 +221,15 @@ class Starts:
             every = (f"{task.family}-0-{index:05d}" for index in range(pool))
             self._ids = [object_id for object_id in every if split in ("all", split_of(object_id))]
         if self._motions is not None and not self._motions:
-            raise BadMotion(f"none of the motions to start from is beside an object of split {split!r}; make more, or choose another split")
+            raise BadMotion(
+                f"none of the motions to start from is beside an object of split {split!r}; make "
+                "more, or choose another split"
+            )
         if self._motions is None and not self._ids:
-            raise BadObject(f"there is no object of split {split!r} to start beside; give a larger pool, other objects or another split")
+            raise BadObject(
+                f"there is no object of split {split!r} to start beside; give a larger pool, other "
+                "objects or another split"
+            )
 
     def draw(self, seed: int) -> Start:
         """The start of the episode `seed`."""
@@ -204,10 +252,15 @@ def _made(object_id: str) -> SceneObject:
     return make_object(object_id)
 
 
-def _read_workdir(workdir: Path, task: Task, robot: Robot, own: Mapping[str, SceneObject]) -> tuple[Mapping[str, SceneObject], Sequence[RobotMotion]]:
+def _read_workdir(
+    workdir: Path, task: Task, robot: Robot, own: Mapping[str, SceneObject]
+) -> tuple[Mapping[str, SceneObject], Sequence[RobotMotion]]:
     """The objects and the retargeted clips that fulfil K of a work folder."""
     folder = workdir / task.slug
     motions = read_retargeted(folder / "retarget", robot.name)
     if not motions:
-        raise BadMotion(f"{folder} holds no retargeted clips; run `mimicbench retarget --task {task.slug} --workdir {workdir}` first")
+        raise BadMotion(
+            f"{folder} holds no retargeted clips; run `mimicbench retarget --task {task.slug} "
+            f"--workdir {workdir}` first"
+        )
     return {**read_objects(folder / "objects"), **own}, motions

@@ -62,7 +62,13 @@ class Rate:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values: successes, episodes, rate, low, high."""
-        return {"successes": whole(self.successes), "episodes": self.episodes, "rate": self.rate, "low": self.low, "high": self.high}
+        return {
+            "successes": whole(self.successes),
+            "episodes": self.episodes,
+            "rate": self.rate,
+            "low": self.low,
+            "high": self.high,
+        }
 
     def percent(self, digits: int = 1) -> str:
         """Such as `91.4 %`, or `-` without episodes."""

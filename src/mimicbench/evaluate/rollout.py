@@ -52,14 +52,23 @@ class PolicyRun:
 
 
 def run_policy(
-    policy: Policy, robot: Robot, task: Task, starts: Sequence[RobotMotion], objects: Mapping[str, SceneObject], preset: str,
-    protocol: Protocol | None = None, workers: int = 0, record: Sequence[int] = (), tick: Callable[[int], None] | None = None,
+    policy: Policy,
+    robot: Robot,
+    task: Task,
+    starts: Sequence[RobotMotion],
+    objects: Mapping[str, SceneObject],
+    preset: str,
+    protocol: Protocol | None = None,
+    workers: int = 0,
+    record: Sequence[int] = (),
+    tick: Callable[[int], None] | None = None,
     device: str = "cpu",
-) -> list[PolicyRun]:  # fmt: skip
+) -> list[PolicyRun]:
     """One episode from the first frame of each motion in `starts`, beside that motion's object.
 
     Everything else of the motions is withheld. Runs in batches of the protocol's size; returns one PolicyRun a batch.
-    `tick(n)` is called when n more episodes are over. The policy's networks move to where the tensors of physics on `device` live.
+    `tick(n)` is called when n more episodes are over. The policy's networks move to where the tensors of physics on
+    `device` live.
     """
     protocol = protocol or Protocol()
     runs = []
@@ -72,13 +81,24 @@ def run_policy(
 
 @torch.no_grad()
 def _run_batch(
-    policy: Policy, robot: Robot, task: Task, starts: Sequence[RobotMotion], objects: Mapping[str, SceneObject], preset: str,
-    protocol: Protocol, workers: int, record: Sequence[int], tick: Callable[[int], None] | None, device: str,
-) -> PolicyRun:  # fmt: skip
+    policy: Policy,
+    robot: Robot,
+    task: Task,
+    starts: Sequence[RobotMotion],
+    objects: Mapping[str, SceneObject],
+    preset: str,
+    protocol: Protocol,
+    workers: int,
+    record: Sequence[int],
+    tick: Callable[[int], None] | None,
+    device: str,
+) -> PolicyRun:
     n = len(starts)
     scene = [objects[motion.object_id] for motion in starts]
     physics = make_physics(device, robot, scene, preset, workers=workers)
-    put_at_start(physics, np.arange(n), [start_of(motion, obj, robot, task) for motion, obj in zip(starts, scene, strict=True)])
+    put_at_start(
+        physics, np.arange(n), [start_of(motion, obj, robot, task) for motion, obj in zip(starts, scene, strict=True)]
+    )
     policy.to(physics.device)
     judge = Judge(task, robot, scene, CONTROL_DT, [motion.wrist_goal_w for motion in starts])
     odometry = Odometry(n, physics.device)
@@ -112,16 +132,21 @@ def _run_batch(
     end_distance[running] = _distances(physics, scene)[running]
     if tick:
         tick(int(running.sum()))
-    return PolicyRun(judge, start_distance, end_distance, {episode: np.array(track) for episode, track in tracks.items()})
+    return PolicyRun(
+        judge, start_distance, end_distance, {episode: np.array(track) for episode, track in tracks.items()}
+    )
 
 
 def _sense(physics: Physics, odometry: Odometry, last_target: torch.Tensor, step: int, eyes: Eyes) -> Senses:
     state = physics.state()
     return Senses(
-        state=s_current(state, physics.links(), last_target), proprio=body_state(state),
+        state=s_current(state, physics.links(), last_target),
+        proprio=body_state(state),
         time=torch.full((physics.num_envs,), step * CONTROL_DT, device=physics.device),
-        odometry_pos=odometry.pos, odometry_yaw=odometry.yaw, elevation=lambda ids: eyes(physics, ids.cpu().numpy()).to(physics.device),
-    )  # fmt: skip
+        odometry_pos=odometry.pos,
+        odometry_yaw=odometry.yaw,
+        elevation=lambda ids: eyes(physics, ids.cpu().numpy()).to(physics.device),
+    )
 
 
 def _distances(physics: Physics, scene: Sequence[SceneObject]) -> np.ndarray:
@@ -132,7 +157,14 @@ def _distances(physics: Physics, scene: Sequence[SceneObject]) -> np.ndarray:
 
 
 def policy_rows(
-    runs: Sequence[PolicyRun], starts: Sequence[RobotMotion], objects: Mapping[str, SceneObject], task: Task, robot: Robot, policy: str, preset: str, seed: int
+    runs: Sequence[PolicyRun],
+    starts: Sequence[RobotMotion],
+    objects: Mapping[str, SceneObject],
+    task: Task,
+    robot: Robot,
+    policy: str,
+    preset: str,
+    seed: int,
 ) -> list[EpisodeRow]:
     """One row per episode of `run_policy`."""
     rows = []
@@ -140,20 +172,42 @@ def policy_rows(
     for run in runs:
         for i in range(len(run.start_distance)):
             distances = float(run.start_distance[i]), float(run.end_distance[i])
-            rows.append(_row(run.judge, i, starts[episode], objects, task, robot, ("imitate", policy, preset), seed, episode, distances))
+            rows.append(
+                _row(
+                    run.judge,
+                    i,
+                    starts[episode],
+                    objects,
+                    task,
+                    robot,
+                    ("imitate", policy, preset),
+                    seed,
+                    episode,
+                    distances,
+                )
+            )
             episode += 1
     return rows
 
 
 def tracker_rows(
-    rollout: Rollout, motions: Sequence[RobotMotion], objects: Mapping[str, SceneObject], task: Task, robot: Robot, tracker: str, preset: str, seed: int
+    rollout: Rollout,
+    motions: Sequence[RobotMotion],
+    objects: Mapping[str, SceneObject],
+    task: Task,
+    robot: Robot,
+    tracker: str,
+    preset: str,
+    seed: int,
 ) -> list[EpisodeRow]:
     """One row per clip of `track.rollout.track_clips`."""
     rows = []
     for i, motion in enumerate(motions):
         obj = objects[motion.object_id]
         distances = _distance(obj, motion.root_pos_w[0]), _distance(obj, motion.root_pos_w[-1])
-        rows.append(_row(rollout.judge, i, motion, objects, task, robot, ("track", tracker, preset), seed, i, distances))
+        rows.append(
+            _row(rollout.judge, i, motion, objects, task, robot, ("track", tracker, preset), seed, i, distances)
+        )
     return rows
 
 
@@ -163,14 +217,40 @@ def _distance(obj: SceneObject, pos: np.ndarray) -> float:
 
 
 def _row(
-    judge: Judge, i: int, motion: RobotMotion, objects: Mapping[str, SceneObject], task: Task, robot: Robot, who: tuple[str, str, str], seed: int,
-    episode: int, distances: tuple[float, float],
-) -> EpisodeRow:  # fmt: skip
+    judge: Judge,
+    i: int,
+    motion: RobotMotion,
+    objects: Mapping[str, SceneObject],
+    task: Task,
+    robot: Robot,
+    who: tuple[str, str, str],
+    seed: int,
+    episode: int,
+    distances: tuple[float, float],
+) -> EpisodeRow:
     obj = objects[motion.object_id]
     stage, policy, preset = who
     return EpisodeRow(
-        task=task.slug, stage=stage, policy=policy, preset=preset, robot=robot.name, seed=seed, episode=episode, object_id=obj.id, object_kind=obj.kind,
-        split=obj.split, reference_id=motion.id, steps=int(judge.steps[i]), success=bool(judge.success[i]), success_at_end=bool(judge.success_at_end[i]),
-        first_success_time=float(judge.first_success[i]) if judge.success[i] else None, fell=bool(judge.fell[i]), max_energy=float(judge.effort()[i]),
-        seat_height=obj.seat_height, start_distance=distances[0], end_distance=distances[1], mimicbench=mimicbench.__version__, mujoco=mujoco.__version__,
-    )  # fmt: skip
+        task=task.slug,
+        stage=stage,
+        policy=policy,
+        preset=preset,
+        robot=robot.name,
+        seed=seed,
+        episode=episode,
+        object_id=obj.id,
+        object_kind=obj.kind,
+        split=obj.split,
+        reference_id=motion.id,
+        steps=int(judge.steps[i]),
+        success=bool(judge.success[i]),
+        success_at_end=bool(judge.success_at_end[i]),
+        first_success_time=float(judge.first_success[i]) if judge.success[i] else None,
+        fell=bool(judge.fell[i]),
+        max_energy=float(judge.effort()[i]),
+        seat_height=obj.seat_height,
+        start_distance=distances[0],
+        end_distance=distances[1],
+        mimicbench=mimicbench.__version__,
+        mujoco=mujoco.__version__,
+    )

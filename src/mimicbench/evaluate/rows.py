@@ -74,7 +74,10 @@ class EpisodeRow:
 
     def __post_init__(self) -> None:
         if isnan(self.max_energy) or self.max_energy < 0:
-            raise MimicbenchError(f"episode {self.id}: the energy is {self.max_energy}; the simulation broke, run the episode again with its seed to see where")
+            raise MimicbenchError(
+                f"episode {self.id}: the energy is {self.max_energy}; the simulation broke, run the "
+                "episode again with its seed to see where"
+            )
         if self.success and self.first_success_time is None:
             raise MimicbenchError(f"episode {self.id}: a success needs the time at which K was first fulfilled")
 
@@ -115,7 +118,9 @@ def read_rows(path: Path) -> list[EpisodeRow]:
             columns = file.read().to_pylist()
     except (pa.ArrowException, OSError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise BadFile(f"{path} cannot be read as parquet ({reason}); it is cut off or damaged: run the evaluation again") from None
+        raise BadFile(
+            f"{path} cannot be read as parquet ({reason}); it is cut off or damaged: run the evaluation again"
+        ) from None
     return [EpisodeRow(**row) for row in columns]
 
 
@@ -128,10 +133,17 @@ def _check_header(path: Path, schema: pa.Schema) -> None:
     if kind != KIND:
         raise BadFile(f"{path} holds {kind!r}, expected {KIND!r}")
     if version != SCHEMA:
-        raise BadFile(f"{path} has schema {version}, this version of mimicbench reads {SCHEMA}; run the evaluation again")
+        raise BadFile(
+            f"{path} has schema {version}, this version of mimicbench reads {SCHEMA}; run the evaluation again"
+        )
     if not schema.equals(_COLUMNS, check_metadata=False):
-        differs = sorted(set(schema.names) ^ set(_COLUMNS.names)) or [f.name for f in _COLUMNS if schema.field(f.name).type != f.type]
-        raise BadFile(f"{path} has other columns than episode rows ({', '.join(differs) or 'another order'}); run the evaluation again")
+        differs = sorted(set(schema.names) ^ set(_COLUMNS.names)) or [
+            f.name for f in _COLUMNS if schema.field(f.name).type != f.type
+        ]
+        raise BadFile(
+            f"{path} has other columns than episode rows ({', '.join(differs) or 'another order'}); "
+            "run the evaluation again"
+        )
 
 
 @dataclass(frozen=True)
@@ -163,11 +175,19 @@ class Summary:
         """Plain JSON values, as `mimicbench evaluate --json` prints them."""
         limits = [{"lambda": limit, **rate.to_dict()} for limit, rate in zip(ENERGY_LIMITS, self.by_limit, strict=True)]
         return {
-            "task": self.task, "policy": self.policy, "preset": self.preset, "episodes": self.kinematic.episodes,
+            "task": self.task,
+            "policy": self.policy,
+            "preset": self.preset,
+            "episodes": self.kinematic.episodes,
             "kinematic": self.kinematic.to_dict(),
-            "energy": {**self.energy.to_dict(), "limits": limits, "interval": "Wilson at the mean count of successes over the limits"},
-            "at_end": self.at_end.to_dict(), "fell": self.fell.to_dict(),
-        }  # fmt: skip
+            "energy": {
+                **self.energy.to_dict(),
+                "limits": limits,
+                "interval": "Wilson at the mean count of successes over the limits",
+            },
+            "at_end": self.at_end.to_dict(),
+            "fell": self.fell.to_dict(),
+        }
 
 
 def summarize(rows: Sequence[EpisodeRow]) -> Summary:
@@ -176,10 +196,15 @@ def summarize(rows: Sequence[EpisodeRow]) -> Summary:
         raise MimicbenchError("there are no episodes to summarize; run `mimicbench evaluate` first")
     kinds = sorted({(row.task, row.stage, row.policy, row.preset) for row in rows})
     if len(kinds) > 1:
-        raise MimicbenchError(f"the rows are of several policies ({'; '.join(' '.join(kind) for kind in kinds)}); summarize each on its own")
+        raise MimicbenchError(
+            f"the rows are of several policies ({'; '.join(' '.join(kind) for kind in kinds)}); "
+            "summarize each on its own"
+        )
     n = len(rows)
     by_limit = tuple(Rate(sum(row.holds(limit) for row in rows), n) for limit in ENERGY_LIMITS)
-    kinematic, at_end, fell = (Rate(sum(getattr(row, name) for row in rows), n) for name in ("success", "success_at_end", "fell"))
+    kinematic, at_end, fell = (
+        Rate(sum(getattr(row, name) for row in rows), n) for name in ("success", "success_at_end", "fell")
+    )
     return Summary(*kinds[0], kinematic=kinematic, at_end=at_end, by_limit=by_limit, fell=fell)
 
 

@@ -1,13 +1,17 @@
-"""Action chunking with transformers (Zhao et al. 2023), as the paper uses it: one map, one state, a chunk of joint targets.
+"""Action chunking with transformers (Zhao et al.
 
-Training: a conditional variational autoencoder. Its encoder reads [CLS, state, the demonstrated chunk] and gives the mean
+2023), as the paper uses it: one map, one state, a chunk of joint targets.
+
+Training: a conditional variational autoencoder. Its encoder reads [CLS, state, the demonstrated chunk] and gives the
+mean
 and log-variance of a latent z, which stands for what state and map do not decide. The policy, which is the decoder,
 reads [z, state, one token per map feature] with a transformer encoder, and a transformer decoder turns one learned
 query per frame of the chunk into actions:
 
     loss = L1(actions) + kl_weight * KL(q(z | state, actions) || N(0, 1))
 
-At inference z = 0 and only the first action of the chunk is executed, in every frame: no open-loop chunk, no ensembling.
+At inference z = 0 and only the first action of the chunk is executed, in every frame: no open-loop chunk, no
+ensembling.
 
 Two things differ from the original program on purpose. It declares seven decoder layers but reads the output of the
 first, so six of them are never trained; here the last layer's output is read. And its image network starts from
@@ -65,13 +69,25 @@ class ACTConfig:
     def small(inputs: InputConfig | None = None) -> "ACTConfig":
         """For a CPU: about 1 million parameters, half a second ahead."""
         return ACTConfig(
-            inputs=inputs or InputConfig(), encoder=EncoderConfig.small(), chunk=25, hidden=128, feedforward=256, heads=4,
-            posterior_layers=1, encoder_layers=2, decoder_layers=1, latent=16, dropout=0.05,
-        )  # fmt: skip
+            inputs=inputs or InputConfig(),
+            encoder=EncoderConfig.small(),
+            chunk=25,
+            hidden=128,
+            feedforward=256,
+            heads=4,
+            posterior_layers=1,
+            encoder_layers=2,
+            decoder_layers=1,
+            latent=16,
+            dropout=0.05,
+        )
 
     @staticmethod
     def quick(inputs: InputConfig | None = None) -> "ACTConfig":
-        """For minutes on a CPU: about 400 thousand parameters, a fifth of a second ahead. Many batches do more for it than a large network."""
+        """For minutes on a CPU: about 400 thousand parameters, a fifth of a second ahead.
+
+        Many batches do more for it than a large network.
+        """
         return replace(ACTConfig.small(inputs), chunk=10, hidden=96, feedforward=256)
 
 
@@ -125,7 +141,14 @@ class ACT(Learner):
 
     def _posterior(self, state: Tensor, actions: Tensor, pad: Tensor) -> tuple[Tensor, Tensor]:
         """Mean and log-variance (B, latent) of q(z | state, actions)."""
-        tokens = torch.cat([self.cls.expand(len(state), -1, -1), self.state_to_posterior(state)[:, None], self.action_to_posterior(actions)], 1)
+        tokens = torch.cat(
+            [
+                self.cls.expand(len(state), -1, -1),
+                self.state_to_posterior(state)[:, None],
+                self.action_to_posterior(actions),
+            ],
+            1,
+        )
         visible = torch.cat([pad.new_ones(len(pad), 2), ~pad], 1)[:, None, None]
         for layer in self.posterior_layers:
             tokens = layer(tokens, self.get_buffer("posterior_positions"), visible)
@@ -202,7 +225,12 @@ class _DecoderLayer(nn.Module):
 
 
 def _feedforward(config: ACTConfig) -> nn.Module:
-    return nn.Sequential(nn.Linear(config.hidden, config.feedforward), nn.ReLU(), nn.Dropout(config.dropout), nn.Linear(config.feedforward, config.hidden))
+    return nn.Sequential(
+        nn.Linear(config.hidden, config.feedforward),
+        nn.ReLU(),
+        nn.Dropout(config.dropout),
+        nn.Linear(config.feedforward, config.hidden),
+    )
 
 
 def _sine_positions(length: int, width: int) -> Tensor:
@@ -213,8 +241,13 @@ def _sine_positions(length: int, width: int) -> Tensor:
 
 
 def _sine_positions_2d(side: int, width: int) -> Tensor:
-    """(1, side * side, width): half of the numbers tell the row, half the column, both scaled to 0..2 pi (Carion et al. 2020)."""
+    """(1, side * side, width): half of the numbers tell the row, half the column, both scaled to 0..2 pi (Carion et al.
+
+    2020).
+    """
     place = (torch.arange(side) + 1.0) / side * (2 * math.pi)
     rate = torch.exp(torch.arange(0, width // 2, 2) * (-math.log(10000.0) / (width // 2)))
     line = torch.stack([(place[:, None] * rate).sin(), (place[:, None] * rate).cos()], -1).flatten(1)
-    return torch.cat([line[:, None].expand(-1, side, -1), line[None].expand(side, -1, -1)], -1).reshape(1, side * side, width)
+    return torch.cat([line[:, None].expand(-1, side, -1), line[None].expand(side, -1, -1)], -1).reshape(
+        1, side * side, width
+    )

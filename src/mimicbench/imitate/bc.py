@@ -51,15 +51,23 @@ class BC(Learner):
         if config.inputs.elevation:
             self.map_encoder = Encoder(config.encoder)
             widths = (config.encoder.widths[-1], *config.reduce)
-            self.reduce = nn.Sequential(*(nn.Conv2d(a, b, 5, padding=2) for a, b in zip(widths[:-1], widths[1:], strict=True)))
+            self.reduce = nn.Sequential(
+                *(nn.Conv2d(a, b, 5, padding=2) for a, b in zip(widths[:-1], widths[1:], strict=True))
+            )
             size += config.reduce[-1] * config.encoder.side**2
         self.mlp = nn.Sequential(
-            nn.Linear(size, config.hidden), nn.ReLU(), nn.Linear(config.hidden, config.hidden), nn.ReLU(), nn.Linear(config.hidden, config.action_size)
+            nn.Linear(size, config.hidden),
+            nn.ReLU(),
+            nn.Linear(config.hidden, config.hidden),
+            nn.ReLU(),
+            nn.Linear(config.hidden, config.action_size),
         )
 
     def loss(self, batch: Batch, generator: torch.Generator | None = None) -> dict[str, Tensor]:
         """Mean squared error of the normalized action."""
-        mse = functional.mse_loss(self._forward(batch.vector, batch.elevation), self.normalized_actions(batch.actions[:, 0]))
+        mse = functional.mse_loss(
+            self._forward(batch.vector, batch.elevation), self.normalized_actions(batch.actions[:, 0])
+        )
         return {"loss": mse}
 
     def predict(self, vector: Tensor, elevation: Tensor | None) -> Tensor:

@@ -11,7 +11,9 @@ SIZE = 1 + 2 * len(PERIODS)
 
 
 def clock_features(time: Tensor) -> Tensor:
-    """The clock (N, 13) at times (N,) [s] since the start: the time in units of the longest period, six sines, six cosines."""
+    """The clock (N, 13) at times (N,) [s] since the start: the time in units of the longest period, six sines, six
+    cosines.
+    """
     periods = torch.tensor(PERIODS, dtype=torch.float64, device=time.device)
     phase = (2 * math.pi) * time.double()[:, None] / periods
     return torch.cat([time.double()[:, None] / PERIODS[-1], phase.sin(), phase.cos()], -1).float()

@@ -1,4 +1,6 @@
-"""Batches of demonstrations: what a learner would have seen in a frame, made again from the simulator's state, and what to do."""
+"""Batches of demonstrations: what a learner would have seen in a frame, made again from the simulator's state, and
+what to do.
+"""
 
 from collections.abc import Callable, Mapping
 
@@ -28,7 +30,13 @@ class DemoFrames:
     """
 
     def __init__(
-        self, demos: Demos, objects: Mapping[str, SceneObject], inputs: InputConfig, chunk: int, maps: MapMaker | None = None, validation: float = 0.1
+        self,
+        demos: Demos,
+        objects: Mapping[str, SceneObject],
+        inputs: InputConfig,
+        chunk: int,
+        maps: MapMaker | None = None,
+        validation: float = 0.1,
     ) -> None:
         """Prepare everything but the maps, which are made batch by batch.
 
@@ -43,7 +51,10 @@ class DemoFrames:
         self.demos, self.inputs, self.chunk = demos, inputs, chunk
         missing = sorted(set(demos.object_ids) - set(objects))
         if missing:
-            raise BadFile(f"object {missing[0]!r} of the demonstrations is missing; make the objects again with the seed that the demonstrations had")
+            raise BadFile(
+                f"object {missing[0]!r} of the demonstrations is missing; make the objects again with "
+                "the seed that the demonstrations had"
+            )
         if inputs.body == "state" and demos.state is None:
             raise BadFile("the demonstrations were read without S_current, which this learner sees; read them with it")
         ids = sorted(set(demos.object_ids))
@@ -65,7 +76,9 @@ class DemoFrames:
             first = self.starts[:-1]
             self.seat = seat_in_root(seats, self.root_pos[first], self.root_yaw[first])
         # by the reference's id, so that the same clip is never learned from in one run and validated on in the next
-        apart = np.array([digest(0, "validation", reference) % 1000 < 1000 * validation for reference in demos.reference_ids])
+        apart = np.array(
+            [digest(0, "validation", reference) % 1000 < 1000 * validation for reference in demos.reference_ids]
+        )
         if apart.all() or not apart.any():
             apart[:] = False
             apart[0] = demos.episodes > 1 and validation > 0
@@ -73,7 +86,10 @@ class DemoFrames:
         self.train_frames, self.validation_frames = torch.nonzero(~held)[:, 0], torch.nonzero(held)[:, 0]
 
     def batch(self, frames: Tensor, generator: torch.Generator | None = None) -> Batch:
-        """What is seen in the given frames (B,) and the actions from there on; without a generator there is no noise."""
+        """What is seen in the given frames (B,) and the actions from there on.
+
+        Without a generator there is no noise.
+        """
         steps = frames[:, None] + torch.arange(self.chunk)
         last = self.starts[self.episode[frames] + 1][:, None] - 1
         elevation = self.elevation(frames, generator)[:, None] if self.inputs.elevation else None
@@ -112,10 +128,18 @@ def odometry(root_pos: Tensor, root_yaw: Tensor, start: Tensor, now: Tensor) -> 
 def proprioception(qpos: np.ndarray, qvel: np.ndarray) -> np.ndarray:
     """What a robot measures of itself (F, 10 + 2 J), from simulator positions (F, 7 + J) and velocities (F, 6 + J).
 
-    Gravity's direction 3, root height 1, root linear velocity 3 and angular velocity 3 in the root frame, joint angles J,
+    Gravity's direction 3, root height 1, root linear velocity 3 and angular velocity 3 in the root frame, joint angles
+    J,
     joint velocities J.
     """
     quat = qpos[:, 3:7]
     down = np.broadcast_to(np.array([0.0, 0.0, -1.0]), (len(qpos), 3))
-    parts = [rot.rotate_inverse(quat, down), qpos[:, 2:3], rot.rotate_inverse(quat, qvel[:, :3]), qvel[:, 3:6], qpos[:, 7:], qvel[:, 6:]]
+    parts = [
+        rot.rotate_inverse(quat, down),
+        qpos[:, 2:3],
+        rot.rotate_inverse(quat, qvel[:, :3]),
+        qvel[:, 3:6],
+        qpos[:, 7:],
+        qvel[:, 6:],
+    ]
     return np.concatenate(parts, -1).astype(np.float32)

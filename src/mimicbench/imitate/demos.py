@@ -40,14 +40,27 @@ class DemosConfig:
 
 
 def make_demos(
-    folder: Path, retarget: Stage, robot: Robot, task: Task, tracker: Tracker, made_by: str, motions: Sequence[RobotMotion],
-    objects: Mapping[str, SceneObject], config: DemosConfig, seed: int, workers: int, quiet: bool = False, device: str = "cpu",
-) -> Stage:  # fmt: skip
+    folder: Path,
+    retarget: Stage,
+    robot: Robot,
+    task: Task,
+    tracker: Tracker,
+    made_by: str,
+    motions: Sequence[RobotMotion],
+    objects: Mapping[str, SceneObject],
+    config: DemosConfig,
+    seed: int,
+    workers: int,
+    quiet: bool = False,
+    device: str = "cpu",
+) -> Stage:
     """Write the demonstrations as a LeRobotDataset v3; `made_by` is the tracker's fingerprint.
 
     Killed and started again, it goes on after the last whole shard. Raises BadMotion if K was never fulfilled.
     """
-    stage = open_stage(folder, "demos", task.slug, seed, asdict(config), {"retarget": retarget.fingerprint, "tracker": made_by})
+    stage = open_stage(
+        folder, "demos", task.slug, seed, asdict(config), {"retarget": retarget.fingerprint, "tracker": made_by}
+    )
     if stage.complete:
         return stage
     writer = DemoWriter(folder / "dataset", robot.name, task.title, robot.joint_names, 1 / CONTROL_DT, config.batch)
@@ -58,12 +71,26 @@ def make_demos(
         if any(motion.id in written for motion in part):
             continue
         noise = 0.0 if number < config.clean_share * len(parts) else config.action_noise
-        rollout = track_clips(tracker, robot, task, part, objects, workers, True, noise, seed, config.settle, device=device)
+        rollout = track_clips(
+            tracker, robot, task, part, objects, workers, True, noise, seed, config.settle, device=device
+        )
         for i, motion in enumerate(part):
             if not rollout.judge.success[i] or rollout.judge.diverged[i]:
                 continue
             state = observed_states(robot, rollout.qpos[i], rollout.qvel[i], rollout.targets[i])
-            writer.add(Demonstration(state, rollout.targets[i], rollout.executed[i], rollout.qpos[i], rollout.qvel[i], motion.object_id, motion.id, True, seed))
+            writer.add(
+                Demonstration(
+                    state,
+                    rollout.targets[i],
+                    rollout.executed[i],
+                    rollout.qpos[i],
+                    rollout.qvel[i],
+                    motion.object_id,
+                    motion.id,
+                    True,
+                    seed,
+                )
+            )
         writer.finish()
     made = len(writer.written)
     if not made:
@@ -72,10 +99,15 @@ def make_demos(
 
 
 def observed_states(robot: Robot, qpos: np.ndarray, qvel: np.ndarray, targets: np.ndarray) -> np.ndarray:
-    """(T, 300) S_current at every recorded frame; its last action is the joint target that was chosen before, zeros at first."""
+    """(T, 300) S_current at every recorded frame.
+
+    Its last action is the joint target that was chosen before, zeros at first.
+    """
     frames, joints = len(qpos), len(robot.joints)
     pose, motion = torch.from_numpy(qpos.astype(np.float32)), torch.from_numpy(qvel.astype(np.float32))
-    state = RobotState(pose[:, :3], pose[:, 3:7], motion[:, :3], motion[:, 3:6], pose[:, 7 : 7 + joints], motion[:, 6 : 6 + joints])
+    state = RobotState(
+        pose[:, :3], pose[:, 3:7], motion[:, :3], motion[:, 3:6], pose[:, 7 : 7 + joints], motion[:, 6 : 6 + joints]
+    )
     last = torch.zeros(frames, joints)
     last[1:] = torch.as_tensor(targets[:-1])
     return s_current(state, Kinematics(robot, frames, 1).links(qpos, qvel), last).numpy()

@@ -1,4 +1,7 @@
-"""A ResNet-18 for maps: 1 to 4 channels in, a grid of features out. No pretrained weights: height maps are not photographs."""
+"""A ResNet-18 for maps: 1 to 4 channels in, a grid of features out.
+
+No pretrained weights: height maps are not photographs.
+"""
 
 from dataclasses import dataclass
 
@@ -50,7 +53,10 @@ class Encoder(nn.Module):
         self.config = config
         channels = config.channels + (2 if config.coordinates else 0)
         self.stem = nn.Sequential(
-            nn.Conv2d(channels, config.widths[0], 7, 2, 3, bias=False), norm_layer(config.norm, config.widths[0]), nn.ReLU(), nn.MaxPool2d(3, 2, 1)
+            nn.Conv2d(channels, config.widths[0], 7, 2, 3, bias=False),
+            norm_layer(config.norm, config.widths[0]),
+            nn.ReLU(),
+            nn.MaxPool2d(3, 2, 1),
         )
         stages: list[nn.Module] = []
         width_in = config.widths[0]
@@ -79,7 +85,11 @@ class _Block(nn.Module):
         self.second = nn.Conv2d(width, width, 3, 1, 1, bias=False)
         self.second_norm = norm_layer(norm, width)
         changes = stride != 1 or width_in != width
-        self.past = nn.Sequential(nn.Conv2d(width_in, width, 1, stride, bias=False), norm_layer(norm, width)) if changes else nn.Identity()
+        self.past = (
+            nn.Sequential(nn.Conv2d(width_in, width, 1, stride, bias=False), norm_layer(norm, width))
+            if changes
+            else nn.Identity()
+        )
 
     def forward(self, x: Tensor) -> Tensor:
         y = functional.relu(self.first_norm(self.first(x)))

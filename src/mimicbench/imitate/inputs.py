@@ -16,7 +16,8 @@ angular velocities 60 in the root frame, last action 19, gravity 3, in this orde
 LAST_ACTION = slice(278, 297)
 """Where the last action is in S_current."""
 PROPRIO_SIZE = 48
-"""Gravity 3, root height 1, root velocity 3 and angular velocity 3 in the root frame, joint angles 19 and velocities 19."""
+"""Gravity 3, root height 1, root velocity 3 and angular velocity 3 in the root frame, joint angles 19 and velocities
+19."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,8 @@ class InputConfig:
     body: Literal["state", "proprio"] = "state"
     """`state`: S_current, 300 numbers; `proprio`: the 48 numbers that a robot can measure of itself."""
     clock: bool = False
-    """Add the time since the start. The last action is then left out: copying one's own past is what fails without it."""
+    """Add the time since the start. The last action is then left out: copying one's own past is what fails without
+    it."""
     memory: bool = False
     """Add the seat as perceived in the first map, carried along by odometry."""
     elevation: bool = True
@@ -84,7 +86,10 @@ class Batch:
 
 
 class Learner(nn.Module):
-    """A network that learns from demonstrations. Inputs and actions are normalized inside, by statistics that are part of it."""
+    """A network that learns from demonstrations.
+
+    Inputs and actions are normalized inside, by statistics that are part of it.
+    """
 
     def __init__(self, inputs: InputConfig, chunk: int, action_size: int) -> None:
         super().__init__()

@@ -20,7 +20,9 @@ from mimicbench.sensors.cameras import CameraMaps
 from mimicbench.sensors.heightmap import CELL, CELLS, ObjectMaps, surface_height
 
 
-def draw_maps(config: PerceptionConfig, objects: Sequence[SceneObject], count: int, name: str, seen: float | None = None) -> tuple[Tensor, Tensor, Tensor]:
+def draw_maps(
+    config: PerceptionConfig, objects: Sequence[SceneObject], count: int, name: str, seen: float | None = None
+) -> tuple[Tensor, Tensor, Tensor]:
     """Elevation maps of objects at random poses, without noise, and the seats that they show.
 
     Args:
@@ -46,21 +48,26 @@ def draw_maps(config: PerceptionConfig, objects: Sequence[SceneObject], count: i
     by_camera = round(count * (config.seen if seen is None else seen))
     maps = torch.empty(count, CELLS, CELLS)
     cameras = CameraMaps(objects)
-    # a sensor with many points per cell shows edges farther out than one that looks at the cells' centers: both are learned
+    # a sensor with many points per cell shows edges farther out than one that looks at the cells' centers: both are
+    # learned
     surfaces = [ObjectMaps(objects), ObjectMaps(objects, spread=CELL / 2)]
     for first in range(0, count, 64):
         part = slice(first, min(first + 64, count))
         if first < by_camera:
             maps[part] = cameras.sample(index[part], pos[part], quat[part])
         else:
-            maps[part] = surfaces[first // 64 % 2].sample(index[part], pos[part], heading[part], occlusion=uniform[4, part] < 0.5)
+            maps[part] = surfaces[first // 64 % 2].sample(
+                index[part], pos[part], heading[part], occlusion=uniform[4, part] < 0.5
+            )
     seats = torch.tensor(np.array([seat_of(obj) for obj in objects]), dtype=torch.float32)[index]
     alike = torch.tensor([looks_alike_turned(obj) for obj in objects])[index]
     return maps, height, facing_viewer(seat_in_root(seats, pos, heading), alike)
 
 
 def looks_alike_turned(obj: SceneObject) -> bool:
-    """Whether an object turned by half a circle shows the same heights from above, as a stool does: its front is then anybody's guess."""
+    """Whether an object turned by half a circle shows the same heights from above, as a stool does: its front is
+    then anybody's guess.
+    """
     low, high = obj.bounds()
     reach = np.maximum(high, -low)[:2]
     grid = np.stack(np.meshgrid(*(np.arange(-r, r + 1e-9, r / 20) for r in reach), indexing="ij"), -1).reshape(-1, 2)
@@ -69,17 +76,27 @@ def looks_alike_turned(obj: SceneObject) -> bool:
 
 
 def facing_viewer(seat: Tensor, alike: Tensor) -> Tensor:
-    """Seats (N, 6) in the viewer's heading frame; those that are `alike` (N,) bool from both sides face the side that the viewer is on.
+    """Seats (N, 6) in the viewer's heading frame.
 
-    To sit down it does not matter which side is called the front, but that the seat has one: the mean of two guesses is a third direction.
+    Those that are `alike` (N,) bool from both sides face the side that the viewer is on.
+
+    To sit down it does not matter which side is called the front, but that the seat has one: the mean of two guesses is
+    a third direction.
     """
     away = (seat[:, 0] * seat[:, 3] + seat[:, 1] * seat[:, 2]) > 0
     sign = torch.where(alike & away, -1.0, 1.0)
     return torch.cat([seat[:, :2], seat[:, 2:4] * sign[:, None], seat[:, 4:]], -1)
 
 
-def train_perception(folder: Path, config: PerceptionConfig, objects: Sequence[SceneObject], report: Callable[[int, float], None] | None = None) -> Perception:
-    """Learn to see the seats of `objects`; the same seed gives the same network. A killed training goes on from `<folder>/training.*`.
+def train_perception(
+    folder: Path,
+    config: PerceptionConfig,
+    objects: Sequence[SceneObject],
+    report: Callable[[int, float], None] | None = None,
+) -> Perception:
+    """Learn to see the seats of `objects`; the same seed gives the same network.
+
+    A killed training goes on from `<folder>/training.*`.
 
     Args:
         folder: Where the training's state goes.
@@ -134,7 +151,9 @@ def train_perception(folder: Path, config: PerceptionConfig, objects: Sequence[S
 
 
 def turned(view: Tensor, center: Tensor, seat: Tensor, quarters: int, mirror: bool) -> tuple[Tensor, Tensor, Tensor]:
-    """Windows, centers and seats as from a robot that sees its left on its right (`mirror`), and then everything turned left by quarters."""
+    """Windows, centers and seats as from a robot that sees its left on its right (`mirror`), and then everything
+    turned left by quarters.
+    """
     if mirror:
         view, flip = view.flip(2), torch.tensor([1.0, -1.0])
         center = center * flip
@@ -163,12 +182,16 @@ class PerceptionError:
     """[m]"""
 
 
-def evaluate_perception(net: Perception, objects: Sequence[SceneObject], maps: int = 1000, seed: int = 1) -> PerceptionError:
+def evaluate_perception(
+    net: Perception, objects: Sequence[SceneObject], maps: int = 1000, seed: int = 1
+) -> PerceptionError:
     """Errors on new maps of `objects`, as the cameras see them, with noise."""
     elevation, height, seat = draw_maps(replace(net.config, seed=seed), objects, maps, "evaluate", seen=1.0)
     noise = torch.Generator().manual_seed(digest(seed, "perception", "evaluation noise") % (1 << 63))
     elevation = elevation + net.config.noise * torch.randn(elevation.shape, generator=noise)
     found = net.perceive(elevation, height)
     rms = ((found - seat) ** 2).mean(0).sqrt().tolist()
-    turn = torch.atan2(found[:, 2] * seat[:, 3] - found[:, 3] * seat[:, 2], found[:, 2] * seat[:, 2] + found[:, 3] * seat[:, 3])
+    turn = torch.atan2(
+        found[:, 2] * seat[:, 3] - found[:, 3] * seat[:, 2], found[:, 2] * seat[:, 2] + found[:, 3] * seat[:, 3]
+    )
     return PerceptionError(rms[0], rms[1], float(turn.abs().median()), rms[4], rms[5])

@@ -16,7 +16,14 @@ from mimicbench.core.motion import RobotMotion
 from mimicbench.core.seeds import digest
 from mimicbench.imitate.clock import SIZE as CLOCK_SIZE
 from mimicbench.imitate.perception import MEMORY_SIZE, SEAT_SIZE, disturb_seat, seat_in_root, seat_memory, seat_of
-from mimicbench.imitate.planner import PlannerConfig, PlannerNetwork, plan_size, planner_inputs, styles_of, tracker_action
+from mimicbench.imitate.planner import (
+    PlannerConfig,
+    PlannerNetwork,
+    plan_size,
+    planner_inputs,
+    styles_of,
+    tracker_action,
+)
 from mimicbench.imitate.resume import resume_training, save_training
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
@@ -36,7 +43,11 @@ class _Episodes:
         clips = torch.arange(len(env.bank), device=env.device)
         first = env.bank.frame(clips, torch.zeros_like(clips))
         self._start_pos, self._start_yaw = first.root_pos_w[:, :2], rot.yaw_of(first.root_quat_w)
-        seats = torch.tensor(np.array([seat_of(objects[object_id]) for object_id in env.bank.object_ids]), dtype=torch.float32, device=env.device)
+        seats = torch.tensor(
+            np.array([seat_of(objects[object_id]) for object_id in env.bank.object_ids]),
+            dtype=torch.float32,
+            device=env.device,
+        )
         self._seats = seat_in_root(seats, first.root_pos_w, self._start_yaw)
         self._generator = torch.Generator(env.device).manual_seed(digest(seed, "planner", "seat noise") % (1 << 63))
         self._seen = torch.zeros(env.num_envs, SEAT_SIZE, device=env.device)
@@ -62,9 +73,17 @@ class _Episodes:
 
 
 def train_planner(
-    folder: Path, robot: Robot, tracker: Tracker, motions: Sequence[RobotMotion], objects: Mapping[str, SceneObject],
-    config: PlannerConfig, seed: int, workers: int = 0, report: Callable[[dict], None] | None = None, device: str = "cpu",
-) -> PlannerNetwork:  # fmt: skip
+    folder: Path,
+    robot: Robot,
+    tracker: Tracker,
+    motions: Sequence[RobotMotion],
+    objects: Mapping[str, SceneObject],
+    config: PlannerConfig,
+    seed: int,
+    workers: int = 0,
+    report: Callable[[dict], None] | None = None,
+    device: str = "cpu",
+) -> PlannerNetwork:
     """Learn a planner over `tracker` by DAgger on `motions`.
 
     Training state goes to `<folder>/training.*` and `<folder>/metrics.jsonl`; a killed training goes on from there.
@@ -91,12 +110,17 @@ def train_planner(
     now = saved = time.monotonic()
     while progress["round"] < rounds:
         part = progress["round"] / rounds
-        failures, endings = _collect(env, episodes, tracker, network, store, teacher, _teacher_share(part, config), config.steps)
+        failures, endings = _collect(
+            env, episodes, tracker, network, store, teacher, _teacher_share(part, config), config.steps
+        )
         if progress["round"] == 0:
             store.statistics(network)
         for group in optimizer.param_groups:
             group["lr"] = config.learning_rate * (0.55 + 0.45 * np.cos(np.pi * part))
-        losses = [_learn(network, optimizer, tracker, store.draw(config.batch), episodes, config.action_weight) for _ in range(config.batches)]
+        losses = [
+            _learn(network, optimizer, tracker, store.draw(config.batch), episodes, config.action_weight)
+            for _ in range(config.batches)
+        ]
         progress["round"] += 1
         progress["samples"] += config.num_envs * config.steps
         progress["seconds"] += time.monotonic() - now
@@ -105,7 +129,12 @@ def train_planner(
             report({**progress, "loss": float(np.mean(losses)), "failed": failures / max(endings, 1)})
         if now - saved > config.save_every or progress["round"] == rounds:
             save_training(folder, network, optimizer, progress)
-            row = {**progress, "loss": float(np.mean(losses)), "failed": failures / max(endings, 1), "teacher_share": _teacher_share(part, config)}
+            row = {
+                **progress,
+                "loss": float(np.mean(losses)),
+                "failed": failures / max(endings, 1),
+                "teacher_share": _teacher_share(part, config),
+            }
             with open(folder / "metrics.jsonl", "a") as stream:
                 stream.write(json.dumps(row) + "\n")
             saved = time.monotonic()
@@ -118,9 +147,19 @@ def _teacher_share(part: float, config: PlannerConfig) -> float:
 
 @torch.no_grad()
 def _collect(
-    env: TrackingEnv, episodes: _Episodes, tracker: Tracker, network: PlannerNetwork, store: "_Store", teacher: torch.Tensor, share: float, steps: int
+    env: TrackingEnv,
+    episodes: _Episodes,
+    tracker: Tracker,
+    network: PlannerNetwork,
+    store: "_Store",
+    teacher: torch.Tensor,
+    share: float,
+    steps: int,
 ) -> tuple[int, int]:
-    """Let tracker or planner drive for some steps and remember what each robot should have planned. Returns failures and endings of planner episodes."""
+    """Let tracker or planner drive for some steps and remember what each robot should have planned.
+
+    Returns failures and endings of planner episodes.
+    """
     failures = endings = 0
     for _ in range(steps):
         env.disturb()
@@ -162,7 +201,8 @@ class _Store:
     def statistics(self, network: PlannerNetwork) -> None:
         """Set the network's normalization from what is stored."""
         inputs, _, label = self._rows[: self.filled].split(self._widths, -1)
-        # the first frames are the teacher's, close to its clips: a plan is to be precise to centimeters and hundredths of a
+        # the first frames are the teacher's, close to its clips: a plan is to be precise to centimeters and hundredths
+        # of a
         # radian, but a robot that has got off its clip must not outweigh all others
         for name, values, least in (("input", inputs, 0.05), ("plan", label, 0.1)):
             getattr(network, f"{name}_mean").copy_(values.mean(0))
@@ -170,9 +210,16 @@ class _Store:
 
 
 def _learn(
-    network: PlannerNetwork, optimizer: torch.optim.Optimizer, tracker: Tracker, frames: tuple[torch.Tensor, ...], episodes: _Episodes, action_weight: float
+    network: PlannerNetwork,
+    optimizer: torch.optim.Optimizer,
+    tracker: Tracker,
+    frames: tuple[torch.Tensor, ...],
+    episodes: _Episodes,
+    action_weight: float,
 ) -> float:
-    """One step: smooth L1 between the normalized plans, the difference that the plan makes to the tracker's action, and the chooser's error."""
+    """One step: smooth L1 between the normalized plans, the difference that the plan makes to the tracker's action,
+    and the chooser's error.
+    """
     inputs, last_action, label = frames
     body = inputs[:, : inputs.shape[1] - CLOCK_SIZE - MEMORY_SIZE - len(network.style_mean)]
     planned = network(inputs)

@@ -13,7 +13,10 @@ from mimicbench.imitate.bc import BC, BCConfig
 from mimicbench.imitate.inputs import Learner
 
 LearnerConfig = ACTConfig | BCConfig
-LEARNERS: dict[str, tuple[type[ACTConfig] | type[BCConfig], type[ACT] | type[BC]]] = {"act": (ACTConfig, ACT), "bc": (BCConfig, BC)}
+LEARNERS: dict[str, tuple[type[ACTConfig] | type[BCConfig], type[ACT] | type[BC]]] = {
+    "act": (ACTConfig, ACT),
+    "bc": (BCConfig, BC),
+}
 """kind -> (configuration, network)."""
 
 

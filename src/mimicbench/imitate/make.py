@@ -1,4 +1,5 @@
-"""Stage `imitate`: what can be learned for a task, each in a folder of its own beside the tracker and the eyes that it uses.
+"""Stage `imitate`: what can be learned for a task, each in a folder of its own beside the tracker and the eyes that
+it uses.
 
 <imitate>/tracker/       the tracker, copied here so that the folder can be moved as a whole
 <imitate>/perception/    the network that finds the seat in a map
@@ -64,9 +65,15 @@ class ImitateConfig:
 
 
 def make_perception(
-    folder: Path, task: str, robot: Robot, objects: Sequence[SceneObject], held_out: Sequence[SceneObject], made_from: Mapping[str, str],
-    config: PerceptionConfig, quiet: bool,
-) -> Stage:  # fmt: skip
+    folder: Path,
+    task: str,
+    robot: Robot,
+    objects: Sequence[SceneObject],
+    held_out: Sequence[SceneObject],
+    made_from: Mapping[str, str],
+    config: PerceptionConfig,
+    quiet: bool,
+) -> Stage:
     """Learn to find the seat of `objects` in elevation maps; `held_out` measures how well."""
     stage = open_stage(folder, "perception", task, config.seed, asdict(config), made_from)
     if stage.complete:
@@ -79,9 +86,18 @@ def make_perception(
 
 
 def make_planner(
-    folder: Path, robot: Robot, task: Task, motions: Sequence[RobotMotion], objects: Mapping[str, SceneObject], made_from: Mapping[str, str],
-    config: PlannerConfig, seed: int, workers: int, say: Callable[[str], None], device: str = "cpu",
-) -> Stage:  # fmt: skip
+    folder: Path,
+    robot: Robot,
+    task: Task,
+    motions: Sequence[RobotMotion],
+    objects: Mapping[str, SceneObject],
+    made_from: Mapping[str, str],
+    config: PlannerConfig,
+    seed: int,
+    workers: int,
+    say: Callable[[str], None],
+    device: str = "cpu",
+) -> Stage:
     """Learn the planner over the tracker beside it."""
     stage = open_stage(folder, "planner", task.slug, seed, asdict(config), made_from)
     if stage.complete:
@@ -89,17 +105,34 @@ def make_planner(
     tracker = load_tracker(folder.parent / "tracker", robot)
 
     def report(row: dict) -> None:
-        say(f"{row['samples'] / 1e6:6.2f} M frames  {row['samples'] / row['seconds']:6.0f}/s  loss {row['loss']:.4f}  failed {row['failed']:.2f}")
+        say(
+            f"{row['samples'] / 1e6:6.2f} M frames  {row['samples'] / row['seconds']:6.0f}/s  loss "
+            f"{row['loss']:.4f}  failed {row['failed']:.2f}"
+        )
 
     network = train_planner(folder, robot, tracker, motions, objects, config, seed, workers, report, device)
-    save_planner(folder, robot, network, config, {"seed": seed, "task": task.slug, "samples": config.samples, "clips": len(motions)})
+    save_planner(
+        folder,
+        robot,
+        network,
+        config,
+        {"seed": seed, "task": task.slug, "samples": config.samples, "clips": len(motions)},
+    )
     return stage.finish(clips=len(motions), samples=config.samples, device=device)
 
 
 def make_clone(
-    folder: Path, robot: Robot, task: Task, name: str, demos_folder: Path, objects: Mapping[str, SceneObject], made_from: Mapping[str, str],
-    config: CloneConfig, seed: int, quiet: bool,
-) -> Stage:  # fmt: skip
+    folder: Path,
+    robot: Robot,
+    task: Task,
+    name: str,
+    demos_folder: Path,
+    objects: Mapping[str, SceneObject],
+    made_from: Mapping[str, str],
+    config: CloneConfig,
+    seed: int,
+    quiet: bool,
+) -> Stage:
     """Clone the demonstrations with the learner `name`. Raises UnknownName."""
     if name not in LEARNERS:
         raise UnknownName("learner", name, list(LEARNERS))
@@ -110,7 +143,9 @@ def make_clone(
     demos = load_demos(demos_folder, robot.name, state=learner.inputs.body == "state")
     chunk = learner.chunk if isinstance(learner, ACTConfig) else 1
     scene = [objects[object_id] for object_id in sorted(set(demos.object_ids))]
-    frames = DemoFrames(demos, objects, learner.inputs, chunk, maps=_plain_maps(scene) if learner.inputs.elevation else None)
+    frames = DemoFrames(
+        demos, objects, learner.inputs, chunk, maps=_plain_maps(scene) if learner.inputs.elevation else None
+    )
     trained = train(learner, frames, config.train, folder, quiet)
     save_learner(folder, trained, robot.name, {"seed": seed, "task": task.slug, "demonstrations": demos.episodes})
     return stage.finish(demonstrations=demos.episodes, frames=demos.frames)

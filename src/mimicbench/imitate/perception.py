@@ -1,4 +1,5 @@
-"""Where is the seat? A small network that reads it off one elevation map, and the memory of it that a policy carries along.
+"""Where is the seat? A small network that reads it off one elevation map, and the memory of it that a policy carries
+along.
 
 A seat is six numbers in the heading frame of the robot's root: x, y of its middle [m], sine and cosine of the direction
 that it faces, its height above the floor [m] and its depth, front to back [m].
@@ -33,7 +34,8 @@ _RAISED = 0.12
 """[m] above the floor: what is higher belongs to an object; far above the noise."""
 _MIDDLE = (0.0, 0.0, 0.0, 0.0, 0.45, 0.45)
 _SPREAD = (0.1, 0.1, 0.4, 0.4, 0.05, 0.06)
-"""Middle and spread of the six outputs, so that the network's are near 1, and its loss weighs 2 cm, 0.1 rad and 1 cm of height about alike."""
+"""Middle and spread of the six outputs, so that the network's are near 1, and its loss weighs 2 cm, 0.1 rad and 1 cm of
+height about alike."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,12 @@ class Perception(nn.Module):
             kernel = 5 if index == 0 else 3
             layers += [nn.Conv2d(width_in, width, kernel, 2, kernel // 2, bias=False), nn.BatchNorm2d(width), nn.ReLU()]
             width_in, side = width, (side + 1) // 2
-        layers += [nn.Flatten(), nn.Linear(width_in * side * side, config.hidden), nn.ReLU(), nn.Linear(config.hidden, SEAT_SIZE + 1)]
+        layers += [
+            nn.Flatten(),
+            nn.Linear(width_in * side * side, config.hidden),
+            nn.ReLU(),
+            nn.Linear(config.hidden, SEAT_SIZE + 1),
+        ]
         self.layers = nn.Sequential(*layers)
         self.register_buffer("middle", torch.tensor(_MIDDLE), persistent=False)
         self.register_buffer("spread", torch.tensor(_SPREAD), persistent=False)
@@ -123,7 +130,9 @@ class Perception(nn.Module):
 
 
 def window(height: Tensor, size: int) -> tuple[Tensor, Tensor]:
-    """The part (N, size, size) of maps (N, 128, 128) of heights above the floor around what rises from it, and its centers (N, 2) [m]."""
+    """The part (N, size, size) of maps (N, 128, 128) of heights above the floor around what rises from it, and its
+    centers (N, 2) [m].
+    """
     rows, columns = _window_cells(height, size)
     n = torch.arange(len(height), device=height.device)[:, None, None]
     inside = ((rows >= 0) & (rows < CELLS))[:, :, None] & ((columns >= 0) & (columns < CELLS))[:, None, :]
@@ -133,7 +142,10 @@ def window(height: Tensor, size: int) -> tuple[Tensor, Tensor]:
 
 
 def _window_cells(height: Tensor, size: int) -> tuple[Tensor, Tensor]:
-    """Rows and columns (N, size) of the window around the middle of all cells above the floor; the map's middle if there are none."""
+    """Rows and columns (N, size) of the window around the middle of all cells above the floor.
+
+    The map's middle if there are none.
+    """
     raised = (height > _RAISED).float()
     count = raised.sum((1, 2))
     index = torch.arange(height.shape[1], device=height.device)
@@ -153,7 +165,10 @@ def unit_direction(seat: Tensor) -> Tensor:
 
 
 def seat_of(obj: SceneObject) -> np.ndarray:
-    """x, y of the middle of the seat, its height and its depth (4,) [m], in the object's frame, where it faces +x. Raises BadObject."""
+    """x, y of the middle of the seat, its height and its depth (4,) [m], in the object's frame, where it faces +x.
+
+    Raises BadObject.
+    """
     height = obj.require_seat()
     if not len(obj.seat_polygon):
         raise BadObject(f"object {obj.id} has no outline of its seat; describe it in seat_polygon")
@@ -162,7 +177,9 @@ def seat_of(obj: SceneObject) -> np.ndarray:
 
 
 def seat_in_root(seat: Tensor, root_pos: Tensor, root_yaw: Tensor) -> Tensor:
-    """Seats (N, 6) in the heading frame, from seats (N, 4) of `seat_of`, root positions (N, 2+) [m] and headings (N,) [rad]."""
+    """Seats (N, 6) in the heading frame, from seats (N, 4) of `seat_of`, root positions (N, 2+) [m] and headings
+    (N,) [rad].
+    """
     cos, sin = root_yaw.cos(), root_yaw.sin()
     dx, dy = seat[:, 0] - root_pos[:, 0], seat[:, 1] - root_pos[:, 1]
     return torch.stack([cos * dx + sin * dy, cos * dy - sin * dx, -sin, cos, seat[:, 2], seat[:, 3]], -1)
@@ -175,11 +192,14 @@ def disturb_seat(seat: Tensor, generator: torch.Generator | None = None) -> Tens
     sin = seat[:, 2] * turn.cos() + seat[:, 3] * turn.sin()
     cos = seat[:, 3] * turn.cos() - seat[:, 2] * turn.sin()
     xy = seat[:, :2] + 0.03 * noise[:, :2]
-    return torch.cat([xy, torch.stack([sin, cos, seat[:, 4] + 0.012 * noise[:, 3], seat[:, 5] + 0.03 * noise[:, 4]], -1)], -1)
+    return torch.cat(
+        [xy, torch.stack([sin, cos, seat[:, 4] + 0.012 * noise[:, 3], seat[:, 5] + 0.03 * noise[:, 4]], -1)], -1
+    )
 
 
 def seat_memory(seat: Tensor, odometry_pos: Tensor, odometry_yaw: Tensor) -> Tensor:
-    """What is remembered (N, 10): the seat (N, 6) as seen at the start, and x, y, sine and cosine of where it is by now.
+    """What is remembered (N, 10): the seat (N, 6) as seen at the start, and x, y, sine and cosine of where it is by
+    now.
 
     Args:
         seat: (N, 6) in the heading frame of the start.
@@ -188,7 +208,12 @@ def seat_memory(seat: Tensor, odometry_pos: Tensor, odometry_yaw: Tensor) -> Ten
     """
     cos, sin = odometry_yaw.cos(), odometry_yaw.sin()
     dx, dy = seat[:, 0] - odometry_pos[:, 0], seat[:, 1] - odometry_pos[:, 1]
-    now = [cos * dx + sin * dy, cos * dy - sin * dx, seat[:, 2] * cos - seat[:, 3] * sin, seat[:, 3] * cos + seat[:, 2] * sin]
+    now = [
+        cos * dx + sin * dy,
+        cos * dy - sin * dx,
+        seat[:, 2] * cos - seat[:, 3] * sin,
+        seat[:, 3] * cos + seat[:, 2] * sin,
+    ]
     return torch.cat([seat, torch.stack(now, -1)], -1)
 
 
@@ -207,7 +232,9 @@ class SeatMemory:
         """Robots `ids` (M,) begin anew."""
         self.doubt[ids] = torch.inf
 
-    def look(self, ids: Tensor, elevation: Tensor, root_height: Tensor, odometry_pos: Tensor, odometry_yaw: Tensor) -> None:
+    def look(
+        self, ids: Tensor, elevation: Tensor, root_height: Tensor, odometry_pos: Tensor, odometry_yaw: Tensor
+    ) -> None:
         """Robots `ids` (M,) look; who is surer than before remembers what is seen now.
 
         Args:
@@ -241,7 +268,14 @@ class SeatMemory:
 def save_perception(folder: Path, net: Perception, robot: str, error: Mapping[str, float] | None = None) -> None:
     """Write a checkpoint of kind `perception`, with its errors on unseen objects, if they were measured."""
     notes = {} if error is None else {"error": dict(error)}
-    save_checkpoint(folder, "perception", robot, net.config, {name: value.cpu().numpy() for name, value in net.state_dict().items()}, notes)
+    save_checkpoint(
+        folder,
+        "perception",
+        robot,
+        net.config,
+        {name: value.cpu().numpy() for name, value in net.state_dict().items()},
+        notes,
+    )
 
 
 def load_perception(folder: Path, robot: str) -> Perception:

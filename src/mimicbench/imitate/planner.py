@@ -61,8 +61,13 @@ class PlannerConfig:
     """Seconds between saves: what a kill can lose at most."""
     threads: int = 2
     """Threads of the network's arithmetic. Sums round differently with another number, so it is part of the result."""
-    tracking: TrackingConfig = field(default_factory=lambda: TrackingConfig(first_frame=0.5, push=0.2, max_pos_error=0.5, max_angle_error=1.0, max_drop=0.25))
-    """Starts, disturbances and ends of training episodes. Pushed no harder than what the tracker survives: who falls teaches nothing."""
+    tracking: TrackingConfig = field(
+        default_factory=lambda: TrackingConfig(
+            first_frame=0.5, push=0.2, max_pos_error=0.5, max_angle_error=1.0, max_drop=0.25
+        )
+    )
+    """Starts, disturbances and ends of training episodes. Pushed no harder than what the tracker survives: who falls
+    teaches nothing."""
 
 
 class PlannerNetwork(nn.Module):
@@ -83,7 +88,11 @@ class PlannerNetwork(nn.Module):
             self.register_buffer(f"{name}_mean", torch.zeros(size))
             self.register_buffer(f"{name}_std", torch.ones(size))
         self.register_buffer("style_is_choice", torch.zeros(style))
-        self.chooser = nn.Sequential(nn.Linear(SEAT_SIZE, 64), nn.ELU(), nn.Linear(64, 64), nn.ELU(), nn.Linear(64, style)) if style else nn.Sequential()
+        self.chooser = (
+            nn.Sequential(nn.Linear(SEAT_SIZE, 64), nn.ELU(), nn.Linear(64, 64), nn.ELU(), nn.Linear(64, style))
+            if style
+            else nn.Sequential()
+        )
         layers: list[nn.Module] = []
         width = inputs
         for size in hidden:
@@ -100,7 +109,10 @@ class PlannerNetwork(nn.Module):
         return self(inputs) * self.plan_std + self.plan_mean
 
     def set_styles(self, styles: torch.Tensor) -> None:
-        """Set the normalization from the styles (C, S) of all clips; what is only ever 1 or -1 is a choice between two."""
+        """Set the normalization from the styles (C, S) of all clips.
+
+        What is only ever 1 or -1 is a choice between two.
+        """
         self.style_mean.copy_(styles.mean(0))
         self.style_std.copy_(styles.std(0).clamp(min=1e-3) if len(styles) > 1 else torch.ones(styles.shape[1]))
         self.style_is_choice.copy_((styles.abs() == 1).all(0).float())
@@ -110,7 +122,9 @@ class PlannerNetwork(nn.Module):
         return (style - self.style_mean) / self.style_std
 
     def choose(self, seat: torch.Tensor) -> torch.Tensor:
-        """(N, S) the normalized style for seats (N, 6) as first seen: the expected one, and the likelier of two choices."""
+        """(N, S) the normalized style for seats (N, 6) as first seen: the expected one, and the likelier of two
+        choices.
+        """
         if not len(self.style_mean):
             return seat.new_zeros(len(seat), 0)
         expected = self.chooser(seat)
@@ -118,7 +132,9 @@ class PlannerNetwork(nn.Module):
         return torch.where(self.style_is_choice > 0, self.normalized_style(side), expected)
 
 
-def planner_inputs(body: torch.Tensor, seconds: torch.Tensor, memory: torch.Tensor, style: torch.Tensor) -> torch.Tensor:
+def planner_inputs(
+    body: torch.Tensor, seconds: torch.Tensor, memory: torch.Tensor, style: torch.Tensor
+) -> torch.Tensor:
     """(N, 48 + 13 + 10 + S for the H1) what the planner sees; `style` is normalized."""
     return torch.cat([body, clock_features(seconds), memory, style], -1)
 
@@ -126,7 +142,9 @@ def planner_inputs(body: torch.Tensor, seconds: torch.Tensor, memory: torch.Tens
 def styles_of(motions: Sequence[RobotMotion]) -> tuple[tuple[str, ...], torch.Tensor]:
     """Names of what all clips say of their style, sorted, and the values (C, S)."""
     names = sorted(set.intersection(*(set(motion.style) for motion in motions)))
-    return tuple(names), torch.tensor([[motion.style[name] for name in names] for motion in motions], dtype=torch.float32).reshape(len(motions), len(names))
+    return tuple(names), torch.tensor(
+        [[motion.style[name] for name in names] for motion in motions], dtype=torch.float32
+    ).reshape(len(motions), len(names))
 
 
 def plan_size(joints: int) -> int:
@@ -140,7 +158,9 @@ def tracker_action(tracker: Tracker, moment: Moment, plan: torch.Tensor) -> torc
 
 
 class PlannerPolicy:
-    """The planner in closed loop: looks, remembers, looks again while unsure, plans every frame, and the tracker follows."""
+    """The planner in closed loop: looks, remembers, looks again while unsure, plans every frame, and the tracker
+    follows.
+    """
 
     gains = RESIDUAL.gains
     eyes: Literal["cameras", "rays"] = "cameras"
@@ -183,16 +203,28 @@ class PlannerPolicy:
         return residual_target(self._robot, planned_joint_pos(plan, joint_pos), action)
 
 
-def save_planner(folder: Path, robot: Robot, network: PlannerNetwork, config: PlannerConfig, notes: Mapping[str, object]) -> None:
+def save_planner(
+    folder: Path, robot: Robot, network: PlannerNetwork, config: PlannerConfig, notes: Mapping[str, object]
+) -> None:
     """Write the planner's own network; its tracker and perception are in folders beside it."""
-    save_checkpoint(folder, "planner", robot.name, config, {name: value.cpu().numpy() for name, value in network.state_dict().items()}, notes)
+    save_checkpoint(
+        folder,
+        "planner",
+        robot.name,
+        config,
+        {name: value.cpu().numpy() for name, value in network.state_dict().items()},
+        notes,
+    )
 
 
 def load_planner(folder: Path, robot: Robot) -> PlannerPolicy:
     """Read a planner with the `tracker` and the `perception` in the folders beside it. Raises BadCheckpoint."""
     checkpoint = load_checkpoint(folder, "planner", robot.name)
     config = checkpoint.config_as(PlannerConfig)
-    tracker, perception = load_tracker(folder.parent / "tracker", robot), load_perception(folder.parent / "perception", robot.name)
+    tracker, perception = (
+        load_tracker(folder.parent / "tracker", robot),
+        load_perception(folder.parent / "perception", robot.name),
+    )
     style = checkpoint.tensors.get("style_mean", np.zeros(0)).shape[0]
     network = PlannerNetwork(len(robot.joints), style, config.hidden)
     arrays = checkpoint.matching({name: tuple(value.shape) for name, value in network.state_dict().items()})

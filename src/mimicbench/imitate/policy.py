@@ -16,12 +16,16 @@ from mimicbench.imitate.perception import Perception, SeatMemory, load_perceptio
 
 @dataclass(frozen=True)
 class Senses:
-    """What N robots sense in one control frame. No pose, shape or height of any object is among it but through the map."""
+    """What N robots sense in one control frame.
+
+    No pose, shape or height of any object is among it but through the map.
+    """
 
     state: Tensor
     """(N, 300) S_current of the paper (see inputs.STATE_SIZE for its order)."""
     proprio: Tensor
-    """(N, 48): gravity 3, root height 1, root linear velocity 3 and angular velocity 3 in the root frame, joint angles 19, velocities 19."""
+    """(N, 48): gravity 3, root height 1, root linear velocity 3 and angular velocity 3 in the root frame, joint angles
+    19, velocities 19."""
     time: Tensor
     """(N,) since the robot's start [s]."""
     odometry_pos: Tensor
@@ -29,7 +33,8 @@ class Senses:
     odometry_yaw: Tensor
     """(N,) heading relative to the start [rad]."""
     elevation: Callable[[Tensor], Tensor]
-    """Makes the elevation maps (M, 128, 128) of robots (M,) in this frame, relative to the root [m], row along +x, column along +y (sense.heightmap)."""
+    """Makes the elevation maps (M, 128, 128) of robots (M,) in this frame, relative to the root [m], row along +x,
+    column along +y (sense.heightmap)."""
 
     @property
     def root_height(self) -> Tensor:
@@ -43,7 +48,8 @@ class Policy(Protocol):
     gains: str
     """Which of the robot's gain presets its targets are meant for."""
     eyes: Literal["cameras", "rays"]
-    """Which maker of elevation maps it looks through: `cameras` see what four cameras see, now and then; `rays` are fast enough for every frame."""
+    """Which maker of elevation maps it looks through: `cameras` see what four cameras see, now and then; `rays` are
+    fast enough for every frame."""
 
     def to(self, device: str) -> None:
         """Move its networks to where the tensors of `device` live, as torch calls it; senses will come from there."""
@@ -77,17 +83,23 @@ def look_again(memory: SeatMemory, senses: Senses) -> None:
     ids = memory.doubtful(senses.odometry_pos, senses.odometry_yaw)
     ids = ids[due[ids]]
     if len(ids):
-        memory.look(ids, senses.elevation(ids), senses.root_height[ids], senses.odometry_pos[ids], senses.odometry_yaw[ids])
+        memory.look(
+            ids, senses.elevation(ids), senses.root_height[ids], senses.odometry_pos[ids], senses.odometry_yaw[ids]
+        )
 
 
 class VisionPolicy:
-    """A learner in its closed loop: sees, remembers the seat if it was taught to, and takes the first predicted action, every frame."""
+    """A learner in its closed loop: sees, remembers the seat if it was taught to, and takes the first predicted
+    action, every frame.
+    """
 
     gains = "improved"  # those of the tracker whose demonstrations it cloned
 
     def __init__(self, learner: Learner, perception: Perception | None = None) -> None:
         if learner.inputs.memory and perception is None:
-            raise MimicbenchError("this policy remembers the seat that it saw at the start; give it a perception checkpoint too")
+            raise MimicbenchError(
+                "this policy remembers the seat that it saw at the start; give it a perception checkpoint too"
+            )
         self.learner = learner.eval()
         self.eyes: Literal["cameras", "rays"] = "rays" if learner.inputs.elevation else "cameras"
         self._memory = None if perception is None or not learner.inputs.memory else SeatMemory(perception, 0)
@@ -121,7 +133,10 @@ class VisionPolicy:
 
 
 def load_policy(folder: Path, robot: str, perception: Path | None = None) -> VisionPolicy:
-    """The policy of an ACT or BC checkpoint; `perception` is the folder of the seat's. Raises BadCheckpoint or UnknownName."""
+    """The policy of an ACT or BC checkpoint; `perception` is the folder of the seat's.
+
+    Raises BadCheckpoint or UnknownName.
+    """
     learner = load_learner(folder, robot)
     eyes = load_perception(perception, robot) if perception is not None and learner.inputs.memory else None
     return VisionPolicy(learner, eyes)

@@ -12,7 +12,9 @@ from mimicbench.core.checkpoint import read_tensors
 from mimicbench.core.files import read_json, write_atomic, write_json
 
 
-def save_training(folder: Path, network: nn.Module, optimizer: torch.optim.Optimizer, progress: Mapping[str, float]) -> None:
+def save_training(
+    folder: Path, network: nn.Module, optimizer: torch.optim.Optimizer, progress: Mapping[str, float]
+) -> None:
     """Write `training.safetensors`, and `training.json` after it: with it, the save is whole."""
     tensors = {f"network/{name}": value.cpu().numpy() for name, value in network.state_dict().items()}
     for i, moments in optimizer.state_dict()["state"].items():
@@ -22,7 +24,9 @@ def save_training(folder: Path, network: nn.Module, optimizer: torch.optim.Optim
     write_json(folder / "training.json", dict(progress))
 
 
-def resume_training(folder: Path, network: nn.Module, optimizer: torch.optim.Optimizer, fresh: Mapping[str, float]) -> dict[str, float]:
+def resume_training(
+    folder: Path, network: nn.Module, optimizer: torch.optim.Optimizer, fresh: Mapping[str, float]
+) -> dict[str, float]:
     """Take up what `save_training` left and return its progress; `fresh` if there is nothing. Raises BadCheckpoint."""
     if not (folder / "training.json").exists():
         return dict(fresh)

@@ -41,7 +41,10 @@ def read_table(path: Path, columns: list[str] | None = None) -> pa.Table:
 
 def _bad_table(path: Path, error: Exception) -> BadFile:
     first_line = str(error).splitlines()[0] if str(error) else type(error).__name__
-    return BadFile(f"{path} cannot be read ({first_line}); it is cut off or no parquet file: delete it and what follows it, and run `mimicbench demos` again")
+    return BadFile(
+        f"{path} cannot be read ({first_line}); it is cut off or no parquet file: delete it and what "
+        "follows it, and run `mimicbench demos` again"
+    )
 
 
 def write_table(path: Path, table: pa.Table) -> None:
@@ -51,13 +54,28 @@ def write_table(path: Path, table: pa.Table) -> None:
 
 def write_tasks(folder: Path, tasks: Sequence[str]) -> None:
     """The table of tasks; LeRobot reads it with pandas and wants the names as its index, which this metadata says."""
-    column = {"metadata": None, "numpy_type": "int64", "pandas_type": "int64", "name": "task_index", "field_name": "task_index"}
+    column = {
+        "metadata": None,
+        "numpy_type": "int64",
+        "pandas_type": "int64",
+        "name": "task_index",
+        "field_name": "task_index",
+    }
     index = {"metadata": None, "numpy_type": "object", "pandas_type": "unicode", "name": "task", "field_name": "task"}
-    header = {"metadata": {"encoding": "UTF-8"}, "numpy_type": "object", "pandas_type": "unicode", "name": None, "field_name": None}
+    header = {
+        "metadata": {"encoding": "UTF-8"},
+        "numpy_type": "object",
+        "pandas_type": "unicode",
+        "name": None,
+        "field_name": None,
+    }
     pandas = {
-        "index_columns": ["task"], "column_indexes": [header], "columns": [column, index],
-        "creator": {"library": "pyarrow", "version": pa.__version__}, "pandas_version": "2.2.0",
-    }  # fmt: skip
+        "index_columns": ["task"],
+        "column_indexes": [header],
+        "columns": [column, index],
+        "creator": {"library": "pyarrow", "version": pa.__version__},
+        "pandas_version": "2.2.0",
+    }
     table = pa.table({"task_index": pa.array(range(len(tasks)), pa.int64()), "task": pa.array(tasks, pa.string())})
     write_table(folder / "meta" / "tasks.parquet", table.replace_schema_metadata({"pandas": json.dumps(pandas)}))
 
@@ -65,11 +83,19 @@ def write_tasks(folder: Path, tasks: Sequence[str]) -> None:
 def stats_of(array: np.ndarray) -> dict[str, np.ndarray]:
     """Statistics over the frames of one column (T, ...) of one episode."""
     values = array.reshape(len(array), -1).astype(np.float64)
-    return {"min": values.min(0), "max": values.max(0), "mean": values.mean(0), "std": values.std(0), "count": np.array([len(values)])}
+    return {
+        "min": values.min(0),
+        "max": values.max(0),
+        "mean": values.mean(0),
+        "std": values.std(0),
+        "count": np.array([len(values)]),
+    }
 
 
 def merge_stats(episodes: Sequence[Stats]) -> dict[str, dict[str, np.ndarray]]:
-    """Statistics of all frames from those of the episodes: var = mean(var_e + (mean_e - mean)^2), weighted by frames."""
+    """Statistics of all frames from those of the episodes: var = mean(var_e + (mean_e - mean)^2), weighted by
+    frames.
+    """
     merged = {}
     for name in episodes[0]:
         count = np.array([episode[name]["count"][0] for episode in episodes], float)
@@ -77,9 +103,12 @@ def merge_stats(episodes: Sequence[Stats]) -> dict[str, dict[str, np.ndarray]]:
         means, stds = (np.array([episode[name][key] for episode in episodes]) for key in ("mean", "std"))
         mean = (weight * means).sum(0)
         merged[name] = {
-            "min": np.min([episode[name]["min"] for episode in episodes], 0), "max": np.max([episode[name]["max"] for episode in episodes], 0),
-            "mean": mean, "std": np.sqrt((weight * (stds**2 + (means - mean) ** 2)).sum(0)), "count": np.array([int(count.sum())]),
-        }  # fmt: skip
+            "min": np.min([episode[name]["min"] for episode in episodes], 0),
+            "max": np.max([episode[name]["max"] for episode in episodes], 0),
+            "mean": mean,
+            "std": np.sqrt((weight * (stds**2 + (means - mean) ** 2)).sum(0)),
+            "count": np.array([int(count.sum())]),
+        }
     return merged
 
 
@@ -114,10 +143,16 @@ def matrix(table: pa.Table, column: str, folder: Path) -> np.ndarray:
     merged = table.column(column).combine_chunks()
     width = merged.type.list_size if pa.types.is_fixed_size_list(merged.type) else 0
     if not width or merged.null_count:
-        raise BadFile(f"{folder}: column {column!r} does not hold vectors of one length; make the demonstrations again with `mimicbench demos`")
+        raise BadFile(
+            f"{folder}: column {column!r} does not hold vectors of one length; make the "
+            "demonstrations again with `mimicbench demos`"
+        )
     values = merged.flatten().to_numpy(zero_copy_only=False).reshape(len(merged), width)
     if not np.isfinite(values).all():
-        raise BadFile(f"{folder}: column {column!r} holds numbers that are not finite; make the demonstrations again with `mimicbench demos`")
+        raise BadFile(
+            f"{folder}: column {column!r} holds numbers that are not finite; make the demonstrations "
+            "again with `mimicbench demos`"
+        )
     return values
 
 

@@ -65,7 +65,9 @@ class TrainConfig:
     @staticmethod
     def paper() -> "TrainConfig":
         """The original's optimization: AdamW at 1e-5, batches of 8."""
-        return TrainConfig(steps=500_000, batch=8, learning_rate=1e-5, schedule="constant", warmup=0.0, clip=0.0, average=0.0)
+        return TrainConfig(
+            steps=500_000, batch=8, learning_rate=1e-5, schedule="constant", warmup=0.0, clip=0.0, average=0.0
+        )
 
 
 def train(learner: LearnerConfig, data: DemoFrames, config: TrainConfig, folder: Path, quiet: bool = False) -> ACT | BC:
@@ -120,13 +122,21 @@ class _Run:
         self.learner.normalize_by(data.vector(frames), data.action[frames])
         self.learner.to(config.device)
         self.parameters = dict(self.learner.named_parameters())
-        self.average = {name: value.detach().clone() for name, value in self.parameters.items()} if config.average else {}
-        self.optimizer = torch.optim.AdamW(self.parameters.values(), lr=config.learning_rate, weight_decay=config.weight_decay)
+        self.average = (
+            {name: value.detach().clone() for name, value in self.parameters.items()} if config.average else {}
+        )
+        self.optimizer = torch.optim.AdamW(
+            self.parameters.values(), lr=config.learning_rate, weight_decay=config.weight_decay
+        )
         self.steps = 0
         self.seconds = 0.0
-        plain = msgspec.to_builtins({"learner": dataclasses.asdict(learner), "train": _identity(config), "frames": data.demos.frames})
+        plain = msgspec.to_builtins(
+            {"learner": dataclasses.asdict(learner), "train": _identity(config), "frames": data.demos.frames}
+        )
         references = "\0".join(data.demos.reference_ids)
-        self.fingerprint = hashlib.blake2b((json.dumps(plain, sort_keys=True) + references).encode(), digest_size=8).hexdigest()
+        self.fingerprint = hashlib.blake2b(
+            (json.dumps(plain, sort_keys=True) + references).encode(), digest_size=8
+        ).hexdigest()
 
     def done(self) -> float:
         """The share of the training that is over."""
@@ -157,7 +167,10 @@ class _Run:
             torch.nn.utils.clip_grad_norm_(self.parameters.values(), config.clip)
         values = {name: float(value.detach()) for name, value in parts.items()}
         if not torch.isfinite(torch.tensor(values["loss"])):
-            raise MimicbenchError(f"the loss is not a number after {self.steps} batches; train with a smaller learning rate (it was {config.learning_rate})")
+            raise MimicbenchError(
+                f"the loss is not a number after {self.steps} batches; train with a smaller learning "
+                f"rate (it was {config.learning_rate})"
+            )
         self.optimizer.step()
         self.steps += 1
         # young averages forget faster, or they would long remember the first weights
@@ -168,7 +181,12 @@ class _Run:
 
     def log(self, parts: dict[str, float]) -> None:
         """Append a line to metrics.jsonl."""
-        line = {"step": self.steps, "minutes": self.seconds / 60, "learning_rate": self.optimizer.param_groups[0]["lr"], **parts}
+        line = {
+            "step": self.steps,
+            "minutes": self.seconds / 60,
+            "learning_rate": self.optimizer.param_groups[0]["lr"],
+            **parts,
+        }
         self.folder.mkdir(parents=True, exist_ok=True)
         with open(self.folder / METRICS, "a") as stream:
             stream.write(json.dumps(line) + "\n")
@@ -176,7 +194,11 @@ class _Run:
     def save(self) -> None:
         """Write the checkpoint, with its error on the episodes kept apart, and after it the state to go on from."""
         tensors = {f"weights/{name}": value.detach() for name, value in self.parameters.items()}
-        tensors |= {f"buffers/{name}": value for name, value in self.learner.named_buffers() if name in self.learner.state_dict()}
+        tensors |= {
+            f"buffers/{name}": value
+            for name, value in self.learner.named_buffers()
+            if name in self.learner.state_dict()
+        }
         tensors |= {f"average/{name}": value for name, value in self.average.items()}
         for name, parameter in self.parameters.items():
             for key, value in self.optimizer.state.get(parameter, {}).items():
@@ -191,7 +213,13 @@ class _Run:
         error = self.validation_error(learner)
         if error is not None:
             self.log({"validation_error": error})
-        notes = {"steps": self.steps, "minutes": self.seconds / 60, "seed": self.config.seed, "episodes": self.data.demos.episodes, "validation_error": error}
+        notes = {
+            "steps": self.steps,
+            "minutes": self.seconds / 60,
+            "seed": self.config.seed,
+            "episodes": self.data.demos.episodes,
+            "validation_error": error,
+        }
         save_learner(self.folder, learner, self.data.demos.robot, notes)
         write_atomic(self.folder / STATE, write)
 
@@ -204,18 +232,32 @@ class _Run:
             with safetensors.safe_open(path, "pt") as file:
                 header, tensors = file.metadata() or {}, {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
         except (safetensors.SafetensorError, OSError) as error:
-            raise BadCheckpoint(f"{path} cannot be read ({error}); delete {self.folder} to train from the start") from None
+            raise BadCheckpoint(
+                f"{path} cannot be read ({error}); delete {self.folder} to train from the start"
+            ) from None
         if header.get("fingerprint") != self.fingerprint:
-            raise MimicbenchError(f"{self.folder} was trained with another configuration or other demonstrations; use another folder, or delete it")
+            raise MimicbenchError(
+                f"{self.folder} was trained with another configuration or other demonstrations; use "
+                "another folder, or delete it"
+            )
         self.steps, self.seconds = int(header["steps"]), float(header["seconds"])
-        self.learner.load_state_dict({name.split("/", 1)[1]: value for name, value in tensors.items() if name.startswith(("weights/", "buffers/"))})
+        self.learner.load_state_dict(
+            {
+                name.split("/", 1)[1]: value
+                for name, value in tensors.items()
+                if name.startswith(("weights/", "buffers/"))
+            }
+        )
         for name, parameter in self.parameters.items():
             if self.average:
                 self.average[name].copy_(tensors[f"average/{name}"])
             keys = [key for key in ("step", "exp_avg", "exp_avg_sq") if f"optimizer.{key}/{name}" in tensors]
             if keys:
                 # the moments live beside the weights, the count of steps on the CPU
-                self.optimizer.state[parameter] = {key: tensors[f"optimizer.{key}/{name}"].to("cpu" if key == "step" else self.config.device) for key in keys}
+                self.optimizer.state[parameter] = {
+                    key: tensors[f"optimizer.{key}/{name}"].to("cpu" if key == "step" else self.config.device)
+                    for key in keys
+                }
         _forget_after(self.folder / METRICS, self.steps)
 
     def result(self) -> ACT | BC:
@@ -226,7 +268,10 @@ class _Run:
 
     @torch.no_grad()
     def validation_error(self, learner: ACT | BC) -> float | None:
-        """Mean absolute error [rad] of the predicted action on frames of episodes that were kept apart; None if there are none."""
+        """Mean absolute error [rad] of the predicted action on frames of episodes that were kept apart.
+
+        None if there are none.
+        """
         frames = self.data.validation_frames
         if not len(frames):
             return None
@@ -247,7 +292,12 @@ def _to(batch: Batch, device: str) -> Batch:
     def move(value: Tensor) -> Tensor:
         return value.to(device)
 
-    return Batch(move(batch.vector), None if batch.elevation is None else move(batch.elevation), move(batch.actions), move(batch.pad))
+    return Batch(
+        move(batch.vector),
+        None if batch.elevation is None else move(batch.elevation),
+        move(batch.actions),
+        move(batch.pad),
+    )
 
 
 def _forget_after(path: Path, step: int) -> None:
@@ -265,9 +315,23 @@ def _bar(quiet: bool, label: str) -> Iterator[Any]:
         yield lambda done, remark: None
         return
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
-    columns = [TextColumn("{task.description:<28}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn()]
+    columns = [
+        TextColumn("{task.description:<28}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    ]
     with Progress(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task(label, total=1.0)
         yield lambda done, remark: bar.update(task, completed=min(1.0, done), description=f"{label}, {remark}")

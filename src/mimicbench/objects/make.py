@@ -29,4 +29,8 @@ def make_objects(folder: Path, task: str, family: str, config: ObjectsConfig, se
 
 def read_objects(folder: Path) -> dict[str, SceneObject]:
     """All objects of a finished stage by id, in order of their ids."""
-    return {path.stem: load_object(folder, path.stem) for path in sorted(folder.glob("*.json")) if path.name != "header.json"}
+    return {
+        path.stem: load_object(folder, path.stem)
+        for path in sorted(folder.glob("*.json"))
+        if path.name != "header.json"
+    }

@@ -26,7 +26,10 @@ def make_object(object_id: str) -> SceneObject:
     """The object that an id such as `chair-0-00042` names. Raises BadObject or UnknownName."""
     match = re.fullmatch(r"([a-z]+)-(0|[1-9]\d{0,17})-(\d{5}|[1-9]\d{5,17})", object_id)
     if match is None:
-        raise BadObject(f"{object_id!r} names no object of a family; ids look like chair-0-00042, and other objects are read from their files")
+        raise BadObject(
+            f"{object_id!r} names no object of a family; ids look like chair-0-00042, and other "
+            "objects are read from their files"
+        )
     family, seed, index = match.groups()
     if family not in FAMILIES:
         raise UnknownName("family of objects", family, list(FAMILIES))

@@ -15,7 +15,10 @@ SLOTS = 16
 
 
 def split_of(object_id: str) -> str:
-    """`train` or `test`, 3:1, decided by an object's id alone; what stands behind a `~` names a variant, which goes with its original."""
+    """`train` or `test`, 3:1, decided by an object's id alone.
+
+    What stands behind a `~` names a variant, which goes with its original.
+    """
     return "test" if digest(0, "split", object_id.partition("~")[0]) % 4 == 0 else "train"
 
 
@@ -50,7 +53,8 @@ class SceneObject:
     friction: float = 1.0
     """Sliding friction of its surface."""
     hulls: tuple[np.ndarray, ...] = ()
-    """Of an imported object: per box, the corners (V, 3) [m] of the convex piece that the box encloses, and that collides in its place."""
+    """Of an imported object: per box, the corners (V, 3) [m] of the convex piece that the box encloses, and that
+    collides in its place."""
 
     def __post_init__(self) -> None:
         boxes = len(self.box_pos)
@@ -66,8 +70,13 @@ class SceneObject:
             raise BadObject(f"object {self.id}: every touch point needs a normal, both of three numbers")
         if self.head_xy.shape not in ((0,), (2,)):
             raise BadObject(f"object {self.id}: head_xy must be two numbers, or none")
-        if self.hulls and (len(self.hulls) != boxes or any(hull.ndim != 2 or hull.shape[1] != 3 or len(hull) < 4 for hull in self.hulls)):
-            raise BadObject(f"object {self.id}: there must be one convex piece of 4 or more corners for each box, or none at all")
+        if self.hulls and (
+            len(self.hulls) != boxes
+            or any(hull.ndim != 2 or hull.shape[1] != 3 or len(hull) < 4 for hull in self.hulls)
+        ):
+            raise BadObject(
+                f"object {self.id}: there must be one convex piece of 4 or more corners for each box, or none at all"
+            )
 
     @property
     def split(self) -> str:
@@ -92,7 +101,9 @@ class SceneObject:
         return corners.min(0), corners.max(0)
 
     def contains_xy(self, points: np.ndarray) -> np.ndarray:
-        """Whether points (..., 2+) lie in the object's interior in the bird-eye view: its bounding rectangle (appendix D.1)."""
+        """Whether points (..., 2+) lie in the object's interior in the bird-eye view: its bounding rectangle
+        (appendix D.1).
+        """
         low, high = self.bounds()
         return np.all((points[..., :2] >= low[:2]) & (points[..., :2] <= high[:2]), axis=-1)
 
@@ -112,25 +123,46 @@ class SceneObject:
     def to_dict(self) -> dict:
         """Plain JSON values."""
         return {
-            "id": self.id, "family": self.family, "kind": self.kind, "box_pos": self.box_pos.tolist(), "box_quat": self.box_quat.tolist(),
-            "box_half": self.box_half.tolist(), "box_rgb": self.box_rgb.tolist(), "seat_height": self.seat_height,
-            "seat_polygon": self.seat_polygon.tolist(), "head_xy": self.head_xy.tolist(), "touch_points": self.touch_points.tolist(),
-            "touch_normals": self.touch_normals.tolist(), "movable": self.movable, "mass": self.mass, "friction": self.friction,
+            "id": self.id,
+            "family": self.family,
+            "kind": self.kind,
+            "box_pos": self.box_pos.tolist(),
+            "box_quat": self.box_quat.tolist(),
+            "box_half": self.box_half.tolist(),
+            "box_rgb": self.box_rgb.tolist(),
+            "seat_height": self.seat_height,
+            "seat_polygon": self.seat_polygon.tolist(),
+            "head_xy": self.head_xy.tolist(),
+            "touch_points": self.touch_points.tolist(),
+            "touch_normals": self.touch_normals.tolist(),
+            "movable": self.movable,
+            "mass": self.mass,
+            "friction": self.friction,
             "hulls": [hull.tolist() for hull in self.hulls],
-        }  # fmt: skip
+        }
 
     @staticmethod
     def from_dict(data: dict) -> "SceneObject":
         """The inverse of to_dict. Raises BadObject."""
         try:
-            arrays = {name: np.array(data[name], dtype=float) for name in ("box_pos", "box_quat", "box_half", "box_rgb")}
+            arrays = {
+                name: np.array(data[name], dtype=float) for name in ("box_pos", "box_quat", "box_half", "box_rgb")
+            }
             return SceneObject(
-                id=data["id"], family=data["family"], kind=data["kind"], **arrays, seat_height=data["seat_height"],
-                seat_polygon=np.array(data["seat_polygon"], dtype=float).reshape(-1, 2), head_xy=np.array(data["head_xy"], dtype=float),
+                id=data["id"],
+                family=data["family"],
+                kind=data["kind"],
+                **arrays,
+                seat_height=data["seat_height"],
+                seat_polygon=np.array(data["seat_polygon"], dtype=float).reshape(-1, 2),
+                head_xy=np.array(data["head_xy"], dtype=float),
                 touch_points=np.array(data["touch_points"], dtype=float).reshape(-1, 3),
-                touch_normals=np.array(data["touch_normals"], dtype=float).reshape(-1, 3), movable=data["movable"], mass=data["mass"],
-                friction=data["friction"], hulls=tuple(np.array(hull, dtype=float) for hull in data["hulls"]),
-            )  # fmt: skip
+                touch_normals=np.array(data["touch_normals"], dtype=float).reshape(-1, 3),
+                movable=data["movable"],
+                mass=data["mass"],
+                friction=data["friction"],
+                hulls=tuple(np.array(hull, dtype=float) for hull in data["hulls"]),
+            )
         except (KeyError, TypeError, ValueError) as error:
             raise BadObject(f"not an object description: {error}") from None
 

@@ -12,7 +12,8 @@ _STEP = 1e-3
 def signed_distance(obj: SceneObject, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """How far points are from the object's surface, negative inside, and the unit normal there.
 
-    Inside it is the shortest way along a box's axes that leads out of all boxes, and not into the floor: a mattress is left upwards,
+    Inside it is the shortest way along a box's axes that leads out of all boxes, and not into the floor: a mattress is
+    left upwards,
     not into the frame under it.
 
     Args:
@@ -23,7 +24,8 @@ def signed_distance(obj: SceneObject, points: np.ndarray) -> tuple[np.ndarray, n
         Distances (M,) [m] and normals (M, 3), the gradient of the distance, in the object's frame.
     """
     turns = rot.to_matrix(obj.box_quat)
-    # first which box is nearest, coordinate by coordinate, for that is three times as fast; then the rest for that box alone
+    # first which box is nearest, coordinate by coordinate, for that is three times as fast; then the rest for that box
+    # alone
     at, squared, nearest = np.ascontiguousarray(points.T), np.full(len(points), np.inf), np.zeros(len(points), int)
     for box, (center, turn, half) in enumerate(zip(obj.box_pos, turns, obj.box_half, strict=True)):
         x, y, z = np.maximum(np.abs(turn.T @ (at - center[:, None])) - half[:, None], 0.0)
@@ -43,7 +45,9 @@ def signed_distance(obj: SceneObject, points: np.ndarray) -> tuple[np.ndarray, n
 
 
 def box_distance(obj: SceneObject, points: np.ndarray, boxes: np.ndarray | slice = slice(None)) -> np.ndarray:
-    """Signed distance (...) [m] of points (..., 3) from the nearest of the object's boxes, or of some of them; inside, how deep in one box.
+    """Signed distance (...) [m] of points (..., 3) from the nearest of the object's boxes, or of some of them.
+
+    Inside, how deep in one box.
 
     Quicker than `signed_distance`, which also knows the way out of boxes that touch each other.
     """

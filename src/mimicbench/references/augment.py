@@ -1,4 +1,6 @@
-"""More clips from a clip: mirrored, at another speed, from another start, on an object of another size. Contacts stay what they were.
+"""More clips from a clip: mirrored, at another speed, from another start, on an object of another size.
+
+Contacts stay what they were.
 
 Each function gives the clip, and the object that it is on, under ids that end in `~` and what was done to them.
 """
@@ -64,26 +66,39 @@ def mirrored_joints(skeleton: Skeleton) -> list[int]:
 
 def mirror(motion: HumanMotion, obj: SceneObject) -> tuple[HumanMotion, SceneObject]:
     """Left and right exchanged, of the person, the object and the goals. Twice gives the same clip again."""
-    names = [name.replace("left", "\0").replace("right", "left").replace("\0", "right") for name in motion.contact_names]
+    names = [
+        name.replace("left", "\0").replace("right", "left").replace("\0", "right") for name in motion.contact_names
+    ]
     columns = [motion.contact_names.index(name) for name in names]
     quat = motion.local_quat[:, mirrored_joints(motion.skeleton)] * _SPECULAR_QUAT
     other = mirrored_object(obj)
     return replace(
-        motion, id=_toggled(motion.id), object_id=other.id, root_pos_w=motion.root_pos_w * _SPECULAR, local_quat=quat,
+        motion,
+        id=_toggled(motion.id),
+        object_id=other.id,
+        root_pos_w=motion.root_pos_w * _SPECULAR,
+        local_quat=quat,
         contacts=motion.contacts[:, columns] if columns else motion.contacts,
         style={name: -value if name in LATERAL else value for name, value in motion.style.items()},
-        object_pos_w=motion.object_pos_w * _SPECULAR, object_quat_w=motion.object_quat_w * _SPECULAR_QUAT,
+        object_pos_w=motion.object_pos_w * _SPECULAR,
+        object_quat_w=motion.object_quat_w * _SPECULAR_QUAT,
         wrist_goal_w=motion.wrist_goal_w[::-1] * _SPECULAR,
-    ), other  # fmt: skip
+    ), other
 
 
 def mirrored_object(obj: SceneObject) -> SceneObject:
     """The object with its left on its right. Twice gives the same object again."""
     return replace(
-        obj, id=_toggled(obj.id), box_pos=obj.box_pos * _SPECULAR, box_quat=obj.box_quat * _SPECULAR_QUAT,
-        seat_polygon=obj.seat_polygon[::-1] * _SPECULAR[:2], head_xy=obj.head_xy * _SPECULAR[: len(obj.head_xy)],
-        touch_points=obj.touch_points * _SPECULAR, touch_normals=obj.touch_normals * _SPECULAR, hulls=tuple(hull * _SPECULAR for hull in obj.hulls),
-    )  # fmt: skip
+        obj,
+        id=_toggled(obj.id),
+        box_pos=obj.box_pos * _SPECULAR,
+        box_quat=obj.box_quat * _SPECULAR_QUAT,
+        seat_polygon=obj.seat_polygon[::-1] * _SPECULAR[:2],
+        head_xy=obj.head_xy * _SPECULAR[: len(obj.head_xy)],
+        touch_points=obj.touch_points * _SPECULAR,
+        touch_normals=obj.touch_normals * _SPECULAR,
+        hulls=tuple(hull * _SPECULAR for hull in obj.hulls),
+    )
 
 
 def retime(motion: HumanMotion, factor: float) -> HumanMotion:
@@ -98,22 +113,32 @@ def retime(motion: HumanMotion, factor: float) -> HumanMotion:
         return CubicSpline(np.arange(len(values)), values, axis=0)(times) if len(values) else values
 
     return replace(
-        motion, id=f"{motion.id}~speed", root_pos_w=smoothly(motion.root_pos_w), local_quat=_smooth_quat(motion.local_quat, smoothly),
-        contacts=motion.contacts[nearest] if motion.contact_names else motion.contacts, style={**motion.style, "retimed": factor},
-        object_pos_w=smoothly(motion.object_pos_w), object_quat_w=_smooth_quat(motion.object_quat_w, smoothly),
-    )  # fmt: skip
+        motion,
+        id=f"{motion.id}~speed",
+        root_pos_w=smoothly(motion.root_pos_w),
+        local_quat=_smooth_quat(motion.local_quat, smoothly),
+        contacts=motion.contacts[nearest] if motion.contact_names else motion.contacts,
+        style={**motion.style, "retimed": factor},
+        object_pos_w=smoothly(motion.object_pos_w),
+        object_quat_w=_smooth_quat(motion.object_quat_w, smoothly),
+    )
 
 
 def restart(motion: HumanMotion, turn: float, shift: np.ndarray) -> HumanMotion:
-    """The same action after a way that begins elsewhere: turned about where it ends by `turn` [rad], and shifted by (2,) [m].
+    """The same action after a way that begins elsewhere: turned about where it ends by `turn` [rad], and shifted by
+    (2,) [m].
 
-    Feet stand as still as before, and legs reach them as far as they are long. Raises BadMotion if nobody walks up to the object.
+    Feet stand as still as before, and legs reach them as far as they are long. Raises BadMotion if nobody walks up to
+    the object.
     """
     return replace(turned_approach(motion, approach_end(motion), turn, shift), id=f"{motion.id}~start")
 
 
 def resize(motion: HumanMotion, obj: SceneObject, factor: float) -> tuple[HumanMotion, SceneObject]:
-    """The object so many times as large; what touched it touches the same place of it, and the way there is moved along."""
+    """The object so many times as large.
+
+    What touched it touches the same place of it, and the way there is moved along.
+    """
     other = resized_object(obj, factor)
     return replace(rescaled(motion, obj, factor), id=f"{motion.id}~size", object_id=other.id), other
 
@@ -121,14 +146,25 @@ def resize(motion: HumanMotion, obj: SceneObject, factor: float) -> tuple[HumanM
 def resized_object(obj: SceneObject, factor: float) -> SceneObject:
     """The object so many times as large, and as heavy as it was."""
     return replace(
-        obj, id=f"{obj.id}~x{factor:.4f}", box_pos=obj.box_pos * factor, box_half=obj.box_half * factor, seat_polygon=obj.seat_polygon * factor,
-        seat_height=None if obj.seat_height is None else obj.seat_height * factor, head_xy=obj.head_xy * factor,
-        touch_points=obj.touch_points * factor, hulls=tuple(hull * factor for hull in obj.hulls),
-    )  # fmt: skip
+        obj,
+        id=f"{obj.id}~x{factor:.4f}",
+        box_pos=obj.box_pos * factor,
+        box_half=obj.box_half * factor,
+        seat_polygon=obj.seat_polygon * factor,
+        seat_height=None if obj.seat_height is None else obj.seat_height * factor,
+        head_xy=obj.head_xy * factor,
+        touch_points=obj.touch_points * factor,
+        hulls=tuple(hull * factor for hull in obj.hulls),
+    )
 
 
-def variant(motion: HumanMotion, obj: SceneObject, kind: Kind, config: AugmentConfig, seed: int) -> tuple[HumanMotion, SceneObject]:
-    """One variant of a clip; depends on the clip's id, the kind and the seed alone. Raises BadMotion if there is none."""
+def variant(
+    motion: HumanMotion, obj: SceneObject, kind: Kind, config: AugmentConfig, seed: int
+) -> tuple[HumanMotion, SceneObject]:
+    """One variant of a clip; depends on the clip's id, the kind and the seed alone.
+
+    Raises BadMotion if there is none.
+    """
     random = rng(seed, motion.id, kind)
     if kind == "mirror":
         return mirror(motion, obj)
@@ -137,18 +173,37 @@ def variant(motion: HumanMotion, obj: SceneObject, kind: Kind, config: AugmentCo
     if kind == "start":
         away = config.shift * np.sqrt(random.uniform())
         angle = random.uniform(-np.pi, np.pi)
-        return restart(motion, random.uniform(-config.turn, config.turn), away * np.array([np.cos(angle), np.sin(angle)])), obj
+        return restart(
+            motion, random.uniform(-config.turn, config.turn), away * np.array([np.cos(angle), np.sin(angle)])
+        ), obj
     return resize(motion, obj, random.uniform(*config.size))
 
 
 def make_augmented(
-    objects_to: Path, references_to: Path, objects: Stage, references: Stage, task: str, fulfils: Fulfils, config: AugmentConfig, seed: int,
-    workers: int, quiet: bool = False,
-) -> Stage:  # fmt: skip
-    """All clips of a stage and the variants of them that pass the gate, with their objects: stages `objects` and `references` of another workdir."""
+    objects_to: Path,
+    references_to: Path,
+    objects: Stage,
+    references: Stage,
+    task: str,
+    fulfils: Fulfils,
+    config: AugmentConfig,
+    seed: int,
+    workers: int,
+    quiet: bool = False,
+) -> Stage:
+    """All clips of a stage and the variants of them that pass the gate, with their objects: stages `objects` and
+    `references` of another workdir.
+    """
     made_from = {"objects": objects.fingerprint, "references": references.fingerprint}
     there = open_stage(objects_to, "objects", task, seed, asdict(config), made_from)
-    stage = open_stage(references_to, "references", task, seed, asdict(config), {"objects": there.fingerprint, "references": references.fingerprint})
+    stage = open_stage(
+        references_to,
+        "references",
+        task,
+        seed,
+        asdict(config),
+        {"objects": there.fingerprint, "references": references.fingerprint},
+    )
     if stage.complete:
         return stage
     for obj in read_objects(objects.folder).values():
@@ -161,7 +216,9 @@ def make_augmented(
     return stage.finish(clips=len(paths) + sum(added.values()), originals=len(paths), **added)
 
 
-def _augment_one(objects_to: Path, references_to: Path, objects: Path, fulfils: Fulfils, config: AugmentConfig, seed: int, path: Path) -> list[str]:
+def _augment_one(
+    objects_to: Path, references_to: Path, objects: Path, fulfils: Fulfils, config: AugmentConfig, seed: int, path: Path
+) -> list[str]:
     """Save a clip and its good variants; which kinds were good."""
     motion = HumanMotion.load(path)
     obj = load_object(objects, motion.object_id)

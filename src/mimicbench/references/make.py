@@ -34,10 +34,21 @@ class ReferencesConfig:
     """Use the objects of the test split alone: for an evaluation without training."""
 
 
-def make_references(folder: Path, objects: Stage, task: str, fulfils: Fulfils, config: ReferencesConfig, seed: int, workers: int, quiet: bool = False) -> Stage:
-    """Make human clips on the objects of an earlier stage, one `<id>.npz` each, and keep those that pass the gate and fulfil the task's K.
+def make_references(
+    folder: Path,
+    objects: Stage,
+    task: str,
+    fulfils: Fulfils,
+    config: ReferencesConfig,
+    seed: int,
+    workers: int,
+    quiet: bool = False,
+) -> Stage:
+    """Make human clips on the objects of an earlier stage, one `<id>.npz` each, and keep those that pass the gate
+    and fulfil the task's K.
 
-    Killed and started again, it makes only the clips that are missing. The summary counts by name what was wrong with the others.
+    Killed and started again, it makes only the clips that are missing. The summary counts by name what was wrong with
+    the others.
     Raises BadMotion if none is good.
     """
     stage = open_stage(folder, "references", task, seed, asdict(config), {"objects": objects.fingerprint})
@@ -48,18 +59,24 @@ def make_references(folder: Path, objects: Stage, task: str, fulfils: Fulfils, c
     while kept < config.count and tried < MOST_TRIES * config.count:
         missing = min(config.count - kept, MOST_TRIES * config.count - tried)
         jobs = [(index, ids[index % len(ids)]) for index in range(tried, tried + missing)]
-        found = map_items(partial(_make_one, folder, objects.folder, task, seed, fulfils), jobs, workers, "human clips", quiet)
+        found = map_items(
+            partial(_make_one, folder, objects.folder, task, seed, fulfils), jobs, workers, "human clips", quiet
+        )
         tried, kept = tried + missing, kept + found.count([])
         wrong.update(name for names in found for name in names)
         if not kept:
             break
     if not kept:
-        raise BadMotion(f"none of {tried} clips passed the quality gate ({_counted(wrong)}); make more objects or clips")
+        raise BadMotion(
+            f"none of {tried} clips passed the quality gate ({_counted(wrong)}); make more objects or clips"
+        )
     return stage.finish(tried=tried, kept=kept, rate=kept / max(tried, 1), rejected_for=_counted(wrong) or "nothing")
 
 
 def object_ids(objects: Path, config: ReferencesConfig) -> list[str]:
-    """Objects that clips are made on, in the order in which they take turns: clip number i is on object i modulo their number."""
+    """Objects that clips are made on, in the order in which they take turns: clip number i is on object i modulo
+    their number.
+    """
     ids = sorted(path.stem for path in objects.glob("*.json") if path.name != HEADER)
     return [object_id for object_id in ids if split_of(object_id) == "test" or not config.test_only]
 
@@ -97,16 +114,27 @@ def _make_one(folder: Path, objects: Path, task: str, seed: int, fulfils: Fulfil
 
 def _counted(wrong: Counter[str]) -> str:
     """Such as `object_depth 12, K 3`."""
-    return ", ".join(f"{name} {count}" for name, count in sorted(wrong.items(), key=lambda entry: (-entry[1], entry[0])))
+    return ", ".join(
+        f"{name} {count}" for name, count in sorted(wrong.items(), key=lambda entry: (-entry[1], entry[0]))
+    )
 
 
 def import_references(
-    objects_folder: Path, folder: Path, task: str, files: Sequence[Path], say: Callable[[str], None], form: str = "auto", wishes: Wishes | None = None
+    objects_folder: Path,
+    folder: Path,
+    task: str,
+    files: Sequence[Path],
+    say: Callable[[str], None],
+    form: str = "auto",
+    wishes: Wishes | None = None,
 ) -> tuple[Stage, Stage]:
-    """Import recordings of people who do a task: stages `objects` and `references` made from files of the formats in references/importers.py.
+    """Import recordings of people who do a task: stages `objects` and `references` made from files of the formats in
+    references/importers.py.
 
-    Each clip has the recorded object, or one fitted to the person. `say` hears what was assumed about every file. A file that cannot be
-    read, or without the task in it, is left out, and `say` hears why. Raises BadMotion if nothing is left, before anything is written.
+    Each clip has the recorded object, or one fitted to the person. `say` hears what was assumed about every file. A
+    file that cannot be
+    read, or without the task in it, is left out, and `say` hears why. Raises BadMotion if nothing is left, before
+    anything is written.
     """
     clips: dict[str, Clip] = {}
     for path in files:
@@ -122,15 +150,28 @@ def import_references(
             say(f"left out: {path} has the name of another file; rename it")
             continue
         clips |= {motion.id: (motion, obj) for motion, obj in found}
-        say(f"{path.name}: {len(found)} {task} {'clip' if len(found) == 1 else 'clips'} of {recording.frames / recording.fps:.1f} s")
+        say(
+            f"{path.name}: {len(found)} {task} {'clip' if len(found) == 1 else 'clips'} of "
+            f"{recording.frames / recording.fps:.1f} s"
+        )
         for line in recording.assumed:
             say(f"  {line}")
         for motion, obj in found:
             size = np.ptp(obj.corners().reshape(-1, 3), axis=0)
-            say(f"  {motion.id}: {motion.duration:.1f} s with a {obj.kind} of {size[0]:.2f} x {size[1]:.2f} x {size[2]:.2f} m")
+            say(
+                f"  {motion.id}: {motion.duration:.1f} s with a {obj.kind} of {size[0]:.2f} x "
+                f"{size[1]:.2f} x {size[2]:.2f} m"
+            )
     if not clips:
-        raise BadMotion(f"none of the {len(files)} files holds a person who does {task}, see above; give other files, or another task (--task)")
-    source = {"imported": [path.name for path in files], "format": form, "wishes": asdict(wishes or Wishes()) | {"mesh": str((wishes or Wishes()).mesh)}}
+        raise BadMotion(
+            f"none of the {len(files)} files holds a person who does {task}, see above; give other "
+            "files, or another task (--task)"
+        )
+    source = {
+        "imported": [path.name for path in files],
+        "format": form,
+        "wishes": asdict(wishes or Wishes()) | {"mesh": str((wishes or Wishes()).mesh)},
+    }
     objects = open_stage(objects_folder, "objects", task, 0, source)
     references = open_stage(folder, "references", task, 0, source, {"objects": objects.fingerprint})
     for motion, obj in clips.values():

@@ -1,4 +1,6 @@
-"""Bends a clip so that its contacts are elsewhere: limbs are solved again, so that feet and hands stay where they bear."""
+"""Bends a clip so that its contacts are elsewhere: limbs are solved again, so that feet and hands stay where they
+bear.
+"""
 
 from dataclasses import replace
 
@@ -19,11 +21,18 @@ ON_FLOOR = 0.08
 
 def contact(motion: HumanMotion, name: str) -> np.ndarray:
     """(T,) whether a body bears; never if the clip has no such label."""
-    return motion.contacts[:, motion.contact_names.index(name)].astype(bool) if name in motion.contact_names else np.zeros(motion.frames, bool)
+    return (
+        motion.contacts[:, motion.contact_names.index(name)].astype(bool)
+        if name in motion.contact_names
+        else np.zeros(motion.frames, bool)
+    )
 
 
 def approach_end(motion: HumanMotion) -> int:
-    """The frame in which the first of both feet comes to stand where it stands when something else bears. Raises BadMotion without such a walk."""
+    """The frame in which the first of both feet comes to stand where it stands when something else bears.
+
+    Raises BadMotion without such a walk.
+    """
     feet = [contact(motion, foot) for foot in FEET]
     others = [contact(motion, name) for name in motion.contact_names if name not in FEET]
     bears = np.flatnonzero(np.any(others, axis=0)) if others else np.zeros(0, int)
@@ -39,7 +48,10 @@ def approach_end(motion: HumanMotion) -> int:
 
 
 def turned_approach(motion: HumanMotion, end: int, turn: float, shift: np.ndarray) -> HumanMotion:
-    """The way up to frame `end` turned by `turn` [rad] about where it ends, and shifted by (2,) [m], at its beginning; less and less later."""
+    """The way up to frame `end` turned by `turn` [rad] about where it ends, and shifted by (2,) [m], at its beginning.
+
+    Less and less later.
+    """
     body = body_of(motion.skeleton)
     pos, quat = motion.forward_kinematics()
     share = 1.0 - minimum_jerk(np.arange(motion.frames) / end)
@@ -55,11 +67,15 @@ def turned_approach(motion: HumanMotion, end: int, turn: float, shift: np.ndarra
         ankles.append(moved(pos[:, leg.end], own))
         soles.append(rot.multiply(rot.from_yaw(turn * own), quat[:, leg.end]))
     pelvis = rot.multiply(rot.from_yaw(turn * share), motion.local_quat[:, 0])
-    return _solved(motion, body, quat, moved(motion.root_pos_w, share), pelvis, np.stack(ankles, 1), np.stack(soles, 1), None)
+    return _solved(
+        motion, body, quat, moved(motion.root_pos_w, share), pelvis, np.stack(ankles, 1), np.stack(soles, 1), None
+    )
 
 
 def rescaled(motion: HumanMotion, obj: SceneObject, factor: float) -> HumanMotion:
-    """On the object `factor` times as large: what bears on it moves with its surface, the way there moves along, feet on the floor stay on it."""
+    """On the object `factor` times as large: what bears on it moves with its surface, the way there moves along,
+    feet on the floor stay on it.
+    """
     body = body_of(motion.skeleton)
     pos, quat = motion.forward_kinematics()
     end = approach_end(motion)
@@ -75,13 +91,17 @@ def rescaled(motion: HumanMotion, obj: SceneObject, factor: float) -> HumanMotio
 
     sits = contact(motion, "pelvis") | contact(motion, "back")
     seat = np.column_stack([motion.root_pos_w[:, :2], np.full(motion.frames, obj.seat_height or 0.0)])
-    pelvis_move = _filled(walks | sits | (not sits.any()), np.where((sits & ~walks)[:, None], with_surface(seat), along))
+    pelvis_move = _filled(
+        walks | sits | (not sits.any()), np.where((sits & ~walks)[:, None], with_surface(seat), along)
+    )
     ankle_pos = []
     for side in (0, 1):
         floor = ankles[:, side, 2] < body.sole + ON_FLOOR
         rests = contact(motion, FEET[side]) & ~floor
         fixed = walks | floor | rests
-        ankle_pos.append(ankles[:, side] + _filled(fixed, np.where(rests[:, None], with_surface(ankles[:, side]), along)))
+        ankle_pos.append(
+            ankles[:, side] + _filled(fixed, np.where(rests[:, None], with_surface(ankles[:, side]), along))
+        )
     wrists = None
     if any(contact(motion, hand).any() for hand in HANDS):
         wrists = []
@@ -92,15 +112,33 @@ def rescaled(motion: HumanMotion, obj: SceneObject, factor: float) -> HumanMotio
             move = _filled(bears | ~soon, np.where(bears[:, None], with_surface(place), pelvis_move))
             wrists.append(place + move if bears.any() else None)
     soles = quat[:, [leg.end for leg in body.legs]]
-    bent = _solved(motion, body, quat, motion.root_pos_w + pelvis_move, motion.local_quat[:, 0], np.stack(ankle_pos, 1), soles, wrists)
+    bent = _solved(
+        motion,
+        body,
+        quat,
+        motion.root_pos_w + pelvis_move,
+        motion.local_quat[:, 0],
+        np.stack(ankle_pos, 1),
+        soles,
+        wrists,
+    )
     return replace(bent, wrist_goal_w=motion.wrist_goal_w * factor)
 
 
 def _solved(
-    motion: HumanMotion, body: Body, quat: np.ndarray, root_pos: np.ndarray, root_quat: np.ndarray, ankles: np.ndarray, feet: np.ndarray,
+    motion: HumanMotion,
+    body: Body,
+    quat: np.ndarray,
+    root_pos: np.ndarray,
+    root_quat: np.ndarray,
+    ankles: np.ndarray,
+    feet: np.ndarray,
     wrists: list[np.ndarray | None] | None,
-) -> HumanMotion:  # fmt: skip
-    """The motion with its pelvis, ankles, feet and, where given, wrists elsewhere; knees and elbows point where they did, seen from the pelvis."""
+) -> HumanMotion:
+    """The motion with its pelvis, ankles, feet and, where given, wrists elsewhere.
+
+    Knees and elbows point where they did, seen from the pelvis.
+    """
     local = motion.local_quat.copy()
     local[:, 0] = root_quat
     turn = rot.multiply(root_quat, rot.conjugate(quat[:, 0]))
@@ -113,7 +151,16 @@ def _solved(
         if place is not None:
             new_pos, new_quat = forward_kinematics(body.skeleton, root_pos, local)
             parent = body.skeleton.parents[arm.root]
-            _limb(local, body, arm, new_pos[:, arm.root], place, _axis(turn, quat[:, arm.root]), new_quat[:, parent], False)
+            _limb(
+                local,
+                body,
+                arm,
+                new_pos[:, arm.root],
+                place,
+                _axis(turn, quat[:, arm.root]),
+                new_quat[:, parent],
+                False,
+            )
     return replace(motion, root_pos_w=root_pos, local_quat=local)
 
 
@@ -122,7 +169,16 @@ def _axis(turn: np.ndarray, link: np.ndarray) -> np.ndarray:
     return rot.rotate(turn, rot.rotate(link, np.array([0.0, 1.0, 0.0])))
 
 
-def _limb(local: np.ndarray, body: Body, limb: Limb, root: np.ndarray, end: np.ndarray, axis: np.ndarray, parent: np.ndarray, backward: bool) -> np.ndarray:
+def _limb(
+    local: np.ndarray,
+    body: Body,
+    limb: Limb,
+    root: np.ndarray,
+    end: np.ndarray,
+    axis: np.ndarray,
+    parent: np.ndarray,
+    backward: bool,
+) -> np.ndarray:
     """Write the two links of a limb into local rotations; the orientation of the lower one."""
     upper, lower, _ = two_link(root, end, axis, *body.length(limb), backward)
     local[:, limb.root] = rot.multiply(rot.conjugate(parent), upper)
@@ -131,7 +187,9 @@ def _limb(local: np.ndarray, body: Body, limb: Limb, root: np.ndarray, end: np.n
 
 
 def _held(share: np.ndarray, stands: np.ndarray) -> np.ndarray:
-    """(T,) the share of a foot: that of the middle of each stance all through it, and from one to the next in between."""
+    """(T,) the share of a foot: that of the middle of each stance all through it, and from one to the next in
+    between.
+    """
     values = share.copy()
     edges = np.flatnonzero(np.diff(np.concatenate([[0], stands.astype(int), [0]])))
     for start, stop in zip(edges[::2], edges[1::2], strict=True):

@@ -1,4 +1,6 @@
-"""Tables and groupings that follow from episode rows: our results, ours beside the paper's, and where failures happen."""
+"""Tables and groupings that follow from episode rows: our results, ours beside the paper's, and where failures
+happen.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,10 +13,18 @@ from mimicbench.report.paper_tables import CITATION, TASKS, PaperRate, methods
 from mimicbench.report.tables import Cell, Reported, Table
 
 COUNTERPARTS = {
-    ("track", "hst"): "Improved HST", ("track", "tracker"): "Improved HST", ("track", "phc"): "Simplified PHC", ("track", "hst-original"): "Original HST",
-    ("imitate", "act"): "ACT", ("imitate", "hit"): "HIT", ("imitate", "bc"): "Behavior Cloning", ("imitate", "diffusion"): "Diffusion Policy",
-    ("imitate", "ppo"): "PPO", ("imitate", "omnih2o"): "OmniH2O", ("imitate", "humanplus"): "HumanPlus",
-}  # fmt: skip
+    ("track", "hst"): "Improved HST",
+    ("track", "tracker"): "Improved HST",
+    ("track", "phc"): "Simplified PHC",
+    ("track", "hst-original"): "Original HST",
+    ("imitate", "act"): "ACT",
+    ("imitate", "hit"): "HIT",
+    ("imitate", "bc"): "Behavior Cloning",
+    ("imitate", "diffusion"): "Diffusion Policy",
+    ("imitate", "ppo"): "PPO",
+    ("imitate", "omnih2o"): "OmniH2O",
+    ("imitate", "humanplus"): "HumanPlus",
+}
 """(stage, name of ours) -> the method of the paper that it is."""
 
 NEAR = 0.15
@@ -36,11 +46,15 @@ def results_table(found: Sequence[Summary]) -> Table:
     """All rates of all policies."""
     rows = [(_stage(s), label(s.policy, s.preset), s.kinematic, s.energy, s.at_end, s.fell) for s in found]
     return Table(
-        "results", "Results", ("Stage", "Policy", "K", "K and P", "K in the last frame", "Fell"), tuple(rows),
-        note="Rates with 95 % Wilson intervals in brackets and k/n in parentheses. K: the task's kinematic metric, fulfilled within the time limit. "
+        "results",
+        "Results",
+        ("Stage", "Policy", "K", "K and P", "K in the last frame", "Fell"),
+        tuple(rows),
+        note="Rates with 95 % Wilson intervals in brackets and k/n in parentheses. K: the task's "
+        "kinematic metric, fulfilled within the time limit. "
         "K and P: the energy-averaged rate, the mean over four limits of the rate of K with every e_i below the limit; "
         "its interval is Wilson's at the mean count.",
-    )  # fmt: skip
+    )
 
 
 def energy_table(found: Sequence[Summary]) -> Table:
@@ -48,7 +62,11 @@ def energy_table(found: Sequence[Summary]) -> Table:
     rows = [(_stage(s), label(s.policy, s.preset), *s.by_limit) for s in found]
     columns = ("Stage", "Policy", *(f"λ = {limit / 1e6:.0f}e6" for limit in ENERGY_LIMITS))
     return Table(
-        "energy", "K and P at each limit of the energy", columns, tuple(rows), note="P(λ): max over frames of the sum over joints of (τ v)² < λ, in W²."
+        "energy",
+        "K and P at each limit of the energy",
+        columns,
+        tuple(rows),
+        note="P(λ): max over frames of the sum over joints of (τ v)² < λ, in W².",
     )
 
 
@@ -66,16 +84,31 @@ def beside_paper_table(task: str, found: Sequence[Summary]) -> Table:
             shown |= {method} if theirs and method else set()
         for method, theirs in published.items():
             if method not in shown:
-                rows.append(("tracker" if stage == "track" else "policy", method, None, _reported(theirs)[0], None, _reported(theirs)[1]))
+                rows.append(
+                    (
+                        "tracker" if stage == "track" else "policy",
+                        method,
+                        None,
+                        _reported(theirs)[0],
+                        None,
+                        _reported(theirs)[1],
+                    )
+                )
     return Table(
-        "beside_paper", f"Ours beside the paper's ({TASKS[task]})", ("Stage", "Method", "K, ours", "K, paper", "K and P, ours", "K and P, paper"), tuple(rows),
-        note="Ours with 95 % Wilson intervals and k/n. Simulator, objects, clips and starts differ from the paper's, which gives no counts.",
+        "beside_paper",
+        f"Ours beside the paper's ({TASKS[task]})",
+        ("Stage", "Method", "K, ours", "K, paper", "K and P, ours", "K and P, paper"),
+        tuple(rows),
+        note="Ours with 95 % Wilson intervals and k/n. Simulator, objects, clips and starts differ "
+        "from the paper's, which gives no counts.",
         source=CITATION,
-    )  # fmt: skip
+    )
 
 
 def counterpart(stage: str, policy: str) -> str | None:
-    """The paper's method that a policy of ours is, by its name or by the first word of its name (`act-clock` is an ACT)."""
+    """The paper's method that a policy of ours is, by its name or by the first word of its name (`act-clock` is an
+    ACT).
+    """
     return COUNTERPARTS.get((stage, policy)) or COUNTERPARTS.get((stage, policy.replace("+", "-").split("-")[0]))
 
 
@@ -135,8 +168,13 @@ def _by(title: str, rows: Sequence[EpisodeRow], key: Callable[[EpisodeRow], str 
     return Breakdown(title, {name: Rate(sum(parts[name]), len(parts[name])) for name in sorted(parts)})
 
 
-def _thirds(rows: Sequence[EpisodeRow], value: Callable[[EpisodeRow], float | None]) -> Callable[[EpisodeRow], str | None]:
-    """Names three parts of about as many episodes, between round numbers [m]; None where there is no value or no variety."""
+def _thirds(
+    rows: Sequence[EpisodeRow], value: Callable[[EpisodeRow], float | None]
+) -> Callable[[EpisodeRow], str | None]:
+    """Names three parts of about as many episodes, between round numbers [m].
+
+    None where there is no value or no variety.
+    """
     values = [v for row in rows if (v := value(row)) is not None]
     if len(set(values)) < 3:
         return lambda row: None

@@ -46,7 +46,9 @@ def read_curve(path: Path, name: str) -> Curve:
                 continue
             raise BadFile(f"{path}, line {number}: {error}; it is not a file of metrics") from None
         records.append(record)
-    x = next((key for key in ("samples", "step", "seconds") if any(_number(record.get(key)) for record in records)), "step")
+    x = next(
+        (key for key in ("samples", "step", "seconds") if any(_number(record.get(key)) for record in records)), "step"
+    )
     series: dict[str, list[tuple[float, float]]] = {}
     for i, record in enumerate(records):
         at = record.get(x) if _number(record.get(x)) else i

@@ -1,4 +1,6 @@
-"""A set of human clips for readers: the paper's table of statistics beside the paper's figures, how the clips vary, and one picture."""
+"""A set of human clips for readers: the paper's table of statistics beside the paper's figures, how the clips vary,
+and one picture.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,11 +24,24 @@ def statistics_table(sets: Sequence[SetStatistics]) -> Table:
         name = paper.abbreviation if paper else found.task
         rows.append((name, "here", found.objects, *map(_spread, sizes), found.clips, _spread(found.duration)))
         if paper:
-            rows.append((name, "paper", paper.objects, *map(_spread, (paper.length, paper.width, paper.height)), paper.clips, _spread(paper.duration)))
+            rows.append(
+                (
+                    name,
+                    "paper",
+                    paper.objects,
+                    *map(_spread, (paper.length, paper.width, paper.height)),
+                    paper.clips,
+                    _spread(paper.duration),
+                )
+            )
     return Table(
-        "references", "Objects and human clips", ("Task", "Of", "Objects", "Length [cm]", "Width [cm]", "Height [cm]", "Clips", "Duration [s]"), tuple(rows),
-        "Means ± standard deviations.", "Paper: table of dataset statistics.",
-    )  # fmt: skip
+        "references",
+        "Objects and human clips",
+        ("Task", "Of", "Objects", "Length [cm]", "Width [cm]", "Height [cm]", "Clips", "Duration [s]"),
+        tuple(rows),
+        "Means ± standard deviations.",
+        "Paper: table of dataset statistics.",
+    )
 
 
 def variety_table(sets: Sequence[SetStatistics]) -> Table:
@@ -34,17 +49,39 @@ def variety_table(sets: Sequence[SetStatistics]) -> Table:
     rows = []
     for found in sets:
         v = found.variety
-        rows.append((
-            _name(found.task), _spread(v.start_distance, 2), f"{v.start_bearing:.0f}", f"{v.start_heading:.2f}", _spread(v.path_length, 2),
-            f"{v.path_spread:.2f}", _spread(v.walking_speed, 2), _spread(v.stature, 2), f"{100 * v.middle_pose:.1f}", f"{100 * v.final_pose:.1f}", len(v.style),
-        ))  # fmt: skip
+        rows.append(
+            (
+                _name(found.task),
+                _spread(v.start_distance, 2),
+                f"{v.start_bearing:.0f}",
+                f"{v.start_heading:.2f}",
+                _spread(v.path_length, 2),
+                f"{v.path_spread:.2f}",
+                _spread(v.walking_speed, 2),
+                _spread(v.stature, 2),
+                f"{100 * v.middle_pose:.1f}",
+                f"{100 * v.final_pose:.1f}",
+                len(v.style),
+            )
+        )
     columns = (
-        "Task", "Start distance [m]", "Bearing ± [deg]", "Headings", "Path [m]", "Paths apart [m]", "Speed [m/s]", "Stature [m]",
-        "Middle poses apart [cm]", "Final poses apart [cm]", "Choices",
-    )  # fmt: skip
+        "Task",
+        "Start distance [m]",
+        "Bearing ± [deg]",
+        "Headings",
+        "Path [m]",
+        "Paths apart [m]",
+        "Speed [m/s]",
+        "Stature [m]",
+        "Middle poses apart [cm]",
+        "Final poses apart [cm]",
+        "Choices",
+    )
     note = (
-        "Headings: 0 if all start with the same, 1 if they face anywhere. Speed: median while the pelvis moves. Apart: mean distance between two clips, "
-        "of the pelvis at the same share of the clip, and of a joint seen from the pelvis at one body size. Choices: numbers that a clip draws beyond its "
+        "Headings: 0 if all start with the same, 1 if they face anywhere. Speed: median while the "
+        "pelvis moves. Apart: mean distance between two clips, "
+        "of the pelvis at the same share of the clip, and of a joint seen from the pelvis at one "
+        "body size. Choices: numbers that a clip draws beyond its "
         "start and object."
     )
     return Table("variety", "How the clips differ", columns, tuple(rows), note)
@@ -52,7 +89,11 @@ def variety_table(sets: Sequence[SetStatistics]) -> Table:
 
 def style_table(sets: Sequence[SetStatistics]) -> Table:
     """Every choice that clips record, with its spread."""
-    rows = tuple((_name(found.task), name, f"{mean:.3g}", f"{deviation:.3g}") for found in sets for name, (mean, deviation) in found.variety.style.items())
+    rows = tuple(
+        (_name(found.task), name, f"{mean:.3g}", f"{deviation:.3g}")
+        for found in sets
+        for name, (mean, deviation) in found.variety.style.items()
+    )
     return Table("styles", "What the clips choose", ("Task", "Choice", "Mean", "±"), rows)
 
 
@@ -73,7 +114,9 @@ def dataset_picture(sets: Sequence[SetStatistics], path: Path) -> None:
             for axis, (name, color) in enumerate(zip(("length", "width", "height"), SERIES, strict=False)):
                 row[3].hist(data.size[:, axis], 24, histtype="step", color=color, label=name)
                 if paper:
-                    row[3].axvline((paper.length, paper.width, paper.height)[axis][0], color=color, linestyle=":", linewidth=1)
+                    row[3].axvline(
+                        (paper.length, paper.width, paper.height)[axis][0], color=color, linestyle=":", linewidth=1
+                    )
             row[3].set_title("Objects [cm]")
             row[3].legend(fontsize=7, loc="upper right")
         figure.tight_layout()

@@ -35,17 +35,22 @@ def page(title: str, eyebrow: str, lead: str, tiles: Iterable[Tile], sections: I
     css = Path(__file__).with_name("page.css").read_text()
     parts = [f"<h2>{escape(section.title)}</h2>\n{section.body}" for section in sections]
     return (
-        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<meta name="viewport" '
+        'content="width=device-width, initial-scale=1">\n'
         f"<title>{escape(title)} · {escape(eyebrow)}</title>\n<style>\n{css}</style>\n</head>\n<body>\n<main>\n"
         f'<p class="eyebrow">{escape(eyebrow)}</p>\n<h1>{escape(title)}</h1>\n<p class="lead">{escape(lead)}</p>\n'
-        f'<div class="tiles">{"".join(map(_tile, tiles))}</div>\n' + "\n".join(parts) + f"\n<footer>{escape(footer)}</footer>\n</main>\n</body>\n</html>\n"
+        f'<div class="tiles">{"".join(map(_tile, tiles))}</div>\n'
+        + "\n".join(parts)
+        + f"\n<footer>{escape(footer)}</footer>\n</main>\n</body>\n</html>\n"
     )
 
 
 def _tile(tile: Tile) -> str:
     unit = f" <small>{escape(tile.unit)}</small>" if tile.unit else ""
     lines = "".join(tag("div", escape(line), "detail") for line in tile.details if line)
-    return tag("div", tag("div", escape(tile.what), "what") + tag("div", escape(tile.value) + unit, "value") + lines, "tile")
+    return tag(
+        "div", tag("div", escape(tile.what), "what") + tag("div", escape(tile.value) + unit, "value") + lines, "tile"
+    )
 
 
 def paragraph(words: str, note: bool = False) -> str:
@@ -63,7 +68,9 @@ def table(data: Table) -> str:
         theirs = any(isinstance(cell, Reported) for cell in row) and not any(isinstance(cell, Rate) for cell in row)
         cells = "".join(tag("td", _cell(cell), kind) for cell, kind in zip(row, kinds, strict=True))
         rows.append(tag("tr", cells, "theirs" if theirs else "") + "\n")
-    notes = "".join(paragraph(note, note=True) for note in (data.note, f"Source: {data.source}." if data.source else "") if note)
+    notes = "".join(
+        paragraph(note, note=True) for note in (data.note, f"Source: {data.source}." if data.source else "") if note
+    )
     body = f"<thead><tr>{head}</tr></thead><tbody>\n{''.join(rows)}</tbody>"
     return tag("div", tag("table", body), "scroll") + "\n" + notes
 
@@ -98,7 +105,8 @@ def stage(title: str, note: str, strip: Path) -> str:
 def videos(titled: Iterable[tuple[str, Path]]) -> str:
     """Videos two abreast; they start by themselves, without sound, over and over."""
     parts = [
-        f'<figure><video controls muted loop autoplay playsinline preload="auto" src="{data_uri(path, "video/mp4")}"></video>'
+        '<figure><video controls muted loop autoplay playsinline preload="auto" '
+        f'src="{data_uri(path, "video/mp4")}"></video>'
         f"<figcaption>{escape(title)}</figcaption></figure>"
         for title, path in titled
     ]
@@ -107,7 +115,11 @@ def videos(titled: Iterable[tuple[str, Path]]) -> str:
 
 def facts(pairs: Mapping[str, str]) -> str:
     """Names and values below each other."""
-    return "<dl>" + "".join(f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>" for name, value in pairs.items()) + "</dl>\n"
+    return (
+        "<dl>"
+        + "".join(f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>" for name, value in pairs.items())
+        + "</dl>\n"
+    )
 
 
 def code(words: str) -> str:

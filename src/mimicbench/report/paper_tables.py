@@ -53,54 +53,114 @@ def _table(label: str, caption: str, measures: str, tasks: tuple[str, ...], rows
 _ALL = tuple(TASKS)
 
 TABLES: tuple[PaperTable, ...] = (
-    _table("tab:pipeline_comparison", "Skill learning pipelines", "imitation", _ALL, {
-        "PPO": "50/25 44/20 18/9 54/26 0/0 0/0 28/13",
-        "HumanPlus": "36/28 17/16 36/34 38/36 46/32 4/3 30/25",
-        "OmniH2O": "79/72 69/69 48/47 47/46 0/0 0/0 41/39",
-        "Best Combination": "81/69 84/84 61/61 80/78 11/10 6/5 54/51",
-    }),
-    _table("tab:retargeting_comparison", "Motion retargeting algorithms, tracking", "tracking", _ALL, {
-        "Copy-rotation": "66/46 90/89 84/77 38/36 0/0 0/0 46/41",
-        "OmniH2O": "83/64 90/90 61/42 40/32 27/15 0/0 50/41",
-        "Optimization": "92/70 90/89 88/82 55/53 58/40 25/20 68/59",
-    }),
-    _table("tab:retargeting_comparison", "Motion retargeting algorithms, imitation", "imitation", _ALL, {
-        "Copy-rotation": "61/53 89/89 33/32 69/68 0/0 0/0 42/40",
-        "OmniH2O": "79/72 69/69 48/47 47/46 0/0 0/0 41/39",
-        "Optimization": "81/69 84/84 61/61 80/78 11/10 6/5 54/51",
-    }),
-    _table("tab:tracking_comparison", "Motion tracking algorithms, tracking", "tracking", _ALL, {
-        "Simplified PHC": "87/65 92/83 63/49 80/61 8/6 0/0 55/44",
-        "Improved HST": "92/70 90/89 88/82 55/53 58/40 25/20 68/59",
-    }),
-    _table("tab:tracking_comparison", "Motion tracking algorithms, imitation", "imitation", _ALL, {
-        "Simplified PHC": "44/35 69/64 14/13 71/51 0/0 0/0 33/27",
-        "Improved HST": "81/69 84/84 61/61 80/78 11/10 6/5 54/51",
-    }),
-    _table("tab:IL_comparison", "Imitation learning methods", "imitation", _ALL, {
-        "HIT": "36/28 17/16 36/34 38/36 46/32 4/3 30/25",
-        "ACT": "81/69 84/84 61/61 80/78 11/10 6/5 54/51",
-    }),
-    _table("tab:vision_comparison", "Vision modalities", "imitation", _ALL, {
-        "Color and depth, four cameras": "0/0 0/0 1/1 13/13 8/6 1/1 4/4",
-        "Elevation map": "81/69 84/84 61/61 80/78 11/10 6/5 54/51",
-    }),
-    _table("tab:data_scale_comparison", "Training data scales", "imitation", _ALL, {
-        "10 %": "69/69 80/80 13/12 52/52 1/1 0/0 36/35",
-        "100 %": "81/69 84/84 61/61 80/78 11/10 6/5 54/51",
-    }),
-    _table("tab:supp_experiment_tracking", "Motion tracking methods (appendix)", "tracking", _ALL, {
-        "Original HST": "0/0 1/1 0/0 4/2 28/13 0/0 5/3",
-        "Simplified PHC": "87/65 92/83 63/49 80/61 8/6 0/0 55/44",
-        "Improved HST": "92/70 90/89 88/82 55/53 58/40 25/20 68/59",
-    }),
-    _table("tab:supp_experiment_IL", "Imitation learning methods on lying on a bed (appendix)", "imitation", ("lie-bed",), {
-        "Behavior Cloning": "27/27",
-        "Diffusion Policy": "7/7",
-        "HIT": "36/34",
-        "ACT": "61/61",
-    }),
-)  # fmt: skip
+    _table(
+        "tab:pipeline_comparison",
+        "Skill learning pipelines",
+        "imitation",
+        _ALL,
+        {
+            "PPO": "50/25 44/20 18/9 54/26 0/0 0/0 28/13",
+            "HumanPlus": "36/28 17/16 36/34 38/36 46/32 4/3 30/25",
+            "OmniH2O": "79/72 69/69 48/47 47/46 0/0 0/0 41/39",
+            "Best Combination": "81/69 84/84 61/61 80/78 11/10 6/5 54/51",
+        },
+    ),
+    _table(
+        "tab:retargeting_comparison",
+        "Motion retargeting algorithms, tracking",
+        "tracking",
+        _ALL,
+        {
+            "Copy-rotation": "66/46 90/89 84/77 38/36 0/0 0/0 46/41",
+            "OmniH2O": "83/64 90/90 61/42 40/32 27/15 0/0 50/41",
+            "Optimization": "92/70 90/89 88/82 55/53 58/40 25/20 68/59",
+        },
+    ),
+    _table(
+        "tab:retargeting_comparison",
+        "Motion retargeting algorithms, imitation",
+        "imitation",
+        _ALL,
+        {
+            "Copy-rotation": "61/53 89/89 33/32 69/68 0/0 0/0 42/40",
+            "OmniH2O": "79/72 69/69 48/47 47/46 0/0 0/0 41/39",
+            "Optimization": "81/69 84/84 61/61 80/78 11/10 6/5 54/51",
+        },
+    ),
+    _table(
+        "tab:tracking_comparison",
+        "Motion tracking algorithms, tracking",
+        "tracking",
+        _ALL,
+        {
+            "Simplified PHC": "87/65 92/83 63/49 80/61 8/6 0/0 55/44",
+            "Improved HST": "92/70 90/89 88/82 55/53 58/40 25/20 68/59",
+        },
+    ),
+    _table(
+        "tab:tracking_comparison",
+        "Motion tracking algorithms, imitation",
+        "imitation",
+        _ALL,
+        {
+            "Simplified PHC": "44/35 69/64 14/13 71/51 0/0 0/0 33/27",
+            "Improved HST": "81/69 84/84 61/61 80/78 11/10 6/5 54/51",
+        },
+    ),
+    _table(
+        "tab:IL_comparison",
+        "Imitation learning methods",
+        "imitation",
+        _ALL,
+        {
+            "HIT": "36/28 17/16 36/34 38/36 46/32 4/3 30/25",
+            "ACT": "81/69 84/84 61/61 80/78 11/10 6/5 54/51",
+        },
+    ),
+    _table(
+        "tab:vision_comparison",
+        "Vision modalities",
+        "imitation",
+        _ALL,
+        {
+            "Color and depth, four cameras": "0/0 0/0 1/1 13/13 8/6 1/1 4/4",
+            "Elevation map": "81/69 84/84 61/61 80/78 11/10 6/5 54/51",
+        },
+    ),
+    _table(
+        "tab:data_scale_comparison",
+        "Training data scales",
+        "imitation",
+        _ALL,
+        {
+            "10 %": "69/69 80/80 13/12 52/52 1/1 0/0 36/35",
+            "100 %": "81/69 84/84 61/61 80/78 11/10 6/5 54/51",
+        },
+    ),
+    _table(
+        "tab:supp_experiment_tracking",
+        "Motion tracking methods (appendix)",
+        "tracking",
+        _ALL,
+        {
+            "Original HST": "0/0 1/1 0/0 4/2 28/13 0/0 5/3",
+            "Simplified PHC": "87/65 92/83 63/49 80/61 8/6 0/0 55/44",
+            "Improved HST": "92/70 90/89 88/82 55/53 58/40 25/20 68/59",
+        },
+    ),
+    _table(
+        "tab:supp_experiment_IL",
+        "Imitation learning methods on lying on a bed (appendix)",
+        "imitation",
+        ("lie-bed",),
+        {
+            "Behavior Cloning": "27/27",
+            "Diffusion Policy": "7/7",
+            "HIT": "36/34",
+            "ACT": "61/61",
+        },
+    ),
+)
 
 
 @dataclass(frozen=True)
@@ -161,4 +221,10 @@ def paper_table(table: PaperTable) -> Table:
         rows.append((method, *(Reported(value) for pair in pairs for value in (pair.kinematic, pair.energy))))
     if table.mean:
         columns += ["Mean K", "Mean K and P"]
-    return Table(table.label.removeprefix("tab:"), table.caption, tuple(columns), tuple(rows), source=CITATION + f", {table.label}")
+    return Table(
+        table.label.removeprefix("tab:"),
+        table.caption,
+        tuple(columns),
+        tuple(rows),
+        source=CITATION + f", {table.label}",
+    )

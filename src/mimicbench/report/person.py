@@ -1,6 +1,7 @@
 """How a person looks in pictures: rounded solids in clothes, on the joints of a human skeleton.
 
-People of all skeletons and sizes are dressed alike, by what their joints are to the body (`references/body/body.py`). Widths and
+People of all skeletons and sizes are dressed alike, by what their joints are to the body (`references/body/body.py`).
+Widths and
 depths are those of a person UNIT tall, in units of that height; lengths along limbs and trunk are shares of the bones.
 """
 
@@ -63,7 +64,15 @@ class _Wardrobe:
 
     def ellipsoid(self, joint: int, rgb: Vector, size: Vector, at: Vector, yaw: float = 0.0) -> Solid:
         """Of half sizes in units, and with its center in the joint's frame [m]."""
-        return Solid(self.name(joint), "ellipsoid", rgb, (size[0] * self.unit, size[1] * self.unit, size[2] * self.unit), at, None, yaw)
+        return Solid(
+            self.name(joint),
+            "ellipsoid",
+            rgb,
+            (size[0] * self.unit, size[1] * self.unit, size[2] * self.unit),
+            at,
+            None,
+            yaw,
+        )
 
     def capsule(self, joint: int, rgb: Vector, radius: float, at: Vector, to: Vector) -> Solid:
         """Of a radius in units, and with its ends in the joint's frame [m]."""
@@ -71,12 +80,19 @@ class _Wardrobe:
 
 
 def solids_of(skeleton: Skeleton) -> tuple[Solid, ...]:
-    """The solids of a skeleton, grown with its bones; for one whose joints nobody has named a role, a capsule along every bone."""
+    """The solids of a skeleton, grown with its bones.
+
+    For one whose joints nobody has named a role, a capsule along every bone.
+    """
     standard = SKELETONS.get(skeleton.name)
     if standard is not None and standard.joint_names == skeleton.joint_names:
         return dress(body_of(skeleton))
     bones = zip(skeleton.parents, skeleton.offsets, strict=True)
-    return tuple(Solid(skeleton.joint_names[parent], "capsule", SHIRT, (0.045, 0, 0), (0, 0, 0), tuple(offset)) for parent, offset in bones if parent >= 0)
+    return tuple(
+        Solid(skeleton.joint_names[parent], "capsule", SHIRT, (0.045, 0, 0), (0, 0, 0), tuple(offset))
+        for parent, offset in bones
+        if parent >= 0
+    )
 
 
 def dress(body: Body) -> tuple[Solid, ...]:
@@ -88,7 +104,11 @@ def dress(body: Body) -> tuple[Solid, ...]:
     solids = [*_trunk(wardrobe), *_head(wardrobe)]
     for side, out in enumerate((1.0, -1.0)):
         toes = None if body.toes is None else body.toes[side]
-        solids += [*_arm(wardrobe, body.arms[side], out), *_leg(wardrobe, body.legs[side], out), *_foot(wardrobe, body.legs[side].end, toes)]
+        solids += [
+            *_arm(wardrobe, body.arms[side], out),
+            *_leg(wardrobe, body.legs[side], out),
+            *_foot(wardrobe, body.legs[side].end, toes),
+        ]
     return tuple(solids)
 
 
@@ -112,7 +132,9 @@ def _trunk(w: _Wardrobe) -> list[Solid]:
 
     def below(share: float) -> int:
         """The last joint of the column that is not above that place."""
-        return [joint for joint in column if rest[joint, 2] <= hips[2] + share * length + 1e-6 or joint == body.pelvis][-1]
+        return [joint for joint in column if rest[joint, 2] <= hips[2] + share * length + 1e-6 or joint == body.pelvis][
+            -1
+        ]
 
     x = at(0.0, 0.0, body.pelvis)[0]
     low = seat + 0.086 * unit
@@ -122,13 +144,25 @@ def _trunk(w: _Wardrobe) -> list[Solid]:
     # necks that are long from shoulders to skull are shoulders that slope
     rise = max(0.0, float(rest[body.head, 2] + _skull(body)[2] - shoulders[2]) - 0.155 * unit)
     collar = line[2] + 0.012 * unit + 0.75 * rise
-    nape = float(np.interp(collar + rest[chest, 2], rest[list(body.neck), 2], rest[list(body.neck), 0]) - rest[chest, 0]) - 0.008 * unit
+    nape = (
+        float(np.interp(collar + rest[chest, 2], rest[list(body.neck), 2], rest[list(body.neck), 0]) - rest[chest, 0])
+        - 0.008 * unit
+    )
     slopes = [
-        w.capsule(chest, SHIRT, 0.046, (line[0], 0.80 * broad * unit * out, line[2] + 0.008 * unit), (nape, 0.024 * unit * out, collar)) for out in (1.0, -1.0)
+        w.capsule(
+            chest,
+            SHIRT,
+            0.046,
+            (line[0], 0.80 * broad * unit * out, line[2] + 0.008 * unit),
+            (nape, 0.024 * unit * out, collar),
+        )
+        for out in (1.0, -1.0)
     ]
     return [
         *slopes,
-        w.ellipsoid(chest, SHIRT, (0.046, 0.075, 0.090), (0.5 * (nape + line[0]) - 0.020 * unit, 0.0, collar - 0.062 * unit)),
+        w.ellipsoid(
+            chest, SHIRT, (0.046, 0.075, 0.090), (0.5 * (nape + line[0]) - 0.020 * unit, 0.0, collar - 0.062 * unit)
+        ),
         w.ellipsoid(body.pelvis, TROUSERS, (0.104, 0.150, 0.095), (x, 0.0, seat + 0.100 * unit)),
         w.capsule(body.pelvis, TROUSERS, 0.084, (x, -0.062 * unit, low), (x, 0.062 * unit, low)),
         w.ellipsoid(below(0.20), SHIRT, (0.106, 0.147, 0.110), at(0.20, 0.0, below(0.20))),
@@ -136,14 +170,18 @@ def _trunk(w: _Wardrobe) -> list[Solid]:
         w.ellipsoid(below(0.50), SHIRT, (0.106, 0.148, 0.150), at(0.50, 0.0, below(0.50))),
         w.ellipsoid(chest, SHIRT, (0.110, 0.90 * broad, 0.195), at(0.63, 0.0, chest)),
         w.ellipsoid(chest, SHIRT, (0.090, broad + 0.003, 0.088), at(0.86, -0.012, chest)),
-        w.capsule(chest, SHIRT, 0.054, (line[0], -0.74 * broad * unit, line[2]), (line[0], 0.74 * broad * unit, line[2])),
+        w.capsule(
+            chest, SHIRT, 0.054, (line[0], -0.74 * broad * unit, line[2]), (line[0], 0.74 * broad * unit, line[2])
+        ),
     ]
 
 
 def _head(w: _Wardrobe) -> list[Solid]:
     body, unit = w.body, w.unit
     # over the shoulders, as far as the neck's bones let it
-    x = float(np.clip(w.rest[[arm.root for arm in body.arms], 0].mean() + 0.046 * unit - w.rest[body.head, 0], -0.01, 0.03))
+    x = float(
+        np.clip(w.rest[[arm.root for arm in body.arms], 0].mean() + 0.046 * unit - w.rest[body.head, 0], -0.01, 0.03)
+    )
     middle = np.array([x, 0.0, _skull(body)[2] - 0.008 * unit])
 
     def at(ahead: float, left: float, up: float) -> Vector:
@@ -152,7 +190,8 @@ def _head(w: _Wardrobe) -> list[Solid]:
         return float(place[0]), float(place[1]), float(place[2])
 
     neck = [
-        w.capsule(joint, SKIN, 0.047, (0, 0, 0), tuple(body.skeleton.offsets[following])) for joint, following in zip(body.neck, body.neck[1:], strict=False)
+        w.capsule(joint, SKIN, 0.047, (0, 0, 0), tuple(body.skeleton.offsets[following]))
+        for joint, following in zip(body.neck, body.neck[1:], strict=False)
     ]
     head = body.head
     return [
@@ -224,7 +263,9 @@ def _foot(w: _Wardrobe, ankle: int, toes: int | None) -> list[Solid]:
     thick = 0.010 * unit
     instep = 0.5 * ball + 0.004 * unit
     return [
-        w.capsule(ankle, SHOES, 0.039, at(-0.008 * unit, 0.045 * unit), at(-0.002 * unit, max(0.045 * unit, body.sole))),
+        w.capsule(
+            ankle, SHOES, 0.039, at(-0.008 * unit, 0.045 * unit), at(-0.002 * unit, max(0.045 * unit, body.sole))
+        ),
         part(ankle, SHOES, back, 0.043, 0.038 * unit, at(rear, 0.039 * unit)),
         w.capsule(ankle, SHOES, 0.034, at(0.010 * unit, 0.052 * unit), at(instep + 0.02 * unit, 0.038 * unit)),
         part(ankle, SOLES, back, 0.046, thick, at(rear, thick)),
@@ -246,7 +287,9 @@ class Placed:
     """(4,) orientation."""
 
 
-def place(solids: Sequence[Solid], skeleton: Skeleton, joint_pos_w: np.ndarray, joint_quat_w: np.ndarray) -> list[Placed]:
+def place(
+    solids: Sequence[Solid], skeleton: Skeleton, joint_pos_w: np.ndarray, joint_quat_w: np.ndarray
+) -> list[Placed]:
     """Where the solids are in one frame, given the joints' world positions (J, 3) and orientations (J, 4)."""
     placed = []
     for solid in solids:

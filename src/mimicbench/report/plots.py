@@ -1,4 +1,7 @@
-"""Plots as SVG, the same bytes for the same numbers. They stand alone, and can be put into a page that has its own colors."""
+"""Plots as SVG, the same bytes for the same numbers.
+
+They stand alone, and can be put into a page that has its own colors.
+"""
 
 import io
 import re
@@ -19,16 +22,40 @@ from mimicbench.report.curves import Curve
 INK, MUTED, LINE = "#1c2126", "#68727d", "#d9dee3"
 SERIES = ("#0b7285", "#c2410c", "#6741d9", "#2b8a3e", "#a61e4d", "#5c940d")
 """Told apart by people who do not see all colors, and on light and dark ground."""
-VARIABLES = {INK: "--ink", MUTED: "--muted", LINE: "--line", **{color: f"--series-{i}" for i, color in enumerate(SERIES)}}
+VARIABLES = {
+    INK: "--ink",
+    MUTED: "--muted",
+    LINE: "--line",
+    **{color: f"--series-{i}" for i, color in enumerate(SERIES)},
+}
 """Color of a plot -> the page's variable that takes its place."""
 
 _STYLE: Any = {
-    "svg.fonttype": "none", "font.family": "DejaVu Sans", "font.size": 9.0, "text.color": INK, "axes.labelcolor": MUTED,
-    "axes.edgecolor": LINE, "axes.titlesize": 10.0, "axes.titleweight": "bold", "axes.titlelocation": "left", "axes.spines.top": False,
-    "axes.spines.right": False, "axes.grid": True, "axes.axisbelow": True, "grid.color": LINE, "grid.linewidth": 0.7, "xtick.color": MUTED,
-    "ytick.color": MUTED, "xtick.major.size": 0, "ytick.major.size": 0, "legend.frameon": False, "lines.linewidth": 1.8, "figure.facecolor": "none",
-    "axes.facecolor": "none", "savefig.facecolor": "none",
-}  # fmt: skip
+    "svg.fonttype": "none",
+    "font.family": "DejaVu Sans",
+    "font.size": 9.0,
+    "text.color": INK,
+    "axes.labelcolor": MUTED,
+    "axes.edgecolor": LINE,
+    "axes.titlesize": 10.0,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": LINE,
+    "grid.linewidth": 0.7,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "xtick.major.size": 0,
+    "ytick.major.size": 0,
+    "legend.frameon": False,
+    "lines.linewidth": 1.8,
+    "figure.facecolor": "none",
+    "axes.facecolor": "none",
+    "savefig.facecolor": "none",
+}
 
 
 def styled() -> AbstractContextManager[None]:
@@ -50,7 +77,13 @@ def svg(figure: Figure, name: str) -> str:
     """A figure as SVG without date and metadata; `name` keeps its inner ids apart from other plots'."""
     stream = io.StringIO()
     with mpl.rc_context(_STYLE | {"svg.hashsalt": name}):
-        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None}, bbox_inches="tight", pad_inches=0.04)
+        figure.savefig(
+            stream,
+            format="svg",
+            metadata={"Date": None, "Creator": None, "Format": None, "Type": None},
+            bbox_inches="tight",
+            pad_inches=0.04,
+        )
     text = stream.getvalue()
     # matplotlib numbers its groups from 1 in every file; two plots in one page need different names
     return re.sub(r'\b(id="|href="#|url\(#)', rf"\g<1>{name}-", text)
@@ -83,10 +116,25 @@ def rates_plot(name: str, panels: Mapping[str, Sequence[tuple[str, Mark]]]) -> s
             for y, (_, mark) in enumerate(lines):
                 rate, color = mark.rate, SERIES[mark.color % len(SERIES)]
                 if isinstance(rate, Rate):
-                    axis.plot([100 * rate.low, 100 * rate.high], [y, y], color=color, linewidth=2.6, alpha=0.45, solid_capstyle="butt")
+                    axis.plot(
+                        [100 * rate.low, 100 * rate.high],
+                        [y, y],
+                        color=color,
+                        linewidth=2.6,
+                        alpha=0.45,
+                        solid_capstyle="butt",
+                    )
                     axis.plot([100 * rate.rate], [y], "o", color=color, markersize=6)
                 else:
-                    axis.plot([rate], [y], "o", markersize=5.5, markerfacecolor="none", markeredgecolor=color, markeredgewidth=1.2)
+                    axis.plot(
+                        [rate],
+                        [y],
+                        "o",
+                        markersize=5.5,
+                        markerfacecolor="none",
+                        markeredgecolor=color,
+                        markeredgewidth=1.2,
+                    )
             _percent(axis, title)
             axis.grid(axis="y", visible=False)
         lines = next(iter(panels.values()))
@@ -115,15 +163,31 @@ def breakdown_plot(name: str, by_policy: Mapping[str, Sequence[Breakdown]]) -> s
                 for y, part in enumerate(parts):
                     if part in rates:
                         rate = rates[part]
-                        axis.plot([100 * rate.low, 100 * rate.high], [y + offset] * 2, color=color, linewidth=2.2, alpha=0.45, solid_capstyle="butt")
-                        axis.plot([100 * rate.rate], [y + offset], "o", color=color, markersize=4.5, label=policy if y == 0 else None)
+                        axis.plot(
+                            [100 * rate.low, 100 * rate.high],
+                            [y + offset] * 2,
+                            color=color,
+                            linewidth=2.2,
+                            alpha=0.45,
+                            solid_capstyle="butt",
+                        )
+                        axis.plot(
+                            [100 * rate.rate],
+                            [y + offset],
+                            "o",
+                            color=color,
+                            markersize=4.5,
+                            label=policy if y == 0 else None,
+                        )
             _percent(axis, title)
             axis.set_yticks(range(len(parts)), parts)
             axis.set_ylim(len(parts) - 0.4, -0.6)
             axis.grid(axis="y", visible=False)
         handles, labels = figure.axes[0].get_legend_handles_labels()
         if len(by_policy) > 1:
-            figure.legend(handles, labels, loc="lower left", bbox_to_anchor=(0.06, 0.97), ncols=len(by_policy), borderaxespad=0)
+            figure.legend(
+                handles, labels, loc="lower left", bbox_to_anchor=(0.06, 0.97), ncols=len(by_policy), borderaxespad=0
+            )
         figure.subplots_adjust(wspace=0.62)
         return svg(figure, name)
 
@@ -161,7 +225,10 @@ _PANELS = (
 
 def shown(curve: Curve) -> list[tuple[str, dict[str, str], float]]:
     """The panels that a training has something for; at most two."""
-    panels = [(title, {key: word for key, word in names.items() if key in curve.series}, factor) for title, names, factor in _PANELS]
+    panels = [
+        (title, {key: word for key, word in names.items() if key in curve.series}, factor)
+        for title, names, factor in _PANELS
+    ]
     return [panel for panel in panels if panel[1]][:2]
 
 
@@ -169,7 +236,9 @@ def curve_plot(name: str, curve: Curve) -> str:
     """A learning curve: success, reward, failures or loss, the first two that the training recorded."""
     panels = shown(curve)
     if not panels:
-        raise MimicbenchError(f"the training {curve.name} recorded neither success nor reward nor loss; train it for longer")
+        raise MimicbenchError(
+            f"the training {curve.name} recorded neither success nor reward nor loss; train it for longer"
+        )
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(9.2, 2.3))
         axes = figure.subplots(1, 2, squeeze=False)[0]
@@ -177,7 +246,14 @@ def curve_plot(name: str, curve: Curve) -> str:
             for i, (key, word) in enumerate(names.items()):
                 points = curve.series[key]
                 marker = "o" if len(points) < 30 else ""
-                axis.plot([x for x, _ in points], [factor * y for _, y in points], color=SERIES[i], label=word, marker=marker, markersize=3.5)
+                axis.plot(
+                    [x for x, _ in points],
+                    [factor * y for _, y in points],
+                    color=SERIES[i],
+                    label=word,
+                    marker=marker,
+                    markersize=3.5,
+                )
             axis.set_title(title)
             axis.set_xlabel(curve.x)
             axis.xaxis.set_major_formatter(_thousands)

@@ -78,7 +78,11 @@ class Painter:
     def aim(self, camera: Camera) -> None:
         """Look elsewhere from now on."""
         self._camera.lookat[:] = camera.lookat
-        self._camera.distance, self._camera.azimuth, self._camera.elevation = camera.distance, camera.azimuth, camera.elevation
+        self._camera.distance, self._camera.azimuth, self._camera.elevation = (
+            camera.distance,
+            camera.azimuth,
+            camera.elevation,
+        )
 
     def draw(self, qpos: np.ndarray | None = None, add: Callable[[mujoco.MjvScene], None] | None = None) -> np.ndarray:
         """A picture (height, width, 3), uint8.
@@ -91,7 +95,9 @@ class Painter:
             self.data.qpos[:] = qpos
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
-        mujoco.mjv_updateScene(self.model, self.data, self.option, None, self._camera, mujoco.mjtCatBit.mjCAT_ALL, self._scene)
+        mujoco.mjv_updateScene(
+            self.model, self.data, self.option, None, self._camera, mujoco.mjtCatBit.mjCAT_ALL, self._scene
+        )
         if add is not None:
             add(self._scene)
         self._canvas.make_current()
@@ -108,12 +114,18 @@ class Painter:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.close()
 
 
 def robot_frames(
-    model: mujoco.MjModel, qpos: np.ndarray, camera: Camera, picture: Picture | None = None, goals_w: np.ndarray | None = None
+    model: mujoco.MjModel,
+    qpos: np.ndarray,
+    camera: Camera,
+    picture: Picture | None = None,
+    goals_w: np.ndarray | None = None,
 ) -> Iterator[np.ndarray]:
     """Pictures (height, width, 3) of a model, one after the other.
 
@@ -125,14 +137,21 @@ def robot_frames(
         goals_w: (K, 3) where wrists are to go [m], shown as red balls; none if None.
     """
     if qpos.ndim != 2 or qpos.shape[1] != model.nq:
-        raise MimicbenchError(f"positions of shape {qpos.shape} do not fit a model of {model.nq} coordinates; they are of another robot or object")
+        raise MimicbenchError(
+            f"positions of shape {qpos.shape} do not fit a model of {model.nq} coordinates; they are "
+            "of another robot or object"
+        )
     with Painter(model, picture or Picture(), camera) as painter:
         for row in qpos:
             yield painter.draw(row, lambda scene: _add_goals(scene, goals_w))
 
 
-def human_frames(model: mujoco.MjModel, motion: HumanMotion, times: np.ndarray, camera: Camera, picture: Picture | None = None) -> Iterator[np.ndarray]:
-    """Pictures (height, width, 3) of a human clip in a model's scene, with the object where the clip has it; the model's robot is left out.
+def human_frames(
+    model: mujoco.MjModel, motion: HumanMotion, times: np.ndarray, camera: Camera, picture: Picture | None = None
+) -> Iterator[np.ndarray]:
+    """Pictures (height, width, 3) of a human clip in a model's scene, with the object where the clip has it.
+
+    The model's robot is left out.
 
     Args:
         model: a scene with `visuals=True` and the clip's object.
@@ -167,7 +186,14 @@ def with_object(model: mujoco.MjModel, motion: HumanMotion | RobotMotion) -> np.
     return qpos
 
 
-def frame_all(obj: SceneObject, root_pos_w: np.ndarray, aspect: float = 1.6, height: float = 1.8, reach: float = 0.4, azimuth: float | None = None) -> Camera:
+def frame_all(
+    obj: SceneObject,
+    root_pos_w: np.ndarray,
+    aspect: float = 1.6,
+    height: float = 1.8,
+    reach: float = 0.4,
+    azimuth: float | None = None,
+) -> Camera:
     """The nearest camera that sees an object and a whole walk to it, three-quarters from the front.
 
     Args:
@@ -176,7 +202,8 @@ def frame_all(obj: SceneObject, root_pos_w: np.ndarray, aspect: float = 1.6, hei
         aspect: width of the picture over its height.
         height: of the one who walks [m].
         reach: how far a body extends from its root sideways [m].
-        azimuth: heading in which the camera looks [deg]; None for that from the side that the walk does not take, so that
+        azimuth: heading in which the camera looks [deg]; None for that from the side that the walk does not take,
+            so that
             who walks does not stand before the object.
     """
     if azimuth is None:
@@ -208,7 +235,9 @@ def frame_all(obj: SceneObject, root_pos_w: np.ndarray, aspect: float = 1.6, hei
 
 
 def _dressed(model: mujoco.MjModel, picture: Picture, camera: Camera) -> mujoco.MjModel:
-    """A copy of the model in our light: one soft sun from above the camera's left, a matt floor that fades into the backdrop."""
+    """A copy of the model in our light: one soft sun from above the camera's left, a matt floor that fades into the
+    backdrop.
+    """
     model = copy.copy(model)
     visual = model.vis
     visual.global_.offwidth, visual.global_.offheight = picture.width, picture.height
@@ -227,7 +256,9 @@ def _dressed(model: mujoco.MjModel, picture: Picture, camera: Camera) -> mujoco.
         if model.tex_type[texture] == mujoco.mjtTexture.mjTEXTURE_SKYBOX:
             start = model.tex_adr[texture]
             size = model.tex_width[texture] * model.tex_height[texture] * model.tex_nchannel[texture]
-            model.tex_data[start : start + size].reshape(-1, model.tex_nchannel[texture])[:, :3] = np.round(255 * np.array(_BACKDROP))
+            model.tex_data[start : start + size].reshape(-1, model.tex_nchannel[texture])[:, :3] = np.round(
+                255 * np.array(_BACKDROP)
+            )
     model.mat_reflectance[:] = 0.0
     if model.nlight:
         yaw = np.radians(camera.azimuth)

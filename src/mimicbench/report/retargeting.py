@@ -1,4 +1,6 @@
-"""The ways to retarget side by side: tables of what they measure, the paper's ordering checked, pictures of one clip by each."""
+"""The ways to retarget side by side: tables of what they measure, the paper's ordering checked, pictures of one clip
+by each.
+"""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -29,15 +31,26 @@ MOMENTS = 5
 
 # name -> (title, factor, unit)
 _SHOWN = {
-    "position_error": ("Followed points off", 100, "cm"), "wrist_error": ("Wrists off", 100, "cm"), "pelvis_error": ("Pelvis off", 100, "cm"),
-    "ankle_error": ("Ankles off", 100, "cm"), "orientation_error": ("Limbs turned off", 180 / np.pi, "deg"),
-    "limit_violation": ("Beyond joint limits", 180 / np.pi, "deg"), "velocity_ratio": ("Fastest joint, of its limit", 100, "%"),
-    "acceleration": ("Joint acceleration", 1, "rad/s²"), "skate": ("Standing feet move", 100, "cm/s"), "step_skate": ("Skating", 100, "cm per step"),
-    "sole_height": ("Standing soles off the floor", 100, "cm"), "sole_depth": ("Soles in the floor, deepest", 100, "cm"),
-    "sole_tilt": ("Standing soles tilted", 180 / np.pi, "deg"), "penetration": ("Frames more than 1 cm in something", 100, "%"),
-    "depth": ("Deepest", 100, "cm"), "goal_error": ("Wrists from their goals", 100, "cm"), "contact_kept": ("Contact kept", 100, "%"),
-    "balance": ("Center of mass off the feet", 100, "cm"), "self_collision": ("Frames in itself", 100, "%"),
-}  # fmt: skip
+    "position_error": ("Followed points off", 100, "cm"),
+    "wrist_error": ("Wrists off", 100, "cm"),
+    "pelvis_error": ("Pelvis off", 100, "cm"),
+    "ankle_error": ("Ankles off", 100, "cm"),
+    "orientation_error": ("Limbs turned off", 180 / np.pi, "deg"),
+    "limit_violation": ("Beyond joint limits", 180 / np.pi, "deg"),
+    "velocity_ratio": ("Fastest joint, of its limit", 100, "%"),
+    "acceleration": ("Joint acceleration", 1, "rad/s²"),
+    "skate": ("Standing feet move", 100, "cm/s"),
+    "step_skate": ("Skating", 100, "cm per step"),
+    "sole_height": ("Standing soles off the floor", 100, "cm"),
+    "sole_depth": ("Soles in the floor, deepest", 100, "cm"),
+    "sole_tilt": ("Standing soles tilted", 180 / np.pi, "deg"),
+    "penetration": ("Frames more than 1 cm in something", 100, "%"),
+    "depth": ("Deepest", 100, "cm"),
+    "goal_error": ("Wrists from their goals", 100, "cm"),
+    "contact_kept": ("Contact kept", 100, "%"),
+    "balance": ("Center of mass off the feet", 100, "cm"),
+    "self_collision": ("Frames in itself", 100, "%"),
+}
 
 
 @dataclass(frozen=True)
@@ -78,7 +91,10 @@ class Comparison:
         return self._places(), self._scene(), self._ordered()
 
     def ordering(self) -> dict[str, dict[str, tuple[bool, bool]]]:
-        """Task -> measure -> whether optimization is better than omnih2o, and omnih2o than copy-rotation; as good is enough for the rate of K."""
+        """Task -> measure -> whether optimization is better than omnih2o, and omnih2o than copy-rotation.
+
+        As good is enough for the rate of K.
+        """
         found = {}
         for task in dict.fromkeys(result.task for result in self.results):
             by_name = {result.method: result for result in self.results if result.task == task}
@@ -98,17 +114,35 @@ class Comparison:
         for r in self.results:
             told = r.summary
             theirs = _published(r.task, METHODS[r.method].title)
-            rows.append((
-                r.task, METHODS[r.method].title, Rate(told["fulfilled"], told["clips"]), Rate(told["kept"], told["clips"]), _digits(r.mean("wrist_error")),
-                _digits(r.mean("pelvis_error")), _digits(r.mean("position_error")), _digits(r.mean("orientation_error")),
-                theirs, round(r.frames_per_second),
-            ))  # fmt: skip
+            rows.append(
+                (
+                    r.task,
+                    METHODS[r.method].title,
+                    Rate(told["fulfilled"], told["clips"]),
+                    Rate(told["kept"], told["clips"]),
+                    _digits(r.mean("wrist_error")),
+                    _digits(r.mean("pelvis_error")),
+                    _digits(r.mean("position_error")),
+                    _digits(r.mean("orientation_error")),
+                    theirs,
+                    round(r.frames_per_second),
+                )
+            )
         columns = (
-            "Task", "Method", "K", "Kept", "Wrists off [cm]", "Pelvis off [cm]", "Followed points off [cm]", "Limbs turned off [deg]",
-            "K after tracking, paper", "Frames/s of a core",
-        )  # fmt: skip
+            "Task",
+            "Method",
+            "K",
+            "Kept",
+            "Wrists off [cm]",
+            "Pelvis off [cm]",
+            "Followed points off [cm]",
+            "Limbs turned off [deg]",
+            "K after tracking, paper",
+            "Frames/s of a core",
+        )
         note = (
-            "Means over clips. Wrists and pelvis: distance of the robot's wrist keypoints and root from the human's own wrist and pelvis joints, "
+            "Means over clips. Wrists and pelvis: distance of the robot's wrist keypoints and root "
+            "from the human's own wrist and pelvis joints, "
             "without the shifts of `improved`, after the robot was put on the floor. K: with 95 % Wilson intervals. "
             "Kept: K holds and no measure is beyond its limit."
         )
@@ -117,22 +151,46 @@ class Comparison:
     def _scene(self) -> Table:
         rows = tuple(
             (
-                r.task, METHODS[r.method].title, _digits(r.mean("penetration")), _digits(r.worst("depth")), _digits(r.mean("contact_kept")),
-                _digits(r.mean("step_skate"), 2), _digits(r.mean("balance")), _digits(r.worst("velocity_ratio"), 0), _digits(r.mean("acceleration"), 1),
-                _digits(r.mean("self_collision")), _digits(r.worst("limit_violation"), 2),
+                r.task,
+                METHODS[r.method].title,
+                _digits(r.mean("penetration")),
+                _digits(r.worst("depth")),
+                _digits(r.mean("contact_kept")),
+                _digits(r.mean("step_skate"), 2),
+                _digits(r.mean("balance")),
+                _digits(r.worst("velocity_ratio"), 0),
+                _digits(r.mean("acceleration"), 1),
+                _digits(r.mean("self_collision")),
+                _digits(r.worst("limit_violation"), 2),
             )
             for r in self.results
-        )  # fmt: skip
+        )
         columns = (
-            "Task", "Method", "Frames > 1 cm in something [%]", "Deepest [cm]", "Contact kept [%]", "Skating [cm per step]", "Center of mass off the feet [cm]",
-            "Fastest joint [% of limit]", "Joint acceleration [rad/s²]", "Frames in itself [%]", "Beyond limits [deg]",
-        )  # fmt: skip
+            "Task",
+            "Method",
+            "Frames > 1 cm in something [%]",
+            "Deepest [cm]",
+            "Contact kept [%]",
+            "Skating [cm per step]",
+            "Center of mass off the feet [cm]",
+            "Fastest joint [% of limit]",
+            "Joint acceleration [rad/s²]",
+            "Frames in itself [%]",
+            "Beyond limits [deg]",
+        )
         return Table(
-            "retargeting-scene", "What the robot does with the scene", columns, rows, "Means over clips; deepest, fastest and beyond limits: of the worst clip."
+            "retargeting-scene",
+            "What the robot does with the scene",
+            columns,
+            rows,
+            "Means over clips; deepest, fastest and beyond limits: of the worst clip.",
         )
 
     def _ordered(self) -> Table:
-        rows = tuple((task, *(", ".join("yes" if holds else "no" for holds in both) for both in found.values())) for task, found in self.ordering().items())
+        rows = tuple(
+            (task, *(", ".join("yes" if holds else "no" for holds in both) for both in found.values()))
+            for task, found in self.ordering().items()
+        )
         title = "Is optimization better than OmniH2O, and OmniH2O better than copy rotation?"
         note = "By the means of the table of places; K: by the number of clips, and as good is enough."
         return Table("retargeting-ordering", title, ("Task", "Wrists", "Pelvis", "Followed points", "K"), rows, note)
@@ -163,7 +221,10 @@ class SideBySide:
 
 
 def draw_side_by_side(sides: SideBySide, count: int = MOMENTS, still: Picture = STILL) -> np.ndarray:
-    """One picture (H, W, 3): the human's moments in the first row, each robot motion's at the same times below. Raises NoPictures without OpenGL."""
+    """One picture (H, W, 3): the human's moments in the first row, each robot motion's at the same times below.
+
+    Raises NoPictures without OpenGL.
+    """
     obj, human, robots = sides.obj, sides.human, sides.robots
     first = next(iter(robots.values()), None)
     if first is None:
@@ -184,7 +245,10 @@ def draw_side_by_side(sides: SideBySide, count: int = MOMENTS, still: Picture = 
 
 
 def write_comparison(folder: Path, found: Comparison, pictures: Mapping[str, tuple[str, np.ndarray]]) -> Path:
-    """Write `index.html`, the tables as Markdown and CSV, and the pictures of each task (caption, picture) as JPEG; return the page's path."""
+    """Write `index.html`, the tables as Markdown and CSV, and the pictures of each task (caption, picture) as JPEG.
+
+    Return the page's path.
+    """
     for data in found.tables():
         for suffix, write in (("md", to_markdown), ("csv", to_csv)):
             _write(folder / f"{data.name}.{suffix}", write(data))
@@ -196,7 +260,12 @@ def write_comparison(folder: Path, found: Comparison, pictures: Mapping[str, tup
     sections += [page.Section("The same clip by every method", "".join(shown))] if shown else []
     names = ", ".join(dict.fromkeys(METHODS[result.method].title for result in found.results))
     text = page.page(
-        "From people to the robot", "mimicbench · retargeting", f"The same clips by every method: {names}.", (), sections, "Written by mimicbench."
+        "From people to the robot",
+        "mimicbench · retargeting",
+        f"The same clips by every method: {names}.",
+        (),
+        sections,
+        "Written by mimicbench.",
     )
     _write(folder / "index.html", text)
     return folder / "index.html"

@@ -17,8 +17,13 @@ CELL = Picture(220, 200, 2048)
 """One object's part of the sheet."""
 
 
-def contact_sheet(objects: Sequence[SceneObject], columns: int = 6, cell: Picture = CELL, workers: int = 0, quiet: bool = True) -> np.ndarray:
-    """A picture (H, W, 3), uint8, with one object per cell, seen from the front left, above. Raises NoPictures without OpenGL."""
+def contact_sheet(
+    objects: Sequence[SceneObject], columns: int = 6, cell: Picture = CELL, workers: int = 0, quiet: bool = True
+) -> np.ndarray:
+    """A picture (H, W, 3), uint8, with one object per cell, seen from the front left, above.
+
+    Raises NoPictures without OpenGL.
+    """
     if not 1 <= len(objects) <= MOST_OBJECTS:
         raise MimicbenchError(f"a sheet holds 1 to {MOST_OBJECTS} objects, not {len(objects)}")
     bounds = [obj.bounds() for obj in objects]

@@ -1,4 +1,6 @@
-"""One chair, four stages: a strip of pictures and a video of the human, the retargeted, the tracked and the learned motion."""
+"""One chair, four stages: a strip of pictures and a video of the human, the retargeted, the tracked and the learned
+motion.
+"""
 
 import hashlib
 import json
@@ -83,8 +85,13 @@ class Shown:
     seconds: float
 
 
-def draw(showcase: Showcase, folder: Path, config: ShowConfig | None = None, workers: int = 0, quiet: bool = True) -> list[Shown]:
-    """Draw what is not there yet into `folder`; the names of the files tell what they show. Raises NoPictures without OpenGL."""
+def draw(
+    showcase: Showcase, folder: Path, config: ShowConfig | None = None, workers: int = 0, quiet: bool = True
+) -> list[Shown]:
+    """Draw what is not there yet into `folder`; the names of the files tell what they show.
+
+    Raises NoPictures without OpenGL.
+    """
     config = config or ShowConfig()
     _, tracks, cameras = _prepared(showcase, config)
     shown = []
@@ -113,12 +120,20 @@ def _prepared(showcase: Showcase, config: ShowConfig) -> tuple[mujoco.MjModel, "
     model = build_model(load_robot(showcase.robot), showcase.obj, visuals=True)
     tracks = [_track(clip.motion, model) for clip in showcase.clips]
     paths = np.concatenate([track.root_pos_w for track in tracks])
-    return model, tracks, [frame_all(showcase.obj, paths, picture.width / picture.height) for picture in (config.still, config.video)]
+    return (
+        model,
+        tracks,
+        [frame_all(showcase.obj, paths, picture.width / picture.height) for picture in (config.still, config.video)],
+    )
 
 
 def moments(root_pos_w: np.ndarray, root_quat_w: np.ndarray, count: int) -> np.ndarray:
-    """(count,) frames at which as much has happened since the last one: by meters gone, and turns at a quarter meter per radian."""
-    gone = np.linalg.norm(np.diff(root_pos_w, axis=0), axis=1) + 0.25 * rot.angle_between(root_quat_w[:-1], root_quat_w[1:])
+    """(count,) frames at which as much has happened since the last one: by meters gone, and turns at a quarter meter
+    per radian.
+    """
+    gone = np.linalg.norm(np.diff(root_pos_w, axis=0), axis=1) + 0.25 * rot.angle_between(
+        root_quat_w[:-1], root_quat_w[1:]
+    )
     progress = np.concatenate([[0.0], np.cumsum(gone)])
     wanted = np.linspace(0.0, progress[-1], count)
     return np.clip(np.searchsorted(progress, wanted - 1e-9), 0, len(root_pos_w) - 1)
@@ -140,12 +155,25 @@ class _Track:
 def _track(motion: HumanMotion | RobotMotion | Recording, model: mujoco.MjModel) -> _Track:
     goals = motion.wrist_goal_w
     if isinstance(motion, HumanMotion):
-        content = np.concatenate([part.ravel() for part in (motion.root_pos_w, motion.local_quat, motion.object_pos_w, motion.object_quat_w, goals)])
-        return _Track(motion.fps, motion.root_pos_w, motion.local_quat[:, motion.skeleton.parents.index(-1)], None, content)
+        content = np.concatenate(
+            [
+                part.ravel()
+                for part in (motion.root_pos_w, motion.local_quat, motion.object_pos_w, motion.object_quat_w, goals)
+            ]
+        )
+        return _Track(
+            motion.fps, motion.root_pos_w, motion.local_quat[:, motion.skeleton.parents.index(-1)], None, content
+        )
     if isinstance(motion, RobotMotion):
         motion = Recording(positions(motion, model), motion.fps, goals)
     root = int(model.joint("root").qposadr[0])
-    return _Track(motion.fps, motion.qpos[:, root : root + 3], motion.qpos[:, root + 3 : root + 7], motion.qpos, np.append(motion.qpos, goals))
+    return _Track(
+        motion.fps,
+        motion.qpos[:, root : root + 3],
+        motion.qpos[:, root + 3 : root + 7],
+        motion.qpos,
+        np.append(motion.qpos, goals),
+    )
 
 
 def positions(motion: RobotMotion, model: mujoco.MjModel) -> np.ndarray:
@@ -157,12 +185,19 @@ def positions(motion: RobotMotion, model: mujoco.MjModel) -> np.ndarray:
         try:
             qpos[:, int(model.joint(name).qposadr[0])] = motion.joint_pos[:, j]
         except KeyError:
-            raise BadMotion(f"{motion.id}: the robot of this scene has no joint {name!r}; the clip is of robot {motion.robot!r}") from None
+            raise BadMotion(
+                f"{motion.id}: the robot of this scene has no joint {name!r}; the clip is of robot {motion.robot!r}"
+            ) from None
     return qpos
 
 
 def _frames(
-    motion: HumanMotion | RobotMotion | Recording, track: _Track, model: mujoco.MjModel, times: np.ndarray, camera: Camera, picture: Picture
+    motion: HumanMotion | RobotMotion | Recording,
+    track: _Track,
+    model: mujoco.MjModel,
+    times: np.ndarray,
+    camera: Camera,
+    picture: Picture,
 ) -> Iterable[np.ndarray]:
     if isinstance(motion, HumanMotion):
         return human_frames(model, motion, times, camera, picture)
@@ -172,8 +207,12 @@ def _frames(
 
 
 def _digest(obj: SceneObject, track: _Track, cameras: Sequence[Camera], config: ShowConfig) -> str:
-    plain = json.dumps([VERSION, obj.to_dict(), track.fps, [asdict(camera) for camera in cameras], asdict(config)], sort_keys=True)
-    return hashlib.blake2b(plain.encode() + np.ascontiguousarray(track.content, np.float32).tobytes(), digest_size=6).hexdigest()
+    plain = json.dumps(
+        [VERSION, obj.to_dict(), track.fps, [asdict(camera) for camera in cameras], asdict(config)], sort_keys=True
+    )
+    return hashlib.blake2b(
+        plain.encode() + np.ascontiguousarray(track.content, np.float32).tobytes(), digest_size=6
+    ).hexdigest()
 
 
 def _slug(title: str) -> str:

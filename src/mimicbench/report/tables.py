@@ -63,22 +63,46 @@ def text(cell: Cell) -> str:
 def to_markdown(table: Table) -> str:
     """A GitHub-flavored Markdown table with its title and note."""
     cells = [[text(cell).replace("|", "\\|") for cell in row] for row in table.rows]
-    widths = [max(len(column), *(len(row[i]) for row in cells), 3) if cells else max(len(column), 3) for i, column in enumerate(table.columns)]
+    widths = [
+        max(len(column), *(len(row[i]) for row in cells), 3) if cells else max(len(column), 3)
+        for i, column in enumerate(table.columns)
+    ]
     right = [table.numeric(i) for i in range(len(table.columns))]
 
     def line(values: list[str]) -> str:
-        return "| " + " | ".join(v.rjust(w) if r else v.ljust(w) for v, w, r in zip(values, widths, right, strict=True)) + " |"
+        return (
+            "| "
+            + " | ".join(v.rjust(w) if r else v.ljust(w) for v, w, r in zip(values, widths, right, strict=True))
+            + " |"
+        )
 
     ruler = "|" + "|".join("-" * (w + 1) + (":" if r else "-") for w, r in zip(widths, right, strict=True)) + "|"
     body = [line(list(table.columns)), ruler, *map(line, cells)]
-    return "\n\n".join(part for part in (f"**{table.title}**", "\n".join(body), table.note, table.source) if part) + "\n"
+    return (
+        "\n\n".join(part for part in (f"**{table.title}**", "\n".join(body), table.note, table.source) if part) + "\n"
+    )
 
 
 _LATEX = {
-    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
-    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": "$<$", ">": "$>$", "λ": r"$\lambda$", "±": r"$\pm$", "∧": r"$\wedge$", "–": "--",
-    "τ": r"$\tau$", "²": r"$^2$",
-}  # fmt: skip
+    "\\": r"\textbackslash{}",
+    "&": r"\&",
+    "%": r"\%",
+    "$": r"\$",
+    "#": r"\#",
+    "_": r"\_",
+    "{": r"\{",
+    "}": r"\}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "<": "$<$",
+    ">": "$>$",
+    "λ": r"$\lambda$",
+    "±": r"$\pm$",
+    "∧": r"$\wedge$",
+    "–": "--",
+    "τ": r"$\tau$",
+    "²": r"$^2$",
+}
 
 
 def to_latex(table: Table) -> str:
@@ -89,22 +113,32 @@ def to_latex(table: Table) -> str:
 
     align = "".join("r" if table.numeric(i) else "l" for i in range(len(table.columns)))
     lines = [
-        r"\begin{table}", r"\centering", rf"\begin{{tabular}}{{{align}}}", r"\toprule",
-        " & ".join(map(escape, table.columns)) + r" \\", r"\midrule",
+        r"\begin{table}",
+        r"\centering",
+        rf"\begin{{tabular}}{{{align}}}",
+        r"\toprule",
+        " & ".join(map(escape, table.columns)) + r" \\",
+        r"\midrule",
         *(" & ".join(escape(text(cell)) for cell in row) + r" \\" for row in table.rows),
-        r"\bottomrule", r"\end{tabular}",
+        r"\bottomrule",
+        r"\end{tabular}",
         rf"\caption{{{escape(' '.join(part for part in (table.title + '.', table.note, table.source) if part))}}}",
-        rf"\label{{tab:{table.name}}}", r"\end{table}",
-    ]  # fmt: skip
+        rf"\label{{tab:{table.name}}}",
+        r"\end{table}",
+    ]
     return "\n".join(lines) + "\n"
 
 
 def to_csv(table: Table) -> str:
-    """Comma-separated values for other programs: a rate takes five columns (rate, low, high, successes, episodes), all as fractions."""
+    """Comma-separated values for other programs: a rate takes five columns (rate, low, high, successes, episodes),
+    all as fractions.
+    """
     names: list[str] = []
     rates = [any(isinstance(row[i], Rate) for row in table.rows) for i in range(len(table.columns))]
     for column, is_rate in zip(table.columns, rates, strict=True):
-        names += [f"{column} {part}" for part in ("rate", "low", "high", "successes", "episodes")] if is_rate else [column]
+        names += (
+            [f"{column} {part}" for part in ("rate", "low", "high", "successes", "episodes")] if is_rate else [column]
+        )
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(names)
@@ -125,9 +159,13 @@ def to_csv(table: Table) -> str:
 
 def to_rich(table: Table) -> RichTable:
     """For `rich.print`."""
-    shown = RichTable(title=table.title, caption=table.note or None, title_justify="left", caption_justify="left", title_style="bold")
+    shown = RichTable(
+        title=table.title, caption=table.note or None, title_justify="left", caption_justify="left", title_style="bold"
+    )
     for i, column in enumerate(table.columns):
-        shown.add_column(column, justify="right" if table.numeric(i) else "left", overflow="fold")  # narrow terminals break numbers rather than hide digits
+        shown.add_column(
+            column, justify="right" if table.numeric(i) else "left", overflow="fold"
+        )  # narrow terminals break numbers rather than hide digits
     for row in table.rows:
         # brackets are rich's markup, and ours around intervals
         shown.add_row(*(text(cell).replace("[", "\\[") for cell in row))

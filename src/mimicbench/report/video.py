@@ -97,15 +97,38 @@ def write_video(path: Path, frames: Iterable[np.ndarray], fps: float, quality: i
             if writer is None:
                 shape = frame.shape
                 if shape[0] % 2 or shape[1] % 2 or shape[2:] != (3,) or frame.dtype != np.uint8:
-                    raise MimicbenchError(f"a video needs pictures of even height and width with three bytes per pixel, not {shape} of {frame.dtype}")
-                options = ["-crf", str(quality), "-preset", "medium", "-movflags", "+faststart", "-fflags", "+bitexact", "-flags:v", "+bitexact"]
+                    raise MimicbenchError(
+                        "a video needs pictures of even height and width with three bytes per pixel, "
+                        f"not {shape} of {frame.dtype}"
+                    )
+                options = [
+                    "-crf",
+                    str(quality),
+                    "-preset",
+                    "medium",
+                    "-movflags",
+                    "+faststart",
+                    "-fflags",
+                    "+bitexact",
+                    "-flags:v",
+                    "+bitexact",
+                ]
                 writer = _write_frames(
-                    str(temporary), (shape[1], shape[0]), fps=fps, codec="libx264", pix_fmt_out="yuv420p", quality=None, macro_block_size=2,
-                    output_params=options, ffmpeg_log_level="error",
-                )  # fmt: skip
+                    str(temporary),
+                    (shape[1], shape[0]),
+                    fps=fps,
+                    codec="libx264",
+                    pix_fmt_out="yuv420p",
+                    quality=None,
+                    macro_block_size=2,
+                    output_params=options,
+                    ffmpeg_log_level="error",
+                )
                 writer.send(None)
             if frame.shape != shape:
-                raise MimicbenchError(f"the pictures of a video must have one size; {shape} is followed by {frame.shape}")
+                raise MimicbenchError(
+                    f"the pictures of a video must have one size; {shape} is followed by {frame.shape}"
+                )
             if count >= MAX_FRAMES:
                 raise MimicbenchError(f"a video of more than {MAX_FRAMES} frames is refused; thin the motion out")
             writer.send(np.ascontiguousarray(frame))

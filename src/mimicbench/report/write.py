@@ -42,18 +42,28 @@ class ReportInputs:
     """How they are drawn."""
 
 
-def write_report(folder: Path, inputs: ReportInputs, say: Callable[[str], None] | None = None, workers: int = 0, quiet: bool = True) -> Path:
+def write_report(
+    folder: Path, inputs: ReportInputs, say: Callable[[str], None] | None = None, workers: int = 0, quiet: bool = True
+) -> Path:
     """Write `index.html`, `tables/`, `plots/`, `media/` and `episodes.parquet` into `folder`; return the page's path.
 
     The page needs none of the others. The same inputs give the same files; pictures that are there already are not
-    drawn again. `say` hears of pictures that had to be left out; unless `quiet` there is a progress bar for those that are drawn.
+    drawn again. `say` hears of pictures that had to be left out; unless `quiet` there is a progress bar for those that
+    are drawn.
     """
     found = compare.summaries(inputs.rows)
     if strange := sorted({s.task for s in found} - {inputs.task}):
         raise MimicbenchError(f"a report is of one task; the rows for {inputs.task} also hold {', '.join(strange)}")
     if not found:
-        raise MimicbenchError(f"there are no episodes of {inputs.task} to report; run `mimicbench evaluate --task {inputs.task}` first")
-    ordered = [row for s in found for row in inputs.rows if (row.stage, row.policy, row.preset) == (s.stage, s.policy, s.preset)]
+        raise MimicbenchError(
+            f"there are no episodes of {inputs.task} to report; run `mimicbench evaluate --task {inputs.task}` first"
+        )
+    ordered = [
+        row
+        for s in found
+        for row in inputs.rows
+        if (row.stage, row.policy, row.preset) == (s.stage, s.policy, s.preset)
+    ]
     tables = (*headline_tables(inputs.task, found), compare.failures_table(ordered), compare.breakdown_table(ordered))
     drawn = draw_plots(inputs.task, found, ordered, inputs.curves)
     for data in tables:
@@ -72,18 +82,28 @@ def headline_tables(task: str, found: Sequence[Summary]) -> tuple[Table, Table, 
     return compare.beside_paper_table(task, found), compare.results_table(found), compare.energy_table(found)
 
 
-def draw_plots(task: str, found: Sequence[Summary], rows: Sequence[EpisodeRow], curves: Sequence[Curve]) -> dict[str, str]:
+def draw_plots(
+    task: str, found: Sequence[Summary], rows: Sequence[EpisodeRow], curves: Sequence[Curve]
+) -> dict[str, str]:
     """All plots as SVG by name."""
-    drawn = {"rates": plots.rates_plot("rates", {title: _lines(task, found, energy) for title, energy in (("K", False), ("K and P", True))})}
+    drawn = {
+        "rates": plots.rates_plot(
+            "rates", {title: _lines(task, found, energy) for title, energy in (("K", False), ("K and P", True))}
+        )
+    }
     for i, curve in enumerate(curves):
         if not plots.shown(curve):  # stopped before it recorded anything
             continue
         drawn[f"curve-{i}"] = plots.curve_plot(f"curve-{i}", curve)
     by_policy = {compare.label(policy, preset): of_one for (_, _, policy, preset), of_one in group(rows).items()}
     if any(not row.success for row in rows):
-        drawn["failures"] = plots.failures_plot("failures", {name: compare.failures(of_one) for name, of_one in by_policy.items()})
+        drawn["failures"] = plots.failures_plot(
+            "failures", {name: compare.failures(of_one) for name, of_one in by_policy.items()}
+        )
     shown = [*[s for s in found if s.stage == "imitate"][:COMPARED], *[s for s in found if s.stage == "track"][:1]]
-    parts = {name: compare.breakdowns(by_policy[name], rows) for name in (compare.label(s.policy, s.preset) for s in shown)}
+    parts = {
+        name: compare.breakdowns(by_policy[name], rows) for name in (compare.label(s.policy, s.preset) for s in shown)
+    }
     if any(parts.values()):
         drawn["breakdown"] = plots.breakdown_plot("breakdown", parts)
     return drawn
@@ -95,13 +115,18 @@ def _lines(task: str, found: Sequence[Summary], energy: bool) -> list[tuple[str,
     for color, (stage, measures) in enumerate((("imitate", "imitation"), ("track", "tracking"))):
         word = "tracker" if stage == "track" else "policy"
         ours = [s for s in found if s.stage == stage]
-        lines += [(f"{word} {compare.label(s.policy, s.preset)}", plots.Mark(s.energy if energy else s.kinematic, color)) for s in ours]
+        lines += [
+            (f"{word} {compare.label(s.policy, s.preset)}", plots.Mark(s.energy if energy else s.kinematic, color))
+            for s in ours
+        ]
         for method, rate in methods(task, measures).items() if ours else ():
             lines.append((f"paper: {method}", plots.Mark(float(rate.energy if energy else rate.kinematic), color)))
     return lines
 
 
-def _draw(folder: Path, inputs: ReportInputs, say: Callable[[str], None] | None, workers: int, quiet: bool) -> list[Shown] | str:
+def _draw(
+    folder: Path, inputs: ReportInputs, say: Callable[[str], None] | None, workers: int, quiet: bool
+) -> list[Shown] | str:
     """The pictures, or why there are none."""
     if inputs.showcase is None:
         return "No motions were given to show."
@@ -114,20 +139,38 @@ def _draw(folder: Path, inputs: ReportInputs, say: Callable[[str], None] | None,
 
 
 def _page(
-    inputs: ReportInputs, found: Sequence[Summary], rows: Sequence[EpisodeRow], tables: dict[str, Table], drawn: dict[str, str], pictures: list[Shown] | str
+    inputs: ReportInputs,
+    found: Sequence[Summary],
+    rows: Sequence[EpisodeRow],
+    tables: dict[str, Table],
+    drawn: dict[str, str],
+    pictures: list[Shown] | str,
 ) -> str:
     task = get_task(inputs.task)
     sections = [page.Section("From a person to a policy", _pictures_html(inputs, pictures))] if inputs.showcase else []
-    beside = page.plot(drawn["rates"], "Filled: ours, with 95 % Wilson intervals. Hollow: as the paper reports them.") + page.table(tables["beside_paper"])
+    beside = page.plot(
+        drawn["rates"], "Filled: ours, with 95 % Wilson intervals. Hollow: as the paper reports them."
+    ) + page.table(tables["beside_paper"])
     sections.append(page.Section("Ours beside the paper's", beside))
-    sections.append(page.Section("All rates", page.table(tables["results"]) + page.folded("At each limit of the energy", page.table(tables["energy"]))))
+    sections.append(
+        page.Section(
+            "All rates",
+            page.table(tables["results"]) + page.folded("At each limit of the energy", page.table(tables["energy"])),
+        )
+    )
     learned = [(curve.name, drawn[name]) for i, curve in enumerate(inputs.curves) if (name := f"curve-{i}") in drawn]
     if learned:
-        sections.append(page.Section("Learning", "".join(page.tag("h3", page.escape(name)) + page.plot(svg) for name, svg in learned)))
+        sections.append(
+            page.Section(
+                "Learning", "".join(page.tag("h3", page.escape(name)) + page.plot(svg) for name, svg in learned)
+            )
+        )
     sections.append(page.Section("Where failures happen", _failures_html(rows, tables, drawn)))
     sections.append(page.Section("Where the numbers come from", _provenance_html(inputs.provenance)))
     footer = f"Written by mimicbench. The paper's numbers: {CITATION}."
-    return page.page(task.title, f"mimicbench · {inputs.task}", _lead(found, rows), _tiles(inputs.task, found), sections, footer)
+    return page.page(
+        task.title, f"mimicbench · {inputs.task}", _lead(found, rows), _tiles(inputs.task, found), sections, footer
+    )
 
 
 def _lead(found: Sequence[Summary], rows: Sequence[EpisodeRow]) -> str:
@@ -138,7 +181,8 @@ def _lead(found: Sequence[Summary], rows: Sequence[EpisodeRow]) -> str:
     who = "policy" if best.stage == "imitate" else "tracker"
     k, n = best.kinematic.successes, best.kinematic.episodes
     return (
-        f"The best {who}, {compare.label(best.policy, best.preset)}, succeeds in {k:.0f} of {n} episodes on {len(objects)} objects{unseen}: "
+        f"The best {who}, {compare.label(best.policy, best.preset)}, succeeds in {k:.0f} of {n} "
+        f"episodes on {len(objects)} objects{unseen}: "
         f"{best.kinematic.percent()}, with a 95 % interval of {best.kinematic.interval()} %."
     )
 
@@ -151,9 +195,16 @@ def _tiles(task: str, found: Sequence[Summary]) -> list[page.Tile]:
         if not ours:
             continue
         method, theirs = next(iter(published.items()), (None, None))
-        for what, rate, their in (("K", ours[0].kinematic, theirs and theirs.kinematic), ("K and P", ours[0].energy, theirs and theirs.energy)):
+        for what, rate, their in (
+            ("K", ours[0].kinematic, theirs and theirs.kinematic),
+            ("K and P", ours[0].energy, theirs and theirs.energy),
+        ):
             paper = f"paper's best: {their} % ({method})" if method and their is not None else ""
-            tiles.append(page.Tile(f"{word}, {what}", f"{100 * rate.rate:.1f}", "%", (f"{rate.interval()} · {rate.counts()}", paper)))
+            tiles.append(
+                page.Tile(
+                    f"{word}, {what}", f"{100 * rate.rate:.1f}", "%", (f"{rate.interval()} · {rate.counts()}", paper)
+                )
+            )
     return tiles
 
 
@@ -164,10 +215,13 @@ def _pictures_html(inputs: ReportInputs, pictures: list[Shown] | str) -> str:
     obj = inputs.showcase.obj
     seat = f", seat at {obj.seat_height:.2f} m" if obj.seat_height is not None else ""
     intro = page.paragraph(
-        f"The same object in every row: {obj.id} ({obj.kind}{seat}, {obj.split} split). Moments are chosen where as much has happened since the last one."
+        f"The same object in every row: {obj.id} ({obj.kind}{seat}, {obj.split} split). Moments are "
+        "chosen where as much has happened since the last one."
     )
     strips = "".join(page.stage(shown.clip.title, shown.clip.note, shown.strip) for shown in pictures)
-    return intro + strips + page.videos((f"{shown.clip.title}, {shown.seconds:.1f} s", shown.video) for shown in pictures)
+    return (
+        intro + strips + page.videos((f"{shown.clip.title}, {shown.seconds:.1f} s", shown.video) for shown in pictures)
+    )
 
 
 def _failures_html(rows: Sequence[EpisodeRow], tables: dict[str, Table], drawn: dict[str, str]) -> str:
@@ -175,15 +229,37 @@ def _failures_html(rows: Sequence[EpisodeRow], tables: dict[str, Table], drawn: 
     body = page.plot(drawn["failures"]) if "failures" in drawn else page.paragraph("No episode failed.")
     body += page.folded("How episodes fail, in numbers", page.table(tables["failures"]))
     if "breakdown" in drawn:
-        body += page.plot(drawn["breakdown"], f"K over parts of the episodes, with 95 % Wilson intervals: the best {COMPARED} policies and the best tracker.")
+        body += page.plot(
+            drawn["breakdown"],
+            f"K over parts of the episodes, with 95 % Wilson intervals: the best {COMPARED} policies "
+            "and the best tracker.",
+        )
         body += page.folded("The same in numbers", page.table(tables["breakdown"]))
     if failed:
         lines = [
-            (compare.label(row.policy, row.preset), row.id, row.object_id, row.object_kind, row.reference_id or None, kind, round(row.end_distance, 2))
+            (
+                compare.label(row.policy, row.preset),
+                row.id,
+                row.object_id,
+                row.object_kind,
+                row.reference_id or None,
+                kind,
+                round(row.end_distance, 2),
+            )
             for row, kind in failed[:MAX_FAILURES]
         ]
-        note = f"The first {MAX_FAILURES} of {len(failed)}; episodes.parquet has all." if len(failed) > MAX_FAILURES else ""
-        listed = Table("failed", "", ("Policy", "Episode", "Object", "Kind", "Reference", "How", "From the object at the end [m]"), tuple(lines), note=note)
+        note = (
+            f"The first {MAX_FAILURES} of {len(failed)}; episodes.parquet has all."
+            if len(failed) > MAX_FAILURES
+            else ""
+        )
+        listed = Table(
+            "failed",
+            "",
+            ("Policy", "Episode", "Object", "Kind", "Reference", "How", "From the object at the end [m]"),
+            tuple(lines),
+            note=note,
+        )
         body += page.folded(f"The {len(failed)} failed episodes", page.table(listed))
     return body
 

@@ -8,9 +8,26 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 MEASURES = (
-    "position_error", "wrist_error", "pelvis_error", "ankle_error", "orientation_error", "limit_violation", "velocity_ratio", "acceleration",
-    "skate", "step_skate", "sole_height", "sole_depth", "sole_tilt", "penetration", "depth", "goal_error", "contact_kept", "balance", "self_collision",
-)  # fmt: skip
+    "position_error",
+    "wrist_error",
+    "pelvis_error",
+    "ankle_error",
+    "orientation_error",
+    "limit_violation",
+    "velocity_ratio",
+    "acceleration",
+    "skate",
+    "step_skate",
+    "sole_height",
+    "sole_depth",
+    "sole_tilt",
+    "penetration",
+    "depth",
+    "goal_error",
+    "contact_kept",
+    "balance",
+    "self_collision",
+)
 """What the summary of a set tells, of what `measures.py` explains."""
 BEST_IS_MOST = frozenset({"contact_kept"})
 """Of these the least is the worst."""
@@ -94,6 +111,12 @@ def summary(outcomes: Sequence[Outcome]) -> Summary:
     for column, name in enumerate(MEASURES):
         known = values[np.isfinite(values[:, column]), column]
         if len(known):
-            told[name] = {"mean": float(known.mean()), "worst": float(known.min() if name in BEST_IS_MOST else known.max())}
-    frames, reasons = sum(found.frames for found in outcomes), dict(sorted(wrong.items(), key=lambda item: (-item[1], item[0])))
+            told[name] = {
+                "mean": float(known.mean()),
+                "worst": float(known.min() if name in BEST_IS_MOST else known.max()),
+            }
+    frames, reasons = (
+        sum(found.frames for found in outcomes),
+        dict(sorted(wrong.items(), key=lambda item: (-item[1], item[0]))),
+    )
     return Summary(clips, frames, fulfilled, kept, fulfilled / max(1, clips), kept / max(1, clips), reasons, told)

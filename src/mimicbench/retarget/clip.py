@@ -33,13 +33,22 @@ class Clip:
         """The mapping between this human and this robot. Raises UnknownName or BadMotion."""
         return bind(find_mapping(self.motion.skeleton.name, self.robot.name), self.motion.skeleton, self.robot, preset)
 
-    def grounded(self, tree: Tree, pose: Pose, bound: Bound, measures: Dictionary[str, float] | None = None) -> RobotMotion:
+    def grounded(
+        self, tree: Tree, pose: Pose, bound: Bound, measures: Dictionary[str, float] | None = None
+    ) -> RobotMotion:
         """The motion of a pose, moved up or down so that standing soles are on the floor, and measured."""
         pos_w, _ = self.motion.forward_kinematics()
         standing = stance(self.motion, bound, pos_w[:, [joint for joint, _ in bound.feet]])
-        return self.finished(tree, pose._replace(root_pos=pose.root_pos + [0.0, 0.0, ground(tree.place(pose), bound, standing)]), bound, measures)
+        return self.finished(
+            tree,
+            pose._replace(root_pos=pose.root_pos + [0.0, 0.0, ground(tree.place(pose), bound, standing)]),
+            bound,
+            measures,
+        )
 
-    def finished(self, tree: Tree, pose: Pose, bound: Bound, measures: Dictionary[str, float] | None = None) -> RobotMotion:
+    def finished(
+        self, tree: Tree, pose: Pose, bound: Bound, measures: Dictionary[str, float] | None = None
+    ) -> RobotMotion:
         """The motion of a pose, measured: same id, frame rate, object, goal, contacts and style as the human's."""
         human = self.motion
         pos_w, quat_w = human.forward_kinematics()
@@ -48,11 +57,24 @@ class Clip:
         measured = measure(links, pose, bound, self.robot, pos_w, quat_w, human.fps, standing)
         measured |= measure_scene(links, self.robot, mapping, bound, human, self.obj, standing)
         return RobotMotion(
-            id=human.id, task=human.task, robot=self.robot.name, joint_names=self.robot.joint_names, fps=human.fps, root_pos_w=pose.root_pos,
-            root_quat_w=pose.root_quat, joint_pos=pose.joints, object_id=human.object_id, reference_id=human.id, contact_names=human.contact_names,
-            contacts=human.contacts, style=human.style, measures={**measured, **(measures or {})}, object_pos_w=human.object_pos_w,
-            object_quat_w=human.object_quat_w, wrist_goal_w=human.wrist_goal_w,
-        )  # fmt: skip
+            id=human.id,
+            task=human.task,
+            robot=self.robot.name,
+            joint_names=self.robot.joint_names,
+            fps=human.fps,
+            root_pos_w=pose.root_pos,
+            root_quat_w=pose.root_quat,
+            joint_pos=pose.joints,
+            object_id=human.object_id,
+            reference_id=human.id,
+            contact_names=human.contact_names,
+            contacts=human.contacts,
+            style=human.style,
+            measures={**measured, **(measures or {})},
+            object_pos_w=human.object_pos_w,
+            object_quat_w=human.object_quat_w,
+            wrist_goal_w=human.wrist_goal_w,
+        )
 
 
 def storable(limits: np.ndarray) -> np.ndarray:

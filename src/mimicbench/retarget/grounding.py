@@ -23,7 +23,9 @@ def sole_heights(links: Links, bound: Bound) -> np.ndarray:
 
 
 def stance(motion: HumanMotion, bound: Bound, ankle_pos_w: np.ndarray) -> np.ndarray:
-    """(T, F) whether each foot bears weight: the clip's labels, or, without them, a human ankle (T, F, 3) that is low and slow."""
+    """(T, F) whether each foot bears weight: the clip's labels, or, without them, a human ankle (T, F, 3) that is
+    low and slow.
+    """
     if motion.contacts.size and all(name in motion.contact_names for name in FEET):
         return motion.contacts[:, [motion.contact_names.index(name) for name in FEET]].astype(bool)
     speed = np.linalg.norm(np.gradient(ankle_pos_w, axis=0), axis=-1) * motion.fps
@@ -31,7 +33,10 @@ def stance(motion: HumanMotion, bound: Bound, ankle_pos_w: np.ndarray) -> np.nda
 
 
 def ground(links: Links, bound: Bound, standing: np.ndarray) -> float:
-    """The change of height [m] that puts the median stance sole on the floor; without a stance, the lowest twentieth, if it is near the floor."""
+    """The change of height [m] that puts the median stance sole on the floor.
+
+    Without a stance, the lowest twentieth, if it is near the floor.
+    """
     heights = sole_heights(links, bound)
     standing = standing & (heights < _FURNITURE)
     if standing.any():

@@ -98,7 +98,10 @@ class Jacobian:
         self.turn_rows, self.turn_columns = _rows(self.points + turned), np.repeat(6 + self.turn_joint, 3)
 
     def fill(self, links: Links, points_w: np.ndarray) -> np.ndarray:
-        """Rows (T, 3 P + 3 Q, V) at link poses of T frames and their points (T, P, 3). The array is reused by the next call."""
+        """Rows (T, 3 P + 3 Q, V) at link poses of T frames and their points (T, P, 3).
+
+        The array is reused by the next call.
+        """
         tree, frames = self.tree, len(points_w)
         out = self.values[:frames]
         axis = rot.rotate(links.quat[:, tree.joint_link], tree.joint_axis)

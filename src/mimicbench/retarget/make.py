@@ -1,4 +1,6 @@
-"""Stage `retarget`: every human clip becomes a robot clip, measured, and judged by its measures and by the task's metric K."""
+"""Stage `retarget`: every human clip becomes a robot clip, measured, and judged by its measures and by the task's
+metric K.
+"""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
@@ -44,7 +46,8 @@ def make_retargeted(
 ) -> Stage:
     """Retarget the clips of a stage, one `<id>.npz` each, or only the `first` so many.
 
-    Each header says whether the clip was solved and fulfils K; only such clips are passed on. The stage's summary counts why the
+    Each header says whether the clip was solved and fulfils K; only such clips are passed on. The stage's summary
+    counts why the
     others are not (see verdict.summary). Killed and started again, it goes on with the clips that are missing.
 
     Raises:
@@ -55,12 +58,25 @@ def make_retargeted(
     config = replace(config, preset=method.preset(config.preset))
     paths = sorted(references.folder.glob("*.npz"))[:first]
     if not paths:
-        raise BadMotion(f"there are no clips in {references.folder}; run `mimicbench references --task {task}` again, or import some")
+        raise BadMotion(
+            f"there are no clips in {references.folder}; run `mimicbench references --task {task}` "
+            "again, or import some"
+        )
     settings = asdict(config) | ({} if first is None else {"first": first})
-    stage = open_stage(folder, "retarget", task, references.header["seed"], settings, {"references": references.fingerprint})
+    stage = open_stage(
+        folder, "retarget", task, references.header["seed"], settings, {"references": references.fingerprint}
+    )
     if stage.complete:
         return stage
-    found = summary(map_items(partial(_retarget_one, folder, objects_folder, fulfils, config), paths, workers, f"clips by {method.name}", quiet))
+    found = summary(
+        map_items(
+            partial(_retarget_one, folder, objects_folder, fulfils, config),
+            paths,
+            workers,
+            f"clips by {method.name}",
+            quiet,
+        )
+    )
     if not found.kept and first is None:
         reasons = ", ".join(f"{name} {count}" for name, count in found.rejected_for.items())
         raise BadMotion(
@@ -83,7 +99,9 @@ def _retarget_one(folder: Path, objects_folder: Path, fulfils: Fulfils, config: 
         found = outcome(motion.measures, fulfilled, motion.frames, method.limits)
         motion = replace(motion, success=not found.wrong, measures={**motion.measures, "fulfilled": float(fulfilled)})
         motion.save(target)
-    return outcome(motion.measures, bool(motion.measures.get("fulfilled", motion.success)), motion.frames, method.limits)
+    return outcome(
+        motion.measures, bool(motion.measures.get("fulfilled", motion.success)), motion.frames, method.limits
+    )
 
 
 def read_retargeted(folder: Path, robot: str) -> list[RobotMotion]:

@@ -23,16 +23,19 @@ class Pair:
     link: str
     """Robot link whose position (and, in `paper`, orientation) follows the human joint."""
     carrier: str
-    """The link after the last of the robot's joints that together make this human joint: only there does the joint's full rotation arrive."""
+    """The link after the last of the robot's joints that together make this human joint: only there does the joint's
+    full rotation arrive."""
     shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """From the human joint to the point that the link follows [m]; no shift in `paper`."""
     surface: tuple[float, float] | None = None
-    """How far below the link and below the human joint at size 1 the surface is that bears weight [m]: the shift grows by their difference, so
+    """How far below the link and below the human joint at size 1 the surface is that bears weight [m]: the shift grows
+    by their difference, so
     that surface comes to lie on surface."""
     frame: str | None = None
     """Human joint whose axes the shift is in, if not `joint`."""
     at_rest: bool = False
-    """Let the shift grow by what separates link and joint when both bodies stand, arms down, with their first pair in place."""
+    """Let the shift grow by what separates link and joint when both bodies stand, arms down, with their first pair in
+    place."""
     weight: float = 1.0
     """Weight of the squared position error; 1 in `paper`."""
     turned_by: str | None = None
@@ -104,14 +107,23 @@ class Bound:
 
 
 def bind(mapping: Mapping, skeleton: Skeleton, robot: Robot, preset: Preset = "improved") -> Bound:
-    """Look up a mapping's names in a skeleton and a robot; constant frame offsets come from both in the pose with arms down.
+    """Look up a mapping's names in a skeleton and a robot.
 
-    `paper` is the table to the letter: every pair at the joints themselves, of equal weight, positions and orientations alike.
+    Constant frame offsets come from both in the pose with arms down.
+
+    `paper` is the table to the letter: every pair at the joints themselves, of equal weight, positions and orientations
+    alike.
     """
-    pairs = tuple(Pair(pair.joint, pair.link, pair.link) for pair in mapping.pairs) if preset == "paper" else mapping.pairs
-    joints, links = np.array([skeleton.index(pair.joint) for pair in pairs]), np.array([_link(robot, pair.link) for pair in pairs])
+    pairs = (
+        tuple(Pair(pair.joint, pair.link, pair.link) for pair in mapping.pairs) if preset == "paper" else mapping.pairs
+    )
+    joints, links = (
+        np.array([skeleton.index(pair.joint) for pair in pairs]),
+        np.array([_link(robot, pair.link) for pair in pairs]),
+    )
     turn_links = np.array([_link(robot, pair.carrier) for pair in pairs])
-    # The human's joint frames are all parallel to the world in its rest pose, so the robot's link orientations are the offsets.
+    # The human's joint frames are all parallel to the world in its rest pose, so the robot's link orientations are the
+    # offsets.
     arms_down = np.array([robot.arms_down.get(name, 0.0) for name in robot.joint_names])
     rest, offsets = robot.forward_kinematics(np.zeros(3), rot.IDENTITY, arms_down)
     human_rest, _ = forward_kinematics(skeleton, np.zeros(3), np.tile(rot.IDENTITY, (len(skeleton.joint_names), 1)))
@@ -121,7 +133,9 @@ def bind(mapping: Mapping, skeleton: Skeleton, robot: Robot, preset: Preset = "i
             shifts[i, 2] += pair.surface[0] - pair.surface[1] * size
         if pair.at_rest:
             shifts[i] += (rest[links[i]] - rest[links[0]]) - (human_rest[joints[i]] - human_rest[joints[0]]) + shifts[0]
-    carriers = sorted({_link(robot, pair.carrier): skeleton.index(pair.turned_by or pair.joint) for pair in mapping.pairs}.items())
+    carriers = sorted(
+        {_link(robot, pair.carrier): skeleton.index(pair.turned_by or pair.joint) for pair in mapping.pairs}.items()
+    )
     wrists = []
     for joint, name in mapping.wrists:
         if name not in robot.keypoints:

@@ -12,5 +12,7 @@ MAPPINGS: Dictionary[tuple[str, str], Mapping] = {(m.skeleton, m.robot): m for m
 def find_mapping(skeleton: str, robot: str) -> Mapping:
     """The table between a human skeleton and a robot. Raises UnknownName."""
     if (skeleton, robot) not in MAPPINGS:
-        raise UnknownName("retargeting from skeleton to robot", f"{skeleton} -> {robot}", [f"{s} -> {r}" for s, r in MAPPINGS])
+        raise UnknownName(
+            "retargeting from skeleton to robot", f"{skeleton} -> {robot}", [f"{s} -> {r}" for s, r in MAPPINGS]
+        )
     return MAPPINGS[skeleton, robot]

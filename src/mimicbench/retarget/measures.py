@@ -17,7 +17,14 @@ DEEP, CLOSE = 0.01, 0.02
 
 
 def measure(
-    links: Links, pose: Pose, bound: Bound, robot: Robot, human_pos_w: np.ndarray, human_quat_w: np.ndarray, fps: float, standing: np.ndarray
+    links: Links,
+    pose: Pose,
+    bound: Bound,
+    robot: Robot,
+    human_pos_w: np.ndarray,
+    human_quat_w: np.ndarray,
+    fps: float,
+    standing: np.ndarray,
 ) -> dict[str, float]:
     """Quality of a robot motion against the human joint poses (T, J, 3) and (T, J, 4) that it came from.
 
@@ -32,19 +39,31 @@ def measure(
         standing: (T, F) stance of each foot.
 
     Returns:
-        frames; position_error and ankle_error: means over frames of the distance to the point that each link follows [m], of all pairs and of the
-        feet; wrist_error and pelvis_error: the same between wrist keypoints and the human's wrist joints, and between root link and the human's pelvis
-        joint, without any shift; orientation_error: mean angle of the pairs [rad]; limit_violation: largest excess over a joint limit [rad], 0 by construction;
-        velocity_ratio: largest joint velocity as a part of its limit; acceleration: mean |joint acceleration| [rad/s^2]; skate: mean horizontal
-        speed of feet in stance [m/s]; human_skate: the same of the human's; sole_height and sole_depth: mean |height| of soles in stance, and
-        deepest point of a sole under the floor at any time [m]; sole_tilt: mean angle between a stance sole and the floor [rad]; knee: mean knee
-        bend while a foot stands and the pelvis moves faster than 0.3 m/s, that is in walking [rad] (0 where there is no walking).
+        frames; position_error and ankle_error: means over frames of the distance to the point that each link follows
+        [m], of all pairs and of the
+        feet; wrist_error and pelvis_error: the same between wrist keypoints and the human's wrist joints, and between
+        root link and the human's pelvis
+        joint, without any shift; orientation_error: mean angle of the pairs [rad]; limit_violation: largest excess over
+        a joint limit [rad], 0 by construction;
+        velocity_ratio: largest joint velocity as a part of its limit; acceleration: mean |joint acceleration|
+            [rad/s^2]; skate: mean horizontal
+        speed of feet in stance [m/s]; human_skate: the same of the human's; sole_height and sole_depth: mean |height|
+        of soles in stance, and
+        deepest point of a sole under the floor at any time [m]; sole_tilt: mean angle between a stance sole and the
+        floor [rad]; knee: mean knee
+        bend while a foot stands and the pelvis moves faster than 0.3 m/s, that is in walking [rad] (0 where there is no
+        walking).
     """
     targets = followed_points(bound, human_pos_w, human_quat_w)
     errors = np.linalg.norm(links.pos[:, bound.links] - targets, axis=-1)
     is_foot = np.isin(bound.links, [link for _, link in bound.feet])
-    wrists = [np.linalg.norm(place - human_pos_w[:, joint], axis=-1) for (joint, *_), place in zip(bound.wrists, wrist_points(links, bound), strict=True)]
-    turns = rot.angle_between(links.quat[:, bound.turn_links], rot.multiply(human_quat_w[:, bound.turn_joints], bound.turn_offsets))
+    wrists = [
+        np.linalg.norm(place - human_pos_w[:, joint], axis=-1)
+        for (joint, *_), place in zip(bound.wrists, wrist_points(links, bound), strict=True)
+    ]
+    turns = rot.angle_between(
+        links.quat[:, bound.turn_links], rot.multiply(human_quat_w[:, bound.turn_joints], bound.turn_offsets)
+    )
     limits = robot.joint_range
     excess = np.maximum(pose.joints - limits[:, 1], limits[:, 0] - pose.joints)
     velocity = np.abs(np.diff(pose.joints, axis=0)) * fps
@@ -53,14 +72,18 @@ def measure(
     heights = sole_heights(links, bound)
     up = rot.rotate(links.quat[:, feet], np.array([0.0, 0.0, 1.0]))[..., 2]
     walking = np.linalg.norm(np.gradient(pose.root_pos[:, :2], axis=0), axis=-1) * fps > 0.3
-    knees = [list(robot.joint_link).index(robot.link_parents[link]) for link in feet]  # the joint that drives a foot's parent is its knee
+    knees = [
+        list(robot.joint_link).index(robot.link_parents[link]) for link in feet
+    ]  # the joint that drives a foot's parent is its knee
     bend = pose.joints[:, knees][walking[:, None] & standing]
     return {
         "frames": float(len(pose.joints)),
         "position_error": float(errors.mean()),
         "ankle_error": float(errors[:, is_foot].mean()),
         "wrist_error": float(np.mean(wrists)),
-        "pelvis_error": float(np.linalg.norm(links.pos[:, bound.links[0]] - human_pos_w[:, bound.joints[0]], axis=-1).mean()),
+        "pelvis_error": float(
+            np.linalg.norm(links.pos[:, bound.links[0]] - human_pos_w[:, bound.joints[0]], axis=-1).mean()
+        ),
         "orientation_error": float(turns.mean()),
         "limit_violation": float(max(0.0, excess.max())),
         "velocity_ratio": float((velocity / robot.velocity_limit).max()),
@@ -74,7 +97,15 @@ def measure(
     }
 
 
-def measure_scene(links: Links, robot: Robot, mapping: Mapping, bound: Bound, motion: HumanMotion, obj: SceneObject, standing: np.ndarray) -> dict[str, float]:
+def measure_scene(
+    links: Links,
+    robot: Robot,
+    mapping: Mapping,
+    bound: Bound,
+    motion: HumanMotion,
+    obj: SceneObject,
+    standing: np.ndarray,
+) -> dict[str, float]:
     """What a robot motion does with floor and object.
 
     Args:
@@ -87,11 +118,16 @@ def measure_scene(links: Links, robot: Robot, mapping: Mapping, bound: Bound, mo
         standing: (T, F) stance of each foot.
 
     Returns:
-        penetration: share of frames in which some collision shape is more than DEEP in floor or object; depth: the deepest ever [m];
-        goal_error: how near both wrists ever come to their goals, the larger of the two distances [m], 0 without goals; contact_kept: share of
-        the labeled contacts (pelvis, back, hands, feet; frame by frame) in which the robot's part is within CLOSE of floor or object, 1 without
-        labels; step_skate: farthest that a sole moves while it stands, mean over steps [m]; balance: mean distance of the center of mass from the
-        strip between heels and toes while both feet alone bear [m]; self_collision: share of frames in which the robot's own shapes that may
+        penetration: share of frames in which some collision shape is more than DEEP in floor or object; depth: the
+            deepest ever [m];
+        goal_error: how near both wrists ever come to their goals, the larger of the two distances [m], 0 without
+            goals; contact_kept: share of
+        the labeled contacts (pelvis, back, hands, feet; frame by frame) in which the robot's part is within CLOSE of
+        floor or object, 1 without
+        labels; step_skate: farthest that a sole moves while it stands, mean over steps [m]; balance: mean distance of
+        the center of mass from the
+        strip between heels and toes while both feet alone bear [m]; self_collision: share of frames in which the
+        robot's own shapes that may
         collide are more than DEEP in each other.
     """
     balls, scene = balls_of(robot), Scene.of(motion, obj)
@@ -107,7 +143,11 @@ def measure_scene(links: Links, robot: Robot, mapping: Mapping, bound: Bound, mo
             kept += int((distance[when][:, which].min(-1) < CLOSE).sum())
     feet = [link for _, link in bound.feet]
     soles = links.pos[:, feet] + rot.rotate(links.quat[:, feet], bound.sole.mean(0))
-    moved = [np.linalg.norm(np.ptp(soles[a:b, foot, :2], axis=0)) for foot in range(len(feet)) for a, b in runs(standing[:, foot])]
+    moved = [
+        np.linalg.norm(np.ptp(soles[a:b, foot, :2], axis=0))
+        for foot in range(len(feet))
+        for a, b in runs(standing[:, foot])
+    ]
     return {
         "penetration": float((depth > DEEP).mean()),
         "depth": float(max(0.0, depth.max())),
@@ -128,14 +168,23 @@ def _goal_error(links: Links, bound: Bound, goals_w: np.ndarray) -> float:
     """Least over frames of the larger distance of the two wrists from their goals (2, 3) [m]; 0 without goals."""
     if not len(goals_w):
         return 0.0
-    away = [np.linalg.norm(place - goal, axis=-1) for place, goal in zip(wrist_points(links, bound), goals_w, strict=True)]
+    away = [
+        np.linalg.norm(place - goal, axis=-1) for place, goal in zip(wrist_points(links, bound), goals_w, strict=True)
+    ]
     return float(np.max(away, 0).min())
 
 
 def _balance(links: Links, robot: Robot, bound: Bound, motion: HumanMotion, standing: np.ndarray) -> float:
-    """Mean distance of the center of mass from over the feet while both, and nothing else, bear [m]; along the feet's mean direction."""
+    """Mean distance of the center of mass from over the feet while both, and nothing else, bear [m].
+
+    Along the feet's mean direction.
+    """
     others = [column for column, name in enumerate(motion.contact_names) if name not in FEET]
-    alone = standing.all(-1) & ~motion.contacts[:, others].astype(bool).any(-1) if motion.contacts.size else standing.all(-1)
+    alone = (
+        standing.all(-1) & ~motion.contacts[:, others].astype(bool).any(-1)
+        if motion.contacts.size
+        else standing.all(-1)
+    )
     if not alone.any():
         return 0.0
     feet = [link for _, link in bound.feet]

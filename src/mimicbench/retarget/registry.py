@@ -28,7 +28,10 @@ class Method:
     """What a clip that it solved measures at most."""
 
     def preset(self, wanted: Preset | None) -> Preset:
-        """The preset that the user wants, or the default. Raises MimicbenchError for one that the method does not have."""
+        """The preset that the user wants, or the default.
+
+        Raises MimicbenchError for one that the method does not have.
+        """
         if wanted is not None and wanted not in self.presets:
             raise MimicbenchError(f"{self.name} has no preset {wanted!r}, only {self.presets[0]!r}; leave --preset out")
         return wanted or self.presets[0]

@@ -44,7 +44,10 @@ class Balls:
 def balls_of(robot: Robot) -> Balls:
     """The balls of a robot's collision shapes."""
     centers = [_centers(shape) for shape in robot.collision]
-    radius = [np.full(len(c), 0.0 if shape.type == "box" else shape.size[0]) for shape, c in zip(robot.collision, centers, strict=True)]
+    radius = [
+        np.full(len(c), 0.0 if shape.type == "box" else shape.size[0])
+        for shape, c in zip(robot.collision, centers, strict=True)
+    ]
     link = [np.full(len(c), shape.link) for shape, c in zip(robot.collision, centers, strict=True)]
     group = np.repeat([shape.group for shape in robot.collision], [len(c) for c in centers])
     return Balls(np.concatenate(link), np.concatenate(centers), np.concatenate(radius), group)
@@ -77,7 +80,10 @@ class Scene:
         return Scene(obj, motion.object_pos_w, motion.object_quat_w)
 
     def object_distance(self, frame: np.ndarray, points_w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Signed distances (M,) [m] of points (M, 3) in frames (M,) from the object, and world normals (M, 3); infinite beyond FAR of its bounds."""
+        """Signed distances (M,) [m] of points (M, 3) in frames (M,) from the object, and world normals (M, 3).
+
+        Infinite beyond FAR of its bounds.
+        """
         points = points_w
         if len(self.pos_w):
             points = rot.rotate_inverse(self.quat_w[frame], points_w - self.pos_w[frame])
@@ -94,7 +100,9 @@ class Scene:
         return distance, normal
 
     def clearance(self, balls: Balls, centers_w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """How far the balls' surfaces are from what is nearest, floor or object (T, S) [m], negative inside, and its normal there (T, S, 3)."""
+        """How far the balls' surfaces are from what is nearest, floor or object (T, S) [m], negative inside, and its
+        normal there (T, S, 3).
+        """
         frames, count = centers_w.shape[:2]
         frame = np.repeat(np.arange(frames), count)
         away, normal = self.object_distance(frame, centers_w.reshape(-1, 3))
@@ -104,9 +112,14 @@ class Scene:
         return distance, np.where(floor[..., None], np.array([0.0, 0.0, 1.0]), normal)
 
 
-def point_rows(tree: Tree, links: Links, frame: np.ndarray, link: np.ndarray, points_w: np.ndarray, direction_w: np.ndarray) -> np.ndarray:
-    """(M, V) how fast points (M, 3) on links (M,) in frames (M,) move along directions (M, 3), per change of the configuration."""
-    # of a joint with axis a at h: d . (a x (p - h)) = a . (p x d) - d . (a x h), and only the last term knows the joint's frame alone
+def point_rows(
+    tree: Tree, links: Links, frame: np.ndarray, link: np.ndarray, points_w: np.ndarray, direction_w: np.ndarray
+) -> np.ndarray:
+    """(M, V) how fast points (M, 3) on links (M,) in frames (M,) move along directions (M, 3), per change of the
+    configuration.
+    """
+    # of a joint with axis a at h: d . (a x (p - h)) = a . (p x d) - d . (a x h), and only the last term knows the
+    # joint's frame alone
     axis = rot.rotate(links.quat[:, tree.joint_link], tree.joint_axis)  # (T, N, 3)
     moment = np.cross(axis, links.pos[:, tree.joint_link])
     turning = np.cross(points_w, direction_w)

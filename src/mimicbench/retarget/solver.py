@@ -1,8 +1,11 @@
 """Least squares over a whole clip: damped Gauss-Newton steps on a banded matrix, within joint limits.
 
-The unknowns are the V = 6 + N numbers (dp, dw, dq) of each of T frames (see kinematics.py). Frames meet only in differences of a
-coordinate over time, which join it at up to three successive frames, so the matrix is block-diagonal plus a few diagonals and a
-banded Cholesky factorization costs the same for each frame, however long the clip. Joint limits hold exactly: joints that would
+The unknowns are the V = 6 + N numbers (dp, dw, dq) of each of T frames (see kinematics.py). Frames meet only in
+differences of a
+coordinate over time, which join it at up to three successive frames, so the matrix is block-diagonal plus a few
+diagonals and a
+banded Cholesky factorization costs the same for each frame, however long the clip. Joint limits hold exactly: joints
+that would
 leave them are held at them and the others solved for again.
 """
 
@@ -15,7 +18,8 @@ from mimicbench.core import rotations as rot
 from mimicbench.retarget.kinematics import Links, Pose, Tree
 
 _START_DAMPING, _MOST_DAMPING = 1e-4, 1e6
-"""Of a step, as a share of the matrix' diagonal. It follows how much of what the quadratic promises a step gains (Marquardt 1963)."""
+"""Of a step, as a share of the matrix' diagonal. It follows how much of what the quadratic promises a step gains
+(Marquardt 1963)."""
 
 
 class Objective(Protocol):
@@ -51,7 +55,9 @@ class Model:
         row, column = np.tril_indices(variables)
         self.band[row - column, :, column] = blocks[:, row, column].T
 
-    def add_differences(self, columns: np.ndarray, stencil: np.ndarray, values: np.ndarray, weights: np.ndarray) -> None:
+    def add_differences(
+        self, columns: np.ndarray, stencil: np.ndarray, values: np.ndarray, weights: np.ndarray
+    ) -> None:
         """Add sum w (s_0 x_t + s_1 x_t+1 + ...)^2 / 2 over all t, of which the differences are now `values`.
 
         Args:
@@ -103,11 +109,16 @@ def solve(objective: Objective, start: Pose, iterations: int, tolerance: float) 
     return pose, losses
 
 
-def _bounded_step(band: np.ndarray, gradient: np.ndarray, damping: float, limits: np.ndarray, joints: np.ndarray) -> np.ndarray:
+def _bounded_step(
+    band: np.ndarray, gradient: np.ndarray, damping: float, limits: np.ndarray, joints: np.ndarray
+) -> np.ndarray:
     """The damped Gauss-Newton step (T V,) that keeps the joints within their limits, by an active set."""
     damped = band.copy()
     damped[0] += damping * (band[0] + band[0].mean())
-    low, high = np.full((len(joints), 6 + joints.shape[1]), -np.inf), np.full((len(joints), 6 + joints.shape[1]), np.inf)
+    low, high = (
+        np.full((len(joints), 6 + joints.shape[1]), -np.inf),
+        np.full((len(joints), 6 + joints.shape[1]), np.inf),
+    )
     low[:, 6:], high[:, 6:] = limits[:, 0] - joints, limits[:, 1] - joints
     low, high = low.ravel(), high.ravel()
     held = ((low >= 0) & (gradient > 0)) | ((high <= 0) & (gradient < 0))

@@ -152,7 +152,9 @@ class Robot:
         link, offset = self.keypoints[name]
         return link_pos[..., link, :] + rot.rotate(link_quat[..., link, :], np.array(offset))
 
-    def forward_kinematics(self, root_pos: np.ndarray, root_quat: np.ndarray, joint_pos: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def forward_kinematics(
+        self, root_pos: np.ndarray, root_quat: np.ndarray, joint_pos: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """World positions (..., L, 3) and orientations (..., L, 4) of all links.
 
         Args:

@@ -21,7 +21,13 @@ class CameraMaps:
     """Maps of many objects, each at the origin, as robots beside them see them."""
 
     def __init__(
-        self, objects: Sequence[SceneObject], height: int = 90, width: int = 120, device: str | torch.device = "cpu", rig: Rig = PELVIS_RIG, cell: float = CELL
+        self,
+        objects: Sequence[SceneObject],
+        height: int = 90,
+        width: int = 120,
+        device: str | torch.device = "cpu",
+        rig: Rig = PELVIS_RIG,
+        cell: float = CELL,
     ) -> None:
         """Prepare the rays of the cameras.
 
@@ -37,8 +43,12 @@ class CameraMaps:
         self.boxes = BoxTable(objects, self.device)
         self._cell = cell
         corners = [obj.bounds() for obj in objects]
-        self._center = torch.tensor(np.array([(low + high) / 2 for low, high in corners]), dtype=torch.float32, device=self.device)
-        self._radius = torch.tensor([float(np.linalg.norm(high - low)) / 2 for low, high in corners], device=self.device)
+        self._center = torch.tensor(
+            np.array([(low + high) / 2 for low, high in corners]), dtype=torch.float32, device=self.device
+        )
+        self._radius = torch.tensor(
+            [float(np.linalg.norm(high - low)) / 2 for low, high in corners], device=self.device
+        )
         rays = rig.rays(height, width).reshape(len(rig.mounts), -1, 3)
         self._rays = torch.from_numpy(rays.astype(np.float32)).to(self.device)
         self._units = self._rays / self._rays.norm(dim=-1, keepdim=True)
@@ -60,9 +70,13 @@ class CameraMaps:
         distance, radius = to_object.norm(dim=-1), self._radius[object_index, None]
         cone = torch.where(distance > radius, (1 - (radius / distance.clamp(min=1e-6)).clamp(max=1) ** 2).sqrt(), -1.0)
         axis = rot.rotate_inverse(root_quat[:, None], to_object / distance.clamp(min=1e-6)[..., None])
-        n, camera, ray = torch.nonzero(torch.einsum("nck,crk->ncr", axis, self._units) >= cone[..., None], as_tuple=True)
+        n, camera, ray = torch.nonzero(
+            torch.einsum("nck,crk->ncr", axis, self._units) >= cone[..., None], as_tuple=True
+        )
         direction = rot.rotate(root_quat[n], self._rays[camera, ray])
-        depth = self.boxes.first_hit(object_index.repeat_interleave(cameras), eye.view(-1, 3), direction, n * cameras + camera)
+        depth = self.boxes.first_hit(
+            object_index.repeat_interleave(cameras), eye.view(-1, 3), direction, n * cameras + camera
+        )
         hit = depth < RANGE
         n, camera = n[hit], camera[hit]
         offset = eye[n, camera] - root_pos[n] + direction[hit] * depth[hit, None]

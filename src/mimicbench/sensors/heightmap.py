@@ -20,7 +20,8 @@ CELLS = 128
 CELL = 0.04
 """[m]; 128 cells of 4 cm are the paper's maps for all tasks but touch-points."""
 BLIND = 0.06
-"""[m] at the end of a line of sight that may lie inside the object: the front of a thin wall is in the same cell as its top."""
+"""[m] at the end of a line of sight that may lie inside the object: the front of a thin wall is in the same cell as its
+top."""
 
 
 def cell_centers(cells: int = CELLS, cell: float = CELL) -> np.ndarray:
@@ -28,7 +29,9 @@ def cell_centers(cells: int = CELLS, cell: float = CELL) -> np.ndarray:
     return (np.arange(cells) - (cells - 1) / 2) * cell
 
 
-def box_heightmap(obj: SceneObject, root_pos: np.ndarray, root_yaw: float, cells: int = CELLS, cell: float = CELL) -> np.ndarray:
+def box_heightmap(
+    obj: SceneObject, root_pos: np.ndarray, root_yaw: float, cells: int = CELLS, cell: float = CELL
+) -> np.ndarray:
     """The map (cells, cells) of an object at the origin, exact at the cells' centres and without occlusion.
 
     Args:
@@ -116,12 +119,19 @@ class ObjectMaps:
     Heights are then right to the object's slope times half a centimetre, and edges to half a centimetre.
     """
 
-    def __init__(self, objects: Sequence[SceneObject], spread: float = 0.0, device: str | torch.device = "cpu", fine: float = 0.01) -> None:
+    def __init__(
+        self,
+        objects: Sequence[SceneObject],
+        spread: float = 0.0,
+        device: str | torch.device = "cpu",
+        fine: float = 0.01,
+    ) -> None:
         """Sample the objects' surfaces.
 
         Args:
             objects: What `object_index` of `sample` counts.
-            spread: Widen every surface by this much [m]. A map made of many points keeps the highest point of each cell,
+            spread: Widen every surface by this much [m]. A map made of many points keeps the highest point of each
+                cell,
                 and so shows an edge up to half a cell farther out than the cells' centres do.
             device: Where the maps are made.
             fine: Side of the cells of the stored surfaces [m].
@@ -152,7 +162,13 @@ class ObjectMaps:
         self._boxes = BoxTable(objects, self.device)
 
     def sample(
-        self, object_index: Tensor, root_pos: Tensor, root_yaw: Tensor, cells: int = CELLS, cell: float = CELL, occlusion: bool | Tensor = False
+        self,
+        object_index: Tensor,
+        root_pos: Tensor,
+        root_yaw: Tensor,
+        cells: int = CELLS,
+        cell: float = CELL,
+        occlusion: bool | Tensor = False,
     ) -> Tensor:
         """Maps (N, cells, cells) of N robots, each beside its own object at the origin.
 
@@ -170,21 +186,28 @@ class ObjectMaps:
         cos, sin = root_yaw.cos(), root_yaw.sin()
         # only a window of cells around the object can differ from the floor
         window = min(cells, 2 * int(np.ceil(self._radius / cell)) + 2)
-        center = torch.stack([-cos * root_pos[:, 0] - sin * root_pos[:, 1], sin * root_pos[:, 0] - cos * root_pos[:, 1]], -1)
+        center = torch.stack(
+            [-cos * root_pos[:, 0] - sin * root_pos[:, 1], sin * root_pos[:, 0] - cos * root_pos[:, 1]], -1
+        )
         first = torch.round(center / cell + (cells - window) / 2).long()
         steps = torch.arange(window, device=self.device)
         rows, columns = first[:, 0, None] + steps, first[:, 1, None] + steps
         middle = (cells - 1) / 2
         x, y = ((rows - middle) * cell)[:, :, None], ((columns - middle) * cell)[:, None, :]
         cos, sin = cos[:, None, None], sin[:, None, None]
-        world_x, world_y = root_pos[:, 0, None, None] + cos * x - sin * y, root_pos[:, 1, None, None] + sin * x + cos * y
+        world_x, world_y = (
+            root_pos[:, 0, None, None] + cos * x - sin * y,
+            root_pos[:, 1, None, None] + sin * x + cos * y,
+        )
         height = self._lookup(object_index, world_x, world_y)
         inside = ((rows >= 0) & (rows < cells))[:, :, None] & ((columns >= 0) & (columns < cells))[:, None, :]
         n, i, j = torch.nonzero((height > 0) & inside, as_tuple=True)
         height, world_x, world_y = height[n, i, j], world_x[n, i, j], world_y[n, i, j]
         if occlusion is not False:
             ray = torch.stack([world_x, world_y, height], -1) - root_pos[n]
-            seen = self._boxes.first_hit(object_index, root_pos, ray, n) > 1 - BLIND / ray.norm(dim=-1).clamp(min=2 * BLIND)
+            seen = self._boxes.first_hit(object_index, root_pos, ray, n) > 1 - BLIND / ray.norm(dim=-1).clamp(
+                min=2 * BLIND
+            )
             if isinstance(occlusion, Tensor):
                 seen |= ~occlusion[n]
             n, i, j, height = n[seen], i[seen], j[seen], height[seen]

@@ -21,7 +21,9 @@ class NoPictures(MimicbenchError):
     """There is no OpenGL to draw with. Everything but pictures and videos works all the same."""
 
 
-def draw_apart(function: Callable[[Item], Drawn], items: Sequence[Item], workers: int, label: str, quiet: bool = False) -> list[Drawn]:
+def draw_apart(
+    function: Callable[[Item], Drawn], items: Sequence[Item], workers: int, label: str, quiet: bool = False
+) -> list[Drawn]:
     """`map_items` for a function that draws: in processes of their own, for graphics drivers crash, and then once more.
 
     Raises NoPictures if that crashes too.
@@ -31,11 +33,17 @@ def draw_apart(function: Callable[[Item], Drawn], items: Sequence[Item], workers
             return map_items(function, items, workers, label, quiet, isolated=True)
         except WorkerDied:
             pass
-    raise NoPictures("the graphics driver crashed twice; pictures and videos are left out (another one may be had with MUJOCO_GL); everything else goes on")
+    raise NoPictures(
+        "the graphics driver crashed twice; pictures and videos are left out (another one may be had "
+        "with MUJOCO_GL); everything else goes on"
+    )
 
 
 class Canvas:
-    """An off-screen buffer and one model's shapes and textures in it. Use as a context manager: GL contexts are few, and must be given back."""
+    """An off-screen buffer and one model's shapes and textures in it.
+
+    Use as a context manager: GL contexts are few, and must be given back.
+    """
 
     def __init__(self, model: mujoco.MjModel, height: int, width: int) -> None:
         """Open it for `model`, whose `vis.global_.offwidth` and `offheight` must be no smaller. Raises NoPictures."""
@@ -66,7 +74,9 @@ class Canvas:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.close()
 
 
@@ -79,8 +89,15 @@ class SharedCanvas:
         self._drawn: mujoco.MjModel | None = None
 
     def of(self, model: mujoco.MjModel) -> Canvas:
-        """The canvas, ready to draw a model. It holds the textures, which all scenes share, and one model's meshes, which they do not. Raises NoPictures."""
-        if self._canvas is not None and self._drawn is not model and (model.nmesh or (self._drawn is not None and self._drawn.nmesh)):
+        """The canvas, ready to draw a model.
+
+        It holds the textures, which all scenes share, and one model's meshes, which they do not. Raises NoPictures.
+        """
+        if (
+            self._canvas is not None
+            and self._drawn is not model
+            and (model.nmesh or (self._drawn is not None and self._drawn.nmesh))
+        ):
             self.close()
         if self._canvas is None:
             self._canvas, self._drawn = Canvas(model, self.height, self.width), model
@@ -95,7 +112,10 @@ class SharedCanvas:
 
 
 def _context_class() -> Any:
-    """EGL on Linux unless MUJOCO_GL says otherwise, even when MuJoCo was imported before; elsewhere MuJoCo's own choice."""
+    """EGL on Linux unless MUJOCO_GL says otherwise, even when MuJoCo was imported before.
+
+    Elsewhere MuJoCo's own choice.
+    """
     if sys.platform.startswith("linux"):
         os.environ.setdefault("MUJOCO_GL", "egl")
     backend = os.environ.get("MUJOCO_GL", "").strip().lower()

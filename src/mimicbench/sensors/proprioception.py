@@ -17,11 +17,18 @@ def gravity(state: RobotState) -> torch.Tensor:
 
 
 def root_turn(state: RobotState) -> torch.Tensor:
-    """(3, 3, N) rotation matrices from the root's frame to the world's, each number of all robots side by side. Both functions below need them."""
+    """(3, 3, N) rotation matrices from the root's frame to the world's, each number of all robots side by side.
+
+    Both functions below need them.
+    """
     xp, (quat,) = _own(state.root_quat_w)
     q = _rows(xp, quat)
     twice = (q + q)[:, None] * q
-    squares, mixed, spins = twice[[1, 2, 3], [1, 2, 3]], twice[[2, 1, 1], [3, 3, 2]], twice[0, 1:]  # of x, y, z; yz, xz, xy; wx, wy, wz
+    squares, mixed, spins = (
+        twice[[1, 2, 3], [1, 2, 3]],
+        twice[[2, 1, 1], [3, 3, 2]],
+        twice[0, 1:],
+    )  # of x, y, z; yz, xz, xy; wx, wy, wz
     turn = xp.empty_like(twice[:3, :3])
     turn[[0, 1, 2], [0, 1, 2]] = 1 - squares[[1, 0, 0]] - squares[[2, 2, 1]]
     turn[[2, 0, 1], [1, 2, 0]] = mixed + spins
@@ -29,16 +36,26 @@ def root_turn(state: RobotState) -> torch.Tensor:
     return torch.from_numpy(turn) if xp is np else turn
 
 
-def s_current(state: RobotState, links: LinkState, last_action: torch.Tensor, turn: torch.Tensor | None = None) -> torch.Tensor:
+def s_current(
+    state: RobotState, links: LinkState, last_action: torch.Tensor, turn: torch.Tensor | None = None
+) -> torch.Tensor:
     """(N, 300 for the H1) S_current of the paper (G.1): J, dJ, t, R, v, omega, last action, g.
 
     t, R, v and omega are the positions, orientations (rotation vectors), linear and angular velocities of all links in
     the root frame, three numbers a link. `turn` is `root_turn(state)`, if it is at hand.
     """
     xp, (r, root_pos, root_quat, joint_pos, joint_vel, pos_w, quat_w, lin_vel_w, ang_vel_w, action) = _own(
-        root_turn(state) if turn is None else turn, state.root_pos_w, state.root_quat_w, state.joint_pos, state.joint_vel,
-        links.pos_w, links.quat_w, links.lin_vel_w, links.ang_vel_w, last_action,
-    )  # fmt: skip
+        root_turn(state) if turn is None else turn,
+        state.root_pos_w,
+        state.root_quat_w,
+        state.joint_pos,
+        state.joint_vel,
+        links.pos_w,
+        links.quat_w,
+        links.lin_vel_w,
+        links.ang_vel_w,
+        last_action,
+    )
     vectors = xp.stack([_along_robots(array) for array in (pos_w, lin_vel_w, ang_vel_w)])  # (3, L, 3, N)
     vectors[0] -= _rows(xp, root_pos)
     pos, lin, ang = _turn_back(r, vectors).reshape(3, -1, len(root_pos))
@@ -48,9 +65,17 @@ def s_current(state: RobotState, links: LinkState, last_action: torch.Tensor, tu
 
 
 def body_state(state: RobotState, turn: torch.Tensor | None = None) -> torch.Tensor:
-    """(N, 48 for the H1) what a robot can measure of itself: g, root height, root velocities in the root frame, J, dJ. `turn` as in s_current."""
+    """(N, 48 for the H1) what a robot can measure of itself: g, root height, root velocities in the root frame, J, dJ.
+
+    `turn` as in s_current.
+    """
     xp, (r, root_pos, lin_vel, ang_vel, joint_pos, joint_vel) = _own(
-        root_turn(state) if turn is None else turn, state.root_pos_w, state.root_lin_vel_w, state.root_ang_vel_b, state.joint_pos, state.joint_vel
+        root_turn(state) if turn is None else turn,
+        state.root_pos_w,
+        state.root_lin_vel_w,
+        state.root_ang_vel_b,
+        state.joint_pos,
+        state.joint_vel,
     )
     return _table(xp, [-r[2], root_pos.T[2:], _turn_back(r, _rows(xp, lin_vel)), ang_vel.T, joint_pos.T, joint_vel.T])
 
@@ -58,13 +83,17 @@ def body_state(state: RobotState, turn: torch.Tensor | None = None) -> torch.Ten
 def _own(*arrays: torch.Tensor) -> tuple[Any, list[Any]]:
     """The library that works with these tensors, and they as its arrays.
 
-    On the CPU that is NumPy, which is quicker for few robots; and torch's arctan2 rounds by a robot's place in the batch.
+    On the CPU that is NumPy, which is quicker for few robots; and torch's arctan2 rounds by a robot's place in the
+    batch.
     """
     return (np, [array.numpy() for array in arrays]) if arrays[0].device.type == "cpu" else (torch, list(arrays))
 
 
 def _table(xp: Any, rows: Sequence[Any]) -> torch.Tensor:
-    """(N, C) of blocks of rows (., N). What is worked out has one row a number, so that every operation runs along the robots."""
+    """(N, C) of blocks of rows (., N).
+
+    What is worked out has one row a number, so that every operation runs along the robots.
+    """
     joined = xp.concatenate(rows)
     return (torch.from_numpy(joined) if xp is np else joined).T.contiguous()
 
@@ -92,7 +121,9 @@ def _turns_between(xp: Any, a: Any, b: Any) -> Any:
     turn = b[:, :1] * columns[0] + b[:, 1:2] * columns[1] + b[:, 2:3] * columns[2] + b[:, 3:] * columns[3]
     cosine, axis = turn[:, :1], turn[:, 1:]
     square = axis * axis
-    sine = (square[:, :1] + square[:, 1:2] + square[:, 2:] + 1e-30) ** 0.5  # never zero, so that its quotient has a limit
+    sine = (
+        square[:, :1] + square[:, 1:2] + square[:, 2:] + 1e-30
+    ) ** 0.5  # never zero, so that its quotient has a limit
     # the shorter way: of the two quaternions of a turn, the one with w >= 0
     return axis * xp.copysign(2 * xp.arctan2(sine, abs(cosine)) / sine, cosine)
 

@@ -14,9 +14,15 @@ _RAYS_AT_ONCE = 1 << 18
 
 
 def ray_depth(
-    physics: Physics, ids: np.ndarray | None = None, height: int = HEIGHT, width: int = WIDTH, rig: Rig = PELVIS_RIG, robot: bool = True
+    physics: Physics,
+    ids: np.ndarray | None = None,
+    height: int = HEIGHT,
+    width: int = WIDTH,
+    rig: Rig = PELVIS_RIG,
+    robot: bool = True,
 ) -> np.ndarray:
-    """(N, C, height, width) float32 depth images of scenes `ids` (None: all), along the cameras' axes, at most 50 m [m].
+    """(N, C, height, width) float32 depth images of scenes `ids` (None: all), along the cameras' axes, at most 50 m
+    [m].
 
     The same as `RigCameras` draws of these scenes. `robot` is whether the robot's own body is in them.
     """

@@ -19,7 +19,8 @@ from mimicbench.sensors.rigs import HEIGHT, WIDTH, Rig
 from mimicbench.sim.scene import FLOOR_GROUP, OBJECT_BODY, OBJECT_GROUP, ROBOT_GROUP, VISUAL_GROUP
 
 NOTHING, FLOOR, OBJECT, ROBOT = 0, 1, 2, 3
-"""Labels of the segmentation; ROBOT + i is the robot's link i, so `np.minimum(labels, ROBOT)` tells the robot as a whole."""
+"""Labels of the segmentation; ROBOT + i is the robot's link i, so `np.minimum(labels, ROBOT)` tells the robot as a
+whole."""
 _NEAR, _FAR = 0.01, 200.0
 _MAX_PIXELS = 4096
 _MAX_SHAPES = 500
@@ -41,7 +42,13 @@ class RigCameras:
     """The cameras of one robot in one scene. Use as a context manager."""
 
     def __init__(
-        self, model: mujoco.MjModel, rig: Rig, height: int = HEIGHT, width: int = WIDTH, robot: bool = True, canvas: SharedCanvas | None = None
+        self,
+        model: mujoco.MjModel,
+        rig: Rig,
+        height: int = HEIGHT,
+        width: int = WIDTH,
+        robot: bool = True,
+        canvas: SharedCanvas | None = None,
     ) -> None:
         """Prepare to draw.
 
@@ -51,10 +58,13 @@ class RigCameras:
             height: Rows of each picture [px].
             width: Columns of each picture [px].
             robot: Whether the robot's own body is in the pictures.
-            canvas: Where to draw, of the same size, if other scenes are drawn there too; closing it is then the owner's.
+            canvas: Where to draw, of the same size, if other scenes are drawn there too; closing it is then the
+                owner's.
         """
         if not (1 <= height <= _MAX_PIXELS and 1 <= width <= _MAX_PIXELS):
-            raise MimicbenchError(f"a camera's picture can have 1 to {_MAX_PIXELS} rows and columns, not {height} x {width}")
+            raise MimicbenchError(
+                f"a camera's picture can have 1 to {_MAX_PIXELS} rows and columns, not {height} x {width}"
+            )
         self.rig, self.height, self.width = rig, height, width
         self._model = copy.copy(model)
         self._model.vis.global_.offheight, self._model.vis.global_.offwidth = height, width
@@ -81,7 +91,9 @@ class RigCameras:
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_camlight(self._model, self._data)
         self._camera.lookat[:] = qpos[:3]
-        mujoco.mjv_updateScene(self._model, self._data, self._option, None, self._camera, mujoco.mjtCatBit.mjCAT_ALL, self._scene)
+        mujoco.mjv_updateScene(
+            self._model, self._data, self._option, None, self._camera, mujoco.mjtCatBit.mjCAT_ALL, self._scene
+        )
         drawing = self._canvas.of(self._model).drawing
         drawing.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
         count, rect = len(self._origins), mujoco.MjrRect(0, 0, self.width, self.height)
@@ -95,7 +107,9 @@ class RigCameras:
             mujoco.mjr_render(rect, self._scene, drawing)
             mujoco.mjr_readPixels(ids[i] if labels else None, depths[i], rect, drawing)
             if color:
-                self._scene.flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = self._scene.flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 0
+                self._scene.flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = self._scene.flags[
+                    mujoco.mjtRndFlag.mjRND_IDCOLOR
+                ] = 0
                 mujoco.mjr_render(rect, self._scene, drawing)
                 mujoco.mjr_readPixels(colors[i], None, rect, drawing)
         named = self._named(ids) if labels else np.empty((0, self.height, self.width), np.uint8)
@@ -128,7 +142,9 @@ class RigCameras:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.close()
 
 

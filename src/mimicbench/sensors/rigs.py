@@ -52,7 +52,12 @@ class Rig:
 
     def origins(self) -> np.ndarray:
         """(C, 3) where the cameras are in the root frame [m]."""
-        return np.array([(mount.out * np.cos(mount.bearing), mount.out * np.sin(mount.bearing), mount.height) for mount in self.mounts])
+        return np.array(
+            [
+                (mount.out * np.cos(mount.bearing), mount.out * np.sin(mount.bearing), mount.height)
+                for mount in self.mounts
+            ]
+        )
 
     def turns(self) -> np.ndarray:
         """(C, 4) orientations of the cameras' frames in the root frame."""
@@ -60,19 +65,24 @@ class Rig:
         return rot.multiply(yaw, rot.from_rotvec(np.array([(0.0, mount.pitch, 0.0) for mount in self.mounts])))
 
     def rays(self, height: int = HEIGHT, width: int = WIDTH) -> np.ndarray:
-        """(C, height, width, 3) lines of sight in the root frame, each one meter long along its camera's axis: a pixel of depth d shows origin + d * ray."""
+        """(C, height, width, 3) lines of sight in the root frame, each one meter long along its camera's axis: a
+        pixel of depth d shows origin + d * ray.
+        """
         return _rays(self, height, width)
 
     def sights(self, height: int = HEIGHT, width: int = WIDTH) -> np.ndarray:
         """(C, 3, 3) the same lines of sight as linear forms: `sights @ (1, row, column)` is that of a pixel."""
         focal = self.focal(width)
-        return rot.to_matrix(self.turns()) @ np.array([[1, 0, 0], [(width - 1) / 2 / focal, 0, -1 / focal], [(height - 1) / 2 / focal, -1 / focal, 0]])
+        return rot.to_matrix(self.turns()) @ np.array(
+            [[1, 0, 0], [(width - 1) / 2 / focal, 0, -1 / focal], [(height - 1) / 2 / focal, -1 / focal, 0]]
+        )
 
     def project(self, points_r: np.ndarray, height: int = HEIGHT, width: int = WIDTH) -> tuple[np.ndarray, np.ndarray]:
         """Where points (K, 3) of the root frame are in the pictures.
 
         Returns:
-            (C, K, 2) distances [px] from the picture's top and left edge, and (C, K) depth [m]. A point is in the picture if its
+            (C, K, 2) distances [px] from the picture's top and left edge, and (C, K) depth [m]. A point is in the
+            picture if its
             depth is positive and it lies within 0..height and 0..width.
         """
         local = rot.rotate_inverse(self.turns()[:, None], points_r[None] - self.origins()[:, None])
@@ -84,7 +94,9 @@ class Rig:
 @lru_cache(maxsize=8)
 def _rays(rig: Rig, height: int, width: int) -> np.ndarray:
     focal = rig.focal(width)
-    v, u = np.meshgrid((np.arange(height) + 0.5 - height / 2) / focal, (np.arange(width) + 0.5 - width / 2) / focal, indexing="ij")
+    v, u = np.meshgrid(
+        (np.arange(height) + 0.5 - height / 2) / focal, (np.arange(width) + 0.5 - width / 2) / focal, indexing="ij"
+    )
     rays = rot.rotate(rig.turns()[:, None, None], np.stack([np.ones_like(u), -u, -v], -1)[None])
     rays.setflags(write=False)  # shared by all who ask
     return rays

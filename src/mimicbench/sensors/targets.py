@@ -1,4 +1,6 @@
-"""The goal of touch-points as the robot sees it: where its two wrists are to go, in pictures and in the elevation map (appendix C.2)."""
+"""The goal of touch-points as the robot sees it: where its two wrists are to go, in pictures and in the elevation
+map (appendix C.2).
+"""
 
 import numpy as np
 import torch
@@ -12,8 +14,12 @@ TARGET_CELL = 0.01
 RED = (255, 0, 0)
 
 
-def mark_targets(color: np.ndarray, rig: Rig, root_pos: np.ndarray, root_quat: np.ndarray, targets_w: np.ndarray, radius: int = 0) -> np.ndarray:
-    """The pictures (C, height, width, 3) with the targets' pixels red; nothing hides a target, for a hand that moves before it must not put out the goal.
+def mark_targets(
+    color: np.ndarray, rig: Rig, root_pos: np.ndarray, root_quat: np.ndarray, targets_w: np.ndarray, radius: int = 0
+) -> np.ndarray:
+    """The pictures (C, height, width, 3) with the targets' pixels red.
+
+    Nothing hides a target, for a hand that moves before it must not put out the goal.
 
     Args:
         color: Pictures of all cameras, uint8; they stay as they are.
@@ -27,14 +33,19 @@ def mark_targets(color: np.ndarray, rig: Rig, root_pos: np.ndarray, root_quat: n
     height, width = color.shape[1:3]
     places, depth = rig.project(rot.rotate_inverse(root_quat, targets_w - root_pos), height, width)
     rows, columns = (np.floor(places[..., axis]).astype(int) for axis in (0, 1))
-    for camera, target in zip(*np.nonzero((depth > 0) & (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)), strict=True):
+    for camera, target in zip(
+        *np.nonzero((depth > 0) & (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)), strict=True
+    ):
         row, column = rows[camera, target], columns[camera, target]
         marked[camera, max(row - radius, 0) : row + radius + 1, max(column - radius, 0) : column + radius + 1] = RED
     return marked
 
 
-def target_map(root_pos: np.ndarray, root_quat: np.ndarray, targets_w: np.ndarray, cell: float = TARGET_CELL) -> torch.Tensor:
-    """(N, 128, 128) maps in the layout of the elevation map that show the targets' heights relative to the root [m], and else floor, which is black.
+def target_map(
+    root_pos: np.ndarray, root_quat: np.ndarray, targets_w: np.ndarray, cell: float = TARGET_CELL
+) -> torch.Tensor:
+    """(N, 128, 128) maps in the layout of the elevation map that show the targets' heights relative to the root [m],
+    and else floor, which is black.
 
     A target outside of the map is not in it; of two in one cell the higher is.
 

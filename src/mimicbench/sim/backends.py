@@ -12,9 +12,16 @@ from mimicbench.sim.physics import Physics
 
 
 def make_physics(
-    device: str, robot: Robot, objects: Sequence[SceneObject], preset: str = "improved", control: str = "position", workers: int = 0,
-    visuals: bool = False, meshes: bool | None = None, broken_dir: Path | None = None,
-) -> Physics:  # fmt: skip
+    device: str,
+    robot: Robot,
+    objects: Sequence[SceneObject],
+    preset: str = "improved",
+    control: str = "position",
+    workers: int = 0,
+    visuals: bool = False,
+    meshes: bool | None = None,
+    broken_dir: Path | None = None,
+) -> Physics:
     """N scenes of one robot, one per object, on a device.
 
     Args:
@@ -26,7 +33,8 @@ def make_physics(
         control: `position`, `velocity` or `torque`.
         workers: threads on `cpu`, 0: all processors; Warp has none.
         visuals: give the models that `model(env)` returns what is only there for pictures.
-        meshes: make room for imported objects' convex pieces, on `cpu`; None: if any object has some. Warp refuses them.
+        meshes: make room for imported objects' convex pieces, on `cpu`; None: if any object has some. Warp refuses
+            them.
         broken_dir: where scenes whose physics breaks are written; None: a new temporary folder.
 
     Raises:
@@ -51,5 +59,7 @@ def check_device(device: str) -> None:
     except ModuleNotFoundError as error:
         if error.name not in ("warp", "mujoco_warp"):
             raise
-        raise MimicbenchError(f"device {device} needs MuJoCo Warp; run `pip install 'mimicbench[gpu]'`, or use --device cpu") from None
+        raise MimicbenchError(
+            f"device {device} needs MuJoCo Warp; run `pip install 'mimicbench[gpu]'`, or use --device cpu"
+        ) from None
     open_device(tensors)

@@ -43,7 +43,8 @@ class BrokenScene:
     """`position`, `velocity` or `torque`."""
     obj: SceneObject
     qpos: np.ndarray
-    """(nq,) MuJoCo's positions: root, joints, then the object's if it moves. What was not finite before the step is so here too."""
+    """(nq,) MuJoCo's positions: root, joints, then the object's if it moves. What was not finite before the step is so
+    here too."""
     qvel: np.ndarray
     """(nv,) MuJoCo's velocities."""
     warmstart: np.ndarray
@@ -54,9 +55,15 @@ class BrokenScene:
     def save(self, path: Path) -> None:
         """Write it as an `.npz` that `load_broken` reads."""
         header = {
-            "type": _KIND, "reason": self.reason, "scene": self.scene, "backend": self.backend, "robot": self.robot, "preset": self.preset,
-            "control": self.control, "object": self.obj.to_dict(),
-        }  # fmt: skip
+            "type": _KIND,
+            "reason": self.reason,
+            "scene": self.scene,
+            "backend": self.backend,
+            "robot": self.robot,
+            "preset": self.preset,
+            "control": self.control,
+            "object": self.obj.to_dict(),
+        }
         write_npz(path, header, {name: getattr(self, name) for name in _ARRAYS})
 
 
@@ -77,11 +84,17 @@ def load_broken(path: Path) -> BrokenScene:
     header, arrays = read_npz(path, _KIND)
     obj = SceneObject.from_dict(header.get("object", {}))
     try:
-        reason, backend, robot, preset, control = (str(header[name]) for name in ("reason", "backend", "robot", "preset", "control"))
+        reason, backend, robot, preset, control = (
+            str(header[name]) for name in ("reason", "backend", "robot", "preset", "control")
+        )
         qpos, qvel, warmstart, target = (np.asarray(arrays[name], float) for name in _ARRAYS)
-        return BrokenScene(reason, int(header["scene"]), backend, robot, preset, control, obj, qpos, qvel, warmstart, target)
+        return BrokenScene(
+            reason, int(header["scene"]), backend, robot, preset, control, obj, qpos, qvel, warmstart, target
+        )
     except (KeyError, TypeError, ValueError) as error:
-        raise BadFile(f"{path} is not a whole broken scene (it lacks {error}); let the simulation write it again") from None
+        raise BadFile(
+            f"{path} is not a whole broken scene (it lacks {error}); let the simulation write it again"
+        ) from None
 
 
 def replay(broken: BrokenScene) -> Replay:
@@ -94,17 +107,27 @@ def replay(broken: BrokenScene) -> Replay:
     model = build_model(load_robot(broken.robot), broken.obj, broken.preset, broken.control)
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     data = mujoco.MjData(model)
-    for name, there in (("qpos", data.qpos), ("qvel", data.qvel), ("warmstart", data.qacc_warmstart), ("target", data.ctrl)):
+    for name, there in (
+        ("qpos", data.qpos),
+        ("qvel", data.qvel),
+        ("warmstart", data.qacc_warmstart),
+        ("target", data.ctrl),
+    ):
         given = getattr(broken, name)
         if given.shape != there.shape:
-            raise BadFile(f"the broken scene's {name} is {given.shape}, but robot {broken.robot} and object {broken.obj.id} need {there.shape}")
+            raise BadFile(
+                f"the broken scene's {name} is {given.shape}, but robot {broken.robot} and object "
+                f"{broken.obj.id} need {there.shape}"
+            )
         there[:] = given
     qpos, qvel = np.empty((SUBSTEPS, model.nq)), np.empty((SUBSTEPS, model.nv))
     for step in range(SUBSTEPS):
         mujoco.mj_step(model, data)
         qpos[step], qvel[step] = data.qpos, data.qvel
     kinds = (kind for name, kind in mujoco.mjtWarning.__members__.items() if name.startswith("mjWARN_"))
-    return Replay(qpos, qvel, tuple(kind.name.removeprefix("mjWARN_") for kind in kinds if data.warning[kind.value].number))
+    return Replay(
+        qpos, qvel, tuple(kind.name.removeprefix("mjWARN_") for kind in kinds if data.warning[kind.value].number)
+    )
 
 
 class BrokenLog:
@@ -129,4 +152,6 @@ class BrokenLog:
             self.paths.append(path)
             _log.warning("%s; mimicbench.sim.broken.replay runs its last step again from %s", told, path)
         elif self.count & (self.count - 1) == 0:  # each power of two, so that a thousand of them stay readable
-            _log.warning("%s; it is number %d, and only the first %d were written to %s", told, self.count, MAX_KEPT, self.folder)
+            _log.warning(
+                "%s; it is number %d, and only the first %d were written to %s", told, self.count, MAX_KEPT, self.folder
+            )

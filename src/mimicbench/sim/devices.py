@@ -1,4 +1,7 @@
-"""Names of what can compute the physics. Knows no simulator, so that whoever only asks for a device need not load one."""
+"""Names of what can compute the physics.
+
+Knows no simulator, so that whoever only asks for a device need not load one.
+"""
 
 import re
 
@@ -10,7 +13,10 @@ DEVICES = (CPU, "cuda", "cuda:1", WARP_CPU)
 
 
 def tensor_device(device: str) -> str:
-    """Where the tensors of physics on `device` live, as torch calls it: `cpu`, `cuda` or `cuda:1`. Raises UnknownName."""
+    """Where the tensors of physics on `device` live, as torch calls it: `cpu`, `cuda` or `cuda:1`.
+
+    Raises UnknownName.
+    """
     if device in (CPU, WARP_CPU):
         return "cpu"
     if re.fullmatch(r"cuda(:\d{1,3})?", device):

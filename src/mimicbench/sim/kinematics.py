@@ -1,6 +1,7 @@
 """Where the links of many robots are, and how they move, from nothing but the robots' own coordinates.
 
-MuJoCo can say so of a whole scene, but then it also looks for contacts, which costs three times as much. Here the robots
+MuJoCo can say so of a whole scene, but then it also looks for contacts, which costs three times as much. Here the
+robots
 have no shapes and nothing beside them; the numbers are the same to the last bit.
 """
 
@@ -14,14 +15,19 @@ from mimicbench.sim.physics import LinkState
 from mimicbench.sim.scene import add_links
 
 _SENSORS = {
-    mujoco.mjtSensor.mjSENS_FRAMEPOS: 3, mujoco.mjtSensor.mjSENS_FRAMEQUAT: 4, mujoco.mjtSensor.mjSENS_FRAMELINVEL: 3,
+    mujoco.mjtSensor.mjSENS_FRAMEPOS: 3,
+    mujoco.mjtSensor.mjSENS_FRAMEQUAT: 4,
+    mujoco.mjtSensor.mjSENS_FRAMELINVEL: 3,
     mujoco.mjtSensor.mjSENS_FRAMEANGVEL: 3,
-}  # fmt: skip
+}
 """What is read of every link, in LinkState's order, and how many numbers each is."""
 _OFF = (
-    mujoco.mjtDisableBit.mjDSBL_CONTACT, mujoco.mjtDisableBit.mjDSBL_CONSTRAINT, mujoco.mjtDisableBit.mjDSBL_ACTUATION, mujoco.mjtDisableBit.mjDSBL_SPRING,
+    mujoco.mjtDisableBit.mjDSBL_CONTACT,
+    mujoco.mjtDisableBit.mjDSBL_CONSTRAINT,
+    mujoco.mjtDisableBit.mjDSBL_ACTUATION,
+    mujoco.mjtDisableBit.mjDSBL_SPRING,
     mujoco.mjtDisableBit.mjDSBL_DAMPER,
-)  # fmt: skip
+)
 """Only the robot's tree matters; forces would be worked out for nothing."""
 
 

@@ -35,9 +35,16 @@ class NativePhysics:
     """N scenes on `workers` threads (0: all processors). See the Physics protocol for the methods."""
 
     def __init__(
-        self, robot: Robot, objects: Sequence[SceneObject], preset: str = "improved", control: str = "position", workers: int = 0, visuals: bool = False,
-        meshes: bool | None = None, broken_dir: Path | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        robot: Robot,
+        objects: Sequence[SceneObject],
+        preset: str = "improved",
+        control: str = "position",
+        workers: int = 0,
+        visuals: bool = False,
+        meshes: bool | None = None,
+        broken_dir: Path | None = None,
+    ) -> None:
         self.robot, self.num_envs, self.device = robot, len(objects), "cpu"
         self._preset, self._control, self._visuals = preset, control, visuals
         # room for imported objects' convex pieces, now or by set_objects; by default if there are any now
@@ -61,12 +68,18 @@ class NativePhysics:
     def _model(self, obj: SceneObject) -> mujoco.MjModel:
         """Compile a scene, or take it from those at hand."""
         if obj.hulls and not self._meshes:
-            raise MimicbenchError(f"object {obj.id} has convex pieces, and this simulation has room for boxes only; make it with meshes=True")
+            raise MimicbenchError(
+                f"object {obj.id} has convex pieces, and this simulation has room for boxes only; "
+                "make it with meshes=True"
+            )
         if obj.id not in self._compiled:
-            # scenes hold on to what they run on; of other objects the latest are kept, so that memory is bounded however many come by
+            # scenes hold on to what they run on; of other objects the latest are kept, so that memory is bounded
+            # however many come by
             while len(self._compiled) >= max(KEPT_MODELS, 2 * self.num_envs):
                 del self._compiled[next(iter(self._compiled))]
-            self._compiled[obj.id] = build_model(self.robot, obj, self._preset, self._control, self._visuals, self._meshes)
+            self._compiled[obj.id] = build_model(
+                self.robot, obj, self._preset, self._control, self._visuals, self._meshes
+            )
         return self._compiled[obj.id]
 
     def model(self, env: int) -> mujoco.MjModel:
@@ -82,7 +95,10 @@ class NativePhysics:
         return self._qvel
 
     def set_objects(self, objects: Sequence[SceneObject], ids: np.ndarray | None = None) -> None:
-        """Exchange the objects of scenes `ids` (None: all). Scenes of movable and fixed objects cannot share a batch."""
+        """Exchange the objects of scenes `ids` (None: all).
+
+        Scenes of movable and fixed objects cannot share a batch.
+        """
         scene = list(self.objects)
         for env, obj in zip(range(self.num_envs) if ids is None else ids, objects, strict=True):
             self._models[env] = self._model(obj)
@@ -90,8 +106,16 @@ class NativePhysics:
         self.objects = scene
         self.batch.set_models(self._models)
 
-    def reset(self, ids: np.ndarray, root_pos_w: np.ndarray, root_quat_w: np.ndarray, joint_pos: np.ndarray,
-              root_lin_vel_w: np.ndarray | None = None, root_ang_vel_b: np.ndarray | None = None, joint_vel: np.ndarray | None = None) -> None:  # fmt: skip
+    def reset(
+        self,
+        ids: np.ndarray,
+        root_pos_w: np.ndarray,
+        root_quat_w: np.ndarray,
+        joint_pos: np.ndarray,
+        root_lin_vel_w: np.ndarray | None = None,
+        root_ang_vel_b: np.ndarray | None = None,
+        joint_vel: np.ndarray | None = None,
+    ) -> None:
         """Put the robots of scenes `ids` into a state; velocities default to zero, objects return to the origin."""
         if not len(ids):
             return
@@ -112,8 +136,12 @@ class NativePhysics:
         self._ctrl[:] = target.numpy()
         if measure_effort:
             record = self.batch.rollout(SUBSTEPS, record=("actuator_force", "qvel"), ids=ids)
-            torque, velocity = (_mean_of_substeps(part) for part in (record["actuator_force"], record["qvel"][..., self._joint_v]))
-            self._effort[slice(None) if ids is None else torch.from_numpy(ids)] = torch.from_numpy(((torque * velocity) ** 2).sum(-1))
+            torque, velocity = (
+                _mean_of_substeps(part) for part in (record["actuator_force"], record["qvel"][..., self._joint_v])
+            )
+            self._effort[slice(None) if ids is None else torch.from_numpy(ids)] = torch.from_numpy(
+                ((torque * velocity) ** 2).sum(-1)
+            )
         else:
             self.batch.step(ids, nstep=SUBSTEPS)
         self._report(target)
@@ -125,10 +153,21 @@ class NativePhysics:
             counts = self.batch.warning[env, _KINDS, 1]
             reason = " and ".join(told for told, count in zip(_WARNINGS.values(), counts, strict=True) if count)
             qpos, qvel, warmstart = (array[env].copy() for array in self._before)
-            self.broken.add(BrokenScene(
-                reason, env, "native", self.robot.name, self._preset, self._control, self.objects[env], qpos, qvel, warmstart,
-                target[env].numpy().astype(float),
-            ))  # fmt: skip
+            self.broken.add(
+                BrokenScene(
+                    reason,
+                    env,
+                    "native",
+                    self.robot.name,
+                    self._preset,
+                    self._control,
+                    self.objects[env],
+                    qpos,
+                    qvel,
+                    warmstart,
+                    target[env].numpy().astype(float),
+                )
+            )
 
     def advance(self, target: torch.Tensor) -> None:
         """One control step of all scenes and nothing else; see Physics.advance."""
@@ -138,7 +177,9 @@ class NativePhysics:
     def state(self) -> RobotState:
         """Joint-space state now."""
         qpos, qvel = torch.from_numpy(self._qpos.astype(np.float32)), torch.from_numpy(self._qvel.astype(np.float32))
-        return RobotState(qpos[:, :3], qpos[:, 3:7], qvel[:, :3], qvel[:, 3:6], qpos[:, self._joint_q], qvel[:, self._joint_v])
+        return RobotState(
+            qpos[:, :3], qpos[:, 3:7], qvel[:, :3], qvel[:, 3:6], qpos[:, self._joint_q], qvel[:, self._joint_v]
+        )
 
     def links(self) -> LinkState:
         """Poses and velocities of all links now."""
@@ -151,7 +192,9 @@ class NativePhysics:
         pose = self._qpos[:, self._joint_q.stop :]
         return pose[:, :3].copy(), pose[:, 3:7].copy()
 
-    def ray(self, starts: np.ndarray, rays: np.ndarray, groups: Sequence[int], ids: np.ndarray | None = None) -> np.ndarray:
+    def ray(
+        self, starts: np.ndarray, rays: np.ndarray, groups: Sequence[int], ids: np.ndarray | None = None
+    ) -> np.ndarray:
         """For scenes `ids`, how many lengths of each ray it is to a geom; see Physics.ray."""
         seen = np.zeros(mujoco.mjNGROUP, np.uint8)
         seen[list(groups)] = 1

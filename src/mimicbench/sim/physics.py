@@ -76,13 +76,22 @@ class Physics(Protocol):
         """Exchange the objects of scenes `ids` (None: all)."""
         ...
 
-    def reset(self, ids: np.ndarray, root_pos_w: np.ndarray, root_quat_w: np.ndarray, joint_pos: np.ndarray,
-              root_lin_vel_w: np.ndarray | None = None, root_ang_vel_b: np.ndarray | None = None, joint_vel: np.ndarray | None = None) -> None:  # fmt: skip
+    def reset(
+        self,
+        ids: np.ndarray,
+        root_pos_w: np.ndarray,
+        root_quat_w: np.ndarray,
+        joint_pos: np.ndarray,
+        root_lin_vel_w: np.ndarray | None = None,
+        root_ang_vel_b: np.ndarray | None = None,
+        joint_vel: np.ndarray | None = None,
+    ) -> None:
         """Put the robots of scenes `ids` into a state; velocities default to zero, objects return to the origin."""
         ...
 
     def step(self, target: torch.Tensor, measure_effort: bool = False, ids: np.ndarray | None = None) -> None:
-        """Advance scenes `ids` (None: all) one control step with targets (N, J): joint angles, velocities or torques by the control mode.
+        """Advance scenes `ids` (None: all) one control step with targets (N, J): joint angles, velocities or torques
+        by the control mode.
 
         With `measure_effort`, `effort` holds e = sum_j (tau_j v_j)^2 of this control step, tau and v being means over
         its substeps (appendix D.2). Targets may be on the CPU, too.
@@ -90,7 +99,9 @@ class Physics(Protocol):
         ...
 
     def advance(self, target: torch.Tensor) -> None:
-        """One control step of all scenes with targets (N, J), and nothing else: no reports, no effort. Returns when it is over.
+        """One control step of all scenes with targets (N, J), and nothing else: no reports, no effort.
+
+        Returns when it is over.
 
         This is the least that a step can cost, beside which everything else is measured.
         """
@@ -108,8 +119,11 @@ class Physics(Protocol):
         """Positions (N, 3) [m] and orientations (N, 4) of the objects now; the origin where they do not move."""
         ...
 
-    def ray(self, starts: np.ndarray, rays: np.ndarray, groups: Sequence[int], ids: np.ndarray | None = None) -> np.ndarray:
-        """How many lengths of its ray (n, R, 3) it is from each start (n, R, 3) to a geom of `groups`: (n, R), -1 for a miss.
+    def ray(
+        self, starts: np.ndarray, rays: np.ndarray, groups: Sequence[int], ids: np.ndarray | None = None
+    ) -> np.ndarray:
+        """How many lengths of its ray (n, R, 3) it is from each start (n, R, 3) to a geom of `groups`: (n, R), -1
+        for a miss.
 
         In scenes `ids`, ascending (None: all). One start (n, 1, 3) may serve all rays of a scene.
         """
@@ -126,8 +140,10 @@ class Physics(Protocol):
 
     @property
     def diverged(self) -> torch.Tensor:
-        """(N,) whether a scene's physics broke since its reset: something not finite or far too large, or more contacts than there is room for.
+        """(N,) whether a scene's physics broke since its reset: something not finite or far too large, or more
+        contacts than there is room for.
 
-        It was reported to `broken`, goes on from some other state, and must be reset. Other scenes are as they would be without it.
+        It was reported to `broken`, goes on from some other state, and must be reset. Other scenes are as they would be
+        without it.
         """
         ...

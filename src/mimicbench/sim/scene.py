@@ -23,13 +23,19 @@ ROBOT_GROUP, OBJECT_GROUP, FLOOR_GROUP, VISUAL_GROUP = 3, 1, 0, 2
 """Geom groups: rays that look at the scene leave out the robot's own."""
 OBJECT_BODY = "object"
 MESH_NODES = SLOTS * (2 * 44 - 1) + 14
-"""Nodes of the bounding-volume trees over all meshes of a scene that has any: SLOTS pieces of 24 corners, which have 44 faces, and what `_add_ballast` adds."""
+"""Nodes of the bounding-volume trees over all meshes of a scene that has any: SLOTS pieces of 24 corners, which have 44
+faces, and what `_add_ballast` adds."""
 _WORLD_BIT = 1
 _COLORS = {"robot": (0.6, 0.62, 0.65, 1.0)}
 
 
 def build_model(
-    robot: Robot, obj: SceneObject, preset: str = "improved", control: str = "position", visuals: bool = False, meshes: bool | None = None
+    robot: Robot,
+    obj: SceneObject,
+    preset: str = "improved",
+    control: str = "position",
+    visuals: bool = False,
+    meshes: bool | None = None,
 ) -> mujoco.MjModel:
     """Compile the scene of one robot and one object.
 
@@ -64,7 +70,9 @@ def build_object(obj: SceneObject) -> mujoco.MjModel:
 
 
 def _add_floor(spec: mujoco.MjSpec, visuals: bool) -> None:
-    floor = spec.worldbody.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05], group=FLOOR_GROUP)
+    floor = spec.worldbody.add_geom(
+        name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05], group=FLOOR_GROUP
+    )
     floor.contype = floor.conaffinity = _WORLD_BIT
     floor.friction = FRICTION
     if not visuals:
@@ -73,13 +81,23 @@ def _add_floor(spec: mujoco.MjSpec, visuals: bool) -> None:
     spec.visual.headlight.diffuse = [0.35, 0.35, 0.35]
     spec.visual.quality.shadowsize = 4096
     spec.add_texture(
-        name="floor", type=mujoco.mjtTexture.mjTEXTURE_2D, builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER, width=512, height=512,
-        rgb1=[0.80, 0.78, 0.75], rgb2=[0.77, 0.75, 0.72],
-    )  # fmt: skip
+        name="floor",
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
+        width=512,
+        height=512,
+        rgb1=[0.80, 0.78, 0.75],
+        rgb2=[0.77, 0.75, 0.72],
+    )
     spec.add_texture(
-        name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT, width=256, height=256,
-        rgb1=[0.93, 0.94, 0.96], rgb2=[0.80, 0.84, 0.90],
-    )  # fmt: skip
+        name="sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        width=256,
+        height=256,
+        rgb1=[0.93, 0.94, 0.96],
+        rgb2=[0.80, 0.84, 0.90],
+    )
     material = spec.add_material(name="floor", texrepeat=[2, 2], texuniform=True, reflectance=0.03)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "floor"
     floor.material = "floor"
@@ -92,19 +110,30 @@ def _add_object(spec: mujoco.MjSpec, obj: SceneObject, meshes: bool) -> None:
     if obj.movable:
         body.add_freejoint()
         # pieces share the mass by volume
-        volume = np.array([8 * half.prod() if hull is None else _hull(obj, hull).volume for half, hull in zip(obj.box_half, hulls, strict=True)])
+        volume = np.array(
+            [
+                8 * half.prod() if hull is None else _hull(obj, hull).volume
+                for half, hull in zip(obj.box_half, hulls, strict=True)
+            ]
+        )
         masses = (obj.mass or 1.0) * volume / volume.sum()
     else:
         masses = np.zeros(len(obj.box_pos))
     for slot in range(SLOTS):
         geom = body.add_geom(name=f"object_{slot}", type=mujoco.mjtGeom.mjGEOM_BOX, group=OBJECT_GROUP)
         geom.friction = (obj.friction, *FRICTION[1:])
-        geom.priority = 1  # or MuJoCo would take the larger friction of the two that touch, and nothing could be slippery
+        geom.priority = (
+            1  # or MuJoCo would take the larger friction of the two that touch, and nothing could be slippery
+        )
         # every slot takes part in collision, for MuJoCo lays out its memory by the number that does; a slot to spare
         # is a grain in the middle of the first box, where nothing touches it
         used = min(slot, len(obj.box_pos)) % len(obj.box_pos)
         spare = slot >= len(obj.box_pos)
-        geom.pos, geom.quat, geom.size = obj.box_pos[used], obj.box_quat[used], np.full(3, 0.001) if spare else obj.box_half[used]
+        geom.pos, geom.quat, geom.size = (
+            obj.box_pos[used],
+            obj.box_quat[used],
+            np.full(3, 0.001) if spare else obj.box_half[used],
+        )
         geom.rgba = [*obj.box_rgb[used], 1.0]
         geom.contype = geom.conaffinity = _WORLD_BIT
         geom.mass = 0.0 if spare else masses[slot]
@@ -137,11 +166,17 @@ def _add_mesh(spec: mujoco.MjSpec, name: str, corners: np.ndarray, faces: np.nda
     a, b, c = (corners[faces[:, i]] for i in range(3))
     inward = (np.cross(b - a, c - a) * (a - corners.mean(0))).sum(1) < 0
     faces = np.where(inward[:, None], faces[:, ::-1], faces)
-    spec.add_mesh(name=name, uservert=corners.ravel(), userface=faces.ravel().astype(np.int32), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX)
+    spec.add_mesh(
+        name=name,
+        uservert=corners.ravel(),
+        userface=faces.ravel().astype(np.int32),
+        inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX,
+    )
 
 
 def _add_ballast(spec: mujoco.MjSpec, obj: SceneObject) -> None:
-    """A mesh that no geom uses, so that all scenes with meshes have bounding-volume trees of one size and can share a batch.
+    """A mesh that no geom uses, so that all scenes with meshes have bounding-volume trees of one size and can share
+    a batch.
 
     A batch takes models of boxes and of meshes, and of meshes of any size, as long as MjData's layout is the same; of a
     mesh, MjData holds a mark per node of its tree, and a tree over F faces has 2 F - 1 nodes.
@@ -153,7 +188,8 @@ def _add_ballast(spec: mujoco.MjSpec, obj: SceneObject) -> None:
         left -= 7
     if left < 7:
         raise BadObject(
-            f"object {obj.id} has {sum(used)} faces in its convex pieces, which is more than a scene has room for; simplify the mesh and import it again"
+            f"object {obj.id} has {sum(used)} faces in its convex pieces, which is more than a scene "
+            "has room for; simplify the mesh and import it again"
         )
     _add_tetrahedra(spec, "ballast_1", (left + 1) // 2)
 
@@ -162,7 +198,12 @@ def _add_tetrahedra(spec: mujoco.MjSpec, name: str, faces: int) -> None:
     """A mesh of so many faces: a tetrahedron's, again and again."""
     corners = np.concatenate([np.zeros((1, 3)), np.eye(3)])
     four = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.int32)
-    spec.add_mesh(name=name, uservert=corners.ravel(), userface=np.resize(four, (faces, 3)).ravel(), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
+    spec.add_mesh(
+        name=name,
+        uservert=corners.ravel(),
+        userface=np.resize(four, (faces, 3)).ravel(),
+        inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+    )
 
 
 def add_links(spec: mujoco.MjSpec, robot: Robot) -> list[mujoco.MjsBody]:
@@ -179,9 +220,14 @@ def add_links(spec: mujoco.MjSpec, robot: Robot) -> list[mujoco.MjsBody]:
         elif i in drives:
             joint = drives[i]
             body.add_joint(
-                name=joint.name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=joint.axis, range=joint.range, limited=mujoco.mjtLimited.mjLIMITED_TRUE,
-                armature=robot.armature, damping=robot.damping,
-            )  # fmt: skip
+                name=joint.name,
+                type=mujoco.mjtJoint.mjJNT_HINGE,
+                axis=joint.axis,
+                range=joint.range,
+                limited=mujoco.mjtLimited.mjLIMITED_TRUE,
+                armature=robot.armature,
+                damping=robot.damping,
+            )
     return bodies
 
 
@@ -215,7 +261,11 @@ def _add_shape(body: mujoco.MjsBody, shape: Shape) -> mujoco.MjsGeom:
 
 def _add_actuators(spec: mujoco.MjSpec, robot: Robot, preset: str, control: str) -> None:
     gains = robot.gains[preset]
-    affine = {"position": lambda kp, kd: (kp, (0, -kp, -kd)), "velocity": lambda kp, kd: (kd, (0, 0, -kd)), "torque": lambda kp, kd: (1.0, (0, 0, 0))}
+    affine = {
+        "position": lambda kp, kd: (kp, (0, -kp, -kd)),
+        "velocity": lambda kp, kd: (kd, (0, 0, -kd)),
+        "torque": lambda kp, kd: (1.0, (0, 0, 0)),
+    }
     if control not in affine:
         raise UnknownName("control mode", control, list(affine))
     for joint, kp, kd in zip(robot.joints, gains.kp, gains.kd, strict=True):

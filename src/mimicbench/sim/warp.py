@@ -33,9 +33,11 @@ _DOF_FIELDS = ("dof_invweight0",)
 PER_WORLD = (*_GEOM_FIELDS, *_BODY_FIELDS, *_DOF_FIELDS)
 """Fields of the model that have a row per world: all that differ between objects and matter to physics."""
 _REASONS = {
-    BAD_POSITION: "positions are not finite, or too large", BAD_VELOCITY: "velocities are not finite, or too large", BAD_TARGET: "targets are not finite",
+    BAD_POSITION: "positions are not finite, or too large",
+    BAD_VELOCITY: "velocities are not finite, or too large",
+    BAD_TARGET: "targets are not finite",
     OVERFLOW: "there are more contacts than room for them",
-}  # fmt: skip
+}
 _MODELS_KEPT = 64
 _cast: Any = mjw.rays  # its types say less than what Warp's arrays are
 _GROUP_MASK = wp.types.vector(length=6, dtype=float)
@@ -46,9 +48,16 @@ class WarpPhysics:
     """N scenes on one device. See the Physics protocol for the methods."""
 
     def __init__(
-        self, robot: Robot, objects: Sequence[SceneObject], device: str = "cuda", preset: str = "improved", control: str = "position",
-        visuals: bool = False, broken_dir: Path | None = None, contacts: int = CONTACTS,
-    ) -> None:  # fmt: skip
+        self,
+        robot: Robot,
+        objects: Sequence[SceneObject],
+        device: str = "cuda",
+        preset: str = "improved",
+        control: str = "position",
+        visuals: bool = False,
+        broken_dir: Path | None = None,
+        contacts: int = CONTACTS,
+    ) -> None:
         """`contacts` is how many each world has room for; one that needs more is broken."""
         self.robot, self.num_envs, self.device = robot, len(objects), device
         self.objects: Sequence[SceneObject] = list(objects)
@@ -63,9 +72,10 @@ class WarpPhysics:
         self._movable = objects[0].movable
         first = int(base.body_geomadr[body])
         self._places = {
-            **dict.fromkeys(_GEOM_FIELDS, slice(first, first + int(base.body_geomnum[body]))), **dict.fromkeys(_BODY_FIELDS, slice(body, body + 1)),
+            **dict.fromkeys(_GEOM_FIELDS, slice(first, first + int(base.body_geomnum[body]))),
+            **dict.fromkeys(_BODY_FIELDS, slice(body, body + 1)),
             **dict.fromkeys(_DOF_FIELDS, slice(6 + joints, base.nv)),
-        }  # fmt: skip
+        }
         root = base.body(robot.link_names[0]).id
         self._link_rows = slice(root, root + len(robot.link_names))  # links are consecutive bodies, in order
         with wp.ScopedDevice(self._wp_device):
@@ -82,7 +92,8 @@ class WarpPhysics:
         self._model = mjw.put_model(base, batch_sizes=dict.fromkeys(PER_WORLD, n))
         self._model.opt.warn_overflow = 0  # it would print; `guard` reads the marks and reports
         rows = _ROWS_PER_CONTACT * contacts + joints
-        # contacts of all worlds go into one store: with twice the room, no world can push out another's before it breaks by its own rows
+        # contacts of all worlds go into one store: with twice the room, no world can push out another's before it
+        # breaks by its own rows
         self._data = mjw.make_data(base, nworld=n, naconmax=2 * contacts * n, njmax=rows)
         self._state = [wp.to_torch(array) for array in (self._data.qpos, self._data.qvel, self._data.qacc_warmstart)]
         self._qpos, self._qvel, self._warmstart = self._state
@@ -90,12 +101,16 @@ class WarpPhysics:
         self._ctrl = wp.to_torch(self._data.ctrl)
         self._broken_wp = wp.zeros(n, dtype=int)
         self._torque_wp, self._velocity_wp = wp.zeros((n, joints), dtype=float), wp.zeros((n, joints), dtype=float)
-        self._broken, self._torque, self._velocity = (wp.to_torch(array) for array in (self._broken_wp, self._torque_wp, self._velocity_wp))
+        self._broken, self._torque, self._velocity = (
+            wp.to_torch(array) for array in (self._broken_wp, self._torque_wp, self._velocity_wp)
+        )
         self._reported = torch.zeros(n, dtype=torch.bool, device=self.device)
         self._effort = torch.zeros(n, dtype=torch.float64, device=self.device)
 
     def _program(self, run: Callable[[], None]) -> Callable[[], None]:
-        """What does `run`: on a GPU as one captured graph, since launching its kernels one by one costs more than they do."""
+        """What does `run`: on a GPU as one captured graph, since launching its kernels one by one costs more than
+        they do.
+        """
         with wp.ScopedDevice(self._wp_device):
             run()  # compiles
             if not self._wp_device.is_cuda:
@@ -115,13 +130,26 @@ class WarpPhysics:
 
     def _run_substeps(self) -> None:
         model, data, joints = self._model, self._data, len(self.robot.joints)
-        check = [model.qpos0, _OVERFLOWS, data.qpos, data.qvel, data.ctrl, data.qacc_warmstart, data.overflow, self._broken_wp]
+        check = [
+            model.qpos0,
+            _OVERFLOWS,
+            data.qpos,
+            data.qvel,
+            data.ctrl,
+            data.qacc_warmstart,
+            data.overflow,
+            self._broken_wp,
+        ]
         self._torque_wp.zero_()
         self._velocity_wp.zero_()
         for _ in range(SUBSTEPS):
             wp.launch(guard, dim=self.num_envs, inputs=check)
             mjw.step(model, data)
-            wp.launch(accumulate, dim=(self.num_envs, joints), inputs=[data.actuator_force, data.qvel, self._joint_v.start, self._torque_wp, self._velocity_wp])
+            wp.launch(
+                accumulate,
+                dim=(self.num_envs, joints),
+                inputs=[data.actuator_force, data.qvel, self._joint_v.start, self._torque_wp, self._velocity_wp],
+            )
         wp.launch(guard, dim=self.num_envs, inputs=check)
 
     def _run_kinematics(self) -> None:
@@ -139,7 +167,9 @@ class WarpPhysics:
         return self._models[obj.id]
 
     def qpos(self) -> np.ndarray:
-        """(N, nq) copy of MuJoCo's positions, which cannot be written to: root, joints, then the object's if it moves."""
+        """(N, nq) copy of MuJoCo's positions, which cannot be written to: root, joints, then the object's if it
+        moves.
+        """
         return _read_only(self._qpos)
 
     def qvel(self) -> np.ndarray:
@@ -147,7 +177,10 @@ class WarpPhysics:
         return _read_only(self._qvel)
 
     def set_objects(self, objects: Sequence[SceneObject], ids: np.ndarray | None = None) -> None:
-        """Exchange the objects of scenes `ids` (None: all). Raises BadObject for convex pieces, and for movable among fixed ones."""
+        """Exchange the objects of scenes `ids` (None: all).
+
+        Raises BadObject for convex pieces, and for movable among fixed ones.
+        """
         ids = np.arange(self.num_envs) if ids is None else ids
         rows = [self._rows(obj) for obj in objects]
         scene = list(self.objects)
@@ -158,19 +191,30 @@ class WarpPhysics:
             return
         index = torch.from_numpy(np.asarray(ids)).to(self.device)
         for name, place in self._places.items():
-            wp.to_torch(getattr(self._model, name))[index, place] = torch.stack([row[name] for row in rows]).to(self.device)
+            wp.to_torch(getattr(self._model, name))[index, place] = torch.stack([row[name] for row in rows]).to(
+                self.device
+            )
         if not self._movable:  # Warp places what cannot move only once
-            wp.to_torch(self._data.geom_xpos)[index, self._places["geom_pos"]] = torch.stack([row["geom_pos"] for row in rows]).to(self.device)
-            wp.to_torch(self._data.geom_xmat)[index, self._places["geom_pos"]] = torch.stack([row["geom_xmat"] for row in rows]).to(self.device)
+            wp.to_torch(self._data.geom_xpos)[index, self._places["geom_pos"]] = torch.stack(
+                [row["geom_pos"] for row in rows]
+            ).to(self.device)
+            wp.to_torch(self._data.geom_xmat)[index, self._places["geom_pos"]] = torch.stack(
+                [row["geom_xmat"] for row in rows]
+            ).to(self.device)
 
     def _rows(self, obj: SceneObject) -> dict[str, torch.Tensor]:
         """What an object has to write into its world, compiled once for each object."""
         if obj.movable != self._movable:
-            raise BadObject(f"object {obj.id} is {'movable' if obj.movable else 'fixed'} and others are not; simulate them apart")
+            raise BadObject(
+                f"object {obj.id} is {'movable' if obj.movable else 'fixed'} and others are not; simulate them apart"
+            )
         if obj.id not in self._rows_of:
             alone = build_object(obj)
             if (alone.geom_type != mujoco.mjtGeom.mjGEOM_BOX).any():
-                raise BadObject(f"object {obj.id} has convex pieces, which Warp cannot exchange between scenes; use --device cpu for it")
+                raise BadObject(
+                    f"object {obj.id} has convex pieces, which Warp cannot exchange between scenes; "
+                    "use --device cpu for it"
+                )
             rows = {name: torch.from_numpy(np.asarray(getattr(alone, name), np.float32)) for name in _GEOM_FIELDS}
             rows |= {name: torch.from_numpy(np.asarray(getattr(alone, name)[1:], np.float32)) for name in _BODY_FIELDS}
             rows |= {name: torch.from_numpy(np.asarray(getattr(alone, name), np.float32)) for name in _DOF_FIELDS}
@@ -181,17 +225,29 @@ class WarpPhysics:
             self._rows_of[obj.id] = rows
         return self._rows_of[obj.id]
 
-    def reset(self, ids: np.ndarray, root_pos_w: np.ndarray, root_quat_w: np.ndarray, joint_pos: np.ndarray,
-              root_lin_vel_w: np.ndarray | None = None, root_ang_vel_b: np.ndarray | None = None, joint_vel: np.ndarray | None = None) -> None:  # fmt: skip
+    def reset(
+        self,
+        ids: np.ndarray,
+        root_pos_w: np.ndarray,
+        root_quat_w: np.ndarray,
+        joint_pos: np.ndarray,
+        root_lin_vel_w: np.ndarray | None = None,
+        root_ang_vel_b: np.ndarray | None = None,
+        joint_vel: np.ndarray | None = None,
+    ) -> None:
         """Put the robots of scenes `ids` into a state; velocities default to zero, objects return to the origin."""
         if not len(ids):
             return
         index = torch.from_numpy(np.asarray(ids)).to(self.device)
         self._clear(index)
         for there, place, given in (
-            (self._qpos, slice(0, 3), root_pos_w), (self._qpos, slice(3, 7), root_quat_w), (self._qpos, self._joint_q, joint_pos),
-            (self._qvel, slice(0, 3), root_lin_vel_w), (self._qvel, slice(3, 6), root_ang_vel_b), (self._qvel, self._joint_v, joint_vel),
-        ):  # fmt: skip
+            (self._qpos, slice(0, 3), root_pos_w),
+            (self._qpos, slice(3, 7), root_quat_w),
+            (self._qpos, self._joint_q, joint_pos),
+            (self._qvel, slice(0, 3), root_lin_vel_w),
+            (self._qvel, slice(3, 6), root_ang_vel_b),
+            (self._qvel, self._joint_v, joint_vel),
+        ):
             if given is not None:
                 there[index, place] = torch.from_numpy(np.asarray(given, np.float32)).to(self.device)
 
@@ -229,10 +285,21 @@ class WarpPhysics:
             self._reported[env] = True
             found = int(self._broken[env])
             qpos, qvel, warmstart = (array[env].double().cpu().numpy().copy() for array in self._before)
-            self.broken.add(BrokenScene(
-                " and ".join(told for bit, told in _REASONS.items() if found & bit), env, "warp", self.robot.name, self._preset, self._control,
-                self.objects[env], qpos, qvel, warmstart, target[env].double().cpu().numpy().copy(),
-            ))  # fmt: skip
+            self.broken.add(
+                BrokenScene(
+                    " and ".join(told for bit, told in _REASONS.items() if found & bit),
+                    env,
+                    "warp",
+                    self.robot.name,
+                    self._preset,
+                    self._control,
+                    self.objects[env],
+                    qpos,
+                    qvel,
+                    warmstart,
+                    target[env].double().cpu().numpy().copy(),
+                )
+            )
 
     def advance(self, target: torch.Tensor) -> None:
         """One control step of all scenes and nothing else; see Physics.advance."""
@@ -243,13 +310,17 @@ class WarpPhysics:
     def state(self) -> RobotState:
         """Joint-space state now."""
         qpos, qvel = self._qpos.clone(), self._qvel.clone()
-        return RobotState(qpos[:, :3], qpos[:, 3:7], qvel[:, :3], qvel[:, 3:6], qpos[:, self._joint_q], qvel[:, self._joint_v])
+        return RobotState(
+            qpos[:, :3], qpos[:, 3:7], qvel[:, :3], qvel[:, 3:6], qpos[:, self._joint_q], qvel[:, self._joint_v]
+        )
 
     def links(self) -> LinkState:
         """Poses and velocities of all links now."""
         self._kinematics()
         rows = self._link_rows
-        xpos, xquat, cvel, com = (wp.to_torch(array) for array in (self._data.xpos, self._data.xquat, self._data.cvel, self._data.subtree_com))
+        xpos, xquat, cvel, com = (
+            wp.to_torch(array) for array in (self._data.xpos, self._data.xquat, self._data.cvel, self._data.subtree_com)
+        )
         pos, ang = xpos[:, rows].clone(), cvel[:, rows, :3].clone()
         # MuJoCo's cvel is (angular, linear) about the tree's center of mass, in world axes
         lin = cvel[:, rows, 3:] + torch.linalg.cross(ang, pos - com[:, rows.start, None])
@@ -262,11 +333,20 @@ class WarpPhysics:
         pose = self._qpos[:, self._joint_q.stop :].double().cpu().numpy()
         return pose[:, :3].copy(), pose[:, 3:7].copy()
 
-    def ray(self, starts: np.ndarray, rays: np.ndarray, groups: Sequence[int], ids: np.ndarray | None = None) -> np.ndarray:
+    def ray(
+        self, starts: np.ndarray, rays: np.ndarray, groups: Sequence[int], ids: np.ndarray | None = None
+    ) -> np.ndarray:
         """For scenes `ids`, how many lengths of each ray it is to a geom; see Physics.ray."""
-        index = torch.arange(self.num_envs, device=self.device) if ids is None else torch.from_numpy(np.asarray(ids)).to(self.device)
+        index = (
+            torch.arange(self.num_envs, device=self.device)
+            if ids is None
+            else torch.from_numpy(np.asarray(ids)).to(self.device)
+        )
         shape = (len(index), rays.shape[1])
-        start, ray = (torch.from_numpy(np.asarray(given, np.float32)).to(self.device).expand(*shape, 3).contiguous() for given in (starts, rays))
+        start, ray = (
+            torch.from_numpy(np.asarray(given, np.float32)).to(self.device).expand(*shape, 3).contiguous()
+            for given in (starts, rays)
+        )
         self._kinematics()
         # all that rays meet in those worlds alone: others need not cast any
         model, data = copy(self._model), copy(self._data)
@@ -277,13 +357,30 @@ class WarpPhysics:
                 setattr(owner, name, wp.from_torch(wp.to_torch(rows)[index], dtype=rows.dtype))
             seen = _GROUP_MASK(*(float(group in groups) for group in range(6)))
             nobody = wp.full(rays.shape[1], -1, dtype=int)
-            distance, geom, normal = wp.empty(shape, dtype=float), wp.empty(shape, dtype=int), wp.empty(shape, dtype=wp.vec3)  # pyright: ignore[reportArgumentType]
-            _cast(model, data, wp.from_torch(start, dtype=wp.vec3), wp.from_torch(ray, dtype=wp.vec3), seen, True, nobody, distance, geom, normal)
+            distance, geom, normal = (
+                wp.empty(shape, dtype=float),
+                wp.empty(shape, dtype=int),
+                wp.empty(shape, dtype=wp.vec3),
+            )  # pyright: ignore[reportArgumentType]
+            _cast(
+                model,
+                data,
+                wp.from_torch(start, dtype=wp.vec3),
+                wp.from_torch(ray, dtype=wp.vec3),
+                seen,
+                True,
+                nobody,
+                distance,
+                geom,
+                normal,
+            )
         return wp.to_torch(distance).double().cpu().numpy()
 
     def push(self, ids: np.ndarray, lin_vel_w: np.ndarray) -> None:
         """Add (n, 3) [m/s] to the root's velocity in scenes `ids`."""
-        self._qvel[torch.from_numpy(np.asarray(ids)).to(self.device), :3] += torch.from_numpy(np.asarray(lin_vel_w, np.float32)).to(self.device)
+        self._qvel[torch.from_numpy(np.asarray(ids)).to(self.device), :3] += torch.from_numpy(
+            np.asarray(lin_vel_w, np.float32)
+        ).to(self.device)
 
     @property
     def effort(self) -> torch.Tensor:

@@ -14,9 +14,15 @@ _PARKED = wp.constant(5.0)  # [m] height of a broken world's robot, away from al
 
 @wp.kernel(enable_backward=False)
 def guard(
-    qpos0: wp.array2d[float], overflows: int, qpos: wp.array2d[float], qvel: wp.array2d[float], ctrl: wp.array2d[float], warmstart: wp.array2d[float],
-    overflow: wp.array[int], broken: wp.array[int],
-) -> None:  # fmt: skip
+    qpos0: wp.array2d[float],
+    overflows: int,
+    qpos: wp.array2d[float],
+    qvel: wp.array2d[float],
+    ctrl: wp.array2d[float],
+    warmstart: wp.array2d[float],
+    overflow: wp.array[int],
+    broken: wp.array[int],
+) -> None:
     """Mark broken worlds, and park them before what is not finite reaches anything that worlds share."""
     world = wp.tid()
     found = wp.int32(0)
@@ -45,8 +51,12 @@ def guard(
 
 @wp.kernel(enable_backward=False)
 def accumulate(
-    actuator_force: wp.array2d[float], qvel: wp.array2d[float], first_joint: int, torque: wp.array2d[float], velocity: wp.array2d[float],
-) -> None:  # fmt: skip
+    actuator_force: wp.array2d[float],
+    qvel: wp.array2d[float],
+    first_joint: int,
+    torque: wp.array2d[float],
+    velocity: wp.array2d[float],
+) -> None:
     """Sum torques and velocities of the joints over the substeps."""
     world, joint = wp.tid()
     torque[world, joint] = torque[world, joint] + actuator_force[world, joint]

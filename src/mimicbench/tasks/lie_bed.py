@@ -10,7 +10,9 @@ BODY_BAND = 0.4
 
 
 def pelvis_and_ankles_on_bed(body: BodyPoints, obj: ObjectFacts) -> np.ndarray:
-    """(N,) whether root and both ankles lie in the bed's interior in the bird-eye view, at heights in [H, H + 0.4 m]."""
+    """(N,) whether root and both ankles lie in the bed's interior in the bird-eye view, at heights in [H, H + 0.4
+    m].
+    """
     left, right = body.ankle_pos_w[:, 0], body.ankle_pos_w[:, 1]
     return obj.on_plane(body.pelvis_pos_w, BODY_BAND) & obj.on_plane(left, BODY_BAND) & obj.on_plane(right, BODY_BAND)
 

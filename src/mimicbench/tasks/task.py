@@ -41,16 +41,28 @@ class ObjectFacts:
         bounds = [obj.bounds() for obj in objects]
         heights = [np.nan if obj.seat_height is None else obj.seat_height for obj in objects]
         nowhere = np.full((2, 3), np.nan)
-        goals = [goal if len(goal) else nowhere for goal in wrist_goals] if wrist_goals is not None else [nowhere] * len(objects)
+        goals = (
+            [goal if len(goal) else nowhere for goal in wrist_goals]
+            if wrist_goals is not None
+            else [nowhere] * len(objects)
+        )
         n = len(objects)
         return ObjectFacts(
-            list(objects), np.array(heights), np.array([low for low, _ in bounds]), np.array([high for _, high in bounds]),
-            np.zeros((n, 3)), np.tile(rot.IDENTITY, (n, 1)), np.array(goals),
-        )  # fmt: skip
+            list(objects),
+            np.array(heights),
+            np.array([low for low, _ in bounds]),
+            np.array([high for _, high in bounds]),
+            np.zeros((n, 3)),
+            np.tile(rot.IDENTITY, (n, 1)),
+            np.array(goals),
+        )
 
     def repeated(self, frames: int) -> "ObjectFacts":
         """Of one scene: the same in each of several frames."""
-        return ObjectFacts(list(self.objects) * frames, *(np.repeat(value, frames, 0) for name, value in vars(self).items() if name != "objects"))
+        return ObjectFacts(
+            list(self.objects) * frames,
+            *(np.repeat(value, frames, 0) for name, value in vars(self).items() if name != "objects"),
+        )
 
     def moved(self, pos_w: np.ndarray, quat_w: np.ndarray) -> "ObjectFacts":
         """The same with the objects at (N, 3) and turned by (N, 4)."""
@@ -68,12 +80,17 @@ class ObjectFacts:
         return np.all((pos_w[:, :2] >= self.low[:, :2]) & (pos_w[:, :2] <= self.high[:, :2]), axis=-1)
 
     def on_plane(self, pos_w: np.ndarray, band: float) -> np.ndarray:
-        """(N,) whether positions (N, 3) are in the interior seen from above, at a height in [H, H + band] (appendix D.1)."""
+        """(N,) whether positions (N, 3) are in the interior seen from above, at a height in [H, H + band] (appendix
+        D.1).
+        """
         height = pos_w[:, 2] - self.seat_height
         return self.interior_xy(pos_w) & (height >= 0) & (height <= band)
 
     def distance(self, pos_w: np.ndarray, where: np.ndarray) -> np.ndarray:
-        """(N, K) from positions (N, K, 3) to the surface of each object where it is now [m]; 0 inside of it, infinity where not `where` (N,)."""
+        """(N, K) from positions (N, K, 3) to the surface of each object where it is now [m].
+
+        0 inside of it, infinity where not `where` (N,).
+        """
         away = np.full(pos_w.shape[:2], np.inf)
         for env in np.flatnonzero(where).tolist():
             away[env] = self.objects[env].distance(rot.rotate_inverse(self.quat_w[env], pos_w[env] - self.pos_w[env]))
@@ -97,7 +114,9 @@ class BodyPoints:
         points = [robot.keypoints[f"{side}_{name}"] for name in ("ankle", "wrist") for side in ("left", "right")]
         pos_w = link_pos_w[:, [link for link, _ in points]]
         off = [i for i, (_, offset) in enumerate(points) if any(offset)]  # the others are their links' origins
-        pos_w[:, off] += rot.rotate(link_quat_w[:, [points[i][0] for i in off]], np.array([points[i][1] for i in off]).reshape(-1, 3))
+        pos_w[:, off] += rot.rotate(
+            link_quat_w[:, [points[i][0] for i in off]], np.array([points[i][1] for i in off]).reshape(-1, 3)
+        )
         return BodyPoints(link_pos_w[:, 0], pos_w[:, :2], pos_w[:, 2:])
 
 
@@ -141,10 +160,14 @@ class Task:
         return self._judge(self.held(motion, obj, robot), motion.fps)
 
     def fulfilled_by_human(self, motion: HumanMotion, obj: SceneObject) -> bool:
-        """Whether a human motion fulfils K, with the person's pelvis, ankles and wrists in place of the robot's: the filter before retargeting."""
+        """Whether a human motion fulfils K, with the person's pelvis, ankles and wrists in place of the robot's: the
+        filter before retargeting.
+        """
         body = body_of(motion.skeleton)
         pos_w, _ = motion.forward_kinematics()
-        points = BodyPoints(pos_w[:, body.pelvis], pos_w[:, [leg.end for leg in body.legs]], pos_w[:, [arm.end for arm in body.arms]])
+        points = BodyPoints(
+            pos_w[:, body.pelvis], pos_w[:, [leg.end for leg in body.legs]], pos_w[:, [arm.end for arm in body.arms]]
+        )
         return self._judge(self._held(points, motion, obj), motion.fps)
 
     def trimmed(self, motion: RobotMotion, obj: SceneObject, robot: Robot) -> RobotMotion:
@@ -159,7 +182,9 @@ class Task:
 
     def held(self, motion: RobotMotion, obj: SceneObject, robot: Robot) -> np.ndarray:
         """(T,) whether the condition of K holds in each frame of a robot motion."""
-        points = BodyPoints.of(robot, *robot.forward_kinematics(motion.root_pos_w, motion.root_quat_w, motion.joint_pos))
+        points = BodyPoints.of(
+            robot, *robot.forward_kinematics(motion.root_pos_w, motion.root_quat_w, motion.joint_pos)
+        )
         return self._held(points, motion, obj)
 
     def _held(self, points: BodyPoints, motion: HumanMotion | RobotMotion, obj: SceneObject) -> np.ndarray:

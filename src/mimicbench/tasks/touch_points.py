@@ -1,4 +1,6 @@
-"""Touching points near an object (T): move both wrists to targets from where an unseen household object can be handled."""
+"""Touching points near an object (T): move both wrists to targets from where an unseen household object can be
+handled.
+"""
 
 import numpy as np
 

@@ -39,7 +39,9 @@ class Tracker:
     network: TrackerNetwork
 
 
-def save_tracker(folder: Path, robot: Robot, config: TrackerConfig, tensors: Mapping[str, np.ndarray], notes: Mapping[str, Any]) -> None:
+def save_tracker(
+    folder: Path, robot: Robot, config: TrackerConfig, tensors: Mapping[str, np.ndarray], notes: Mapping[str, Any]
+) -> None:
     """Write a tracker's checkpoint."""
     save_checkpoint(folder, "tracker", robot.name, config, tensors, notes)
 
@@ -49,8 +51,13 @@ def load_tracker(folder: Path, robot: Robot) -> Tracker:
     checkpoint = load_checkpoint(folder, "tracker", robot.name)
     config = checkpoint.config_as(TrackerConfig)
     if max(config.observations, config.actions, *config.hidden) > MAX_WIDTH or len(config.hidden) > MAX_LAYERS:
-        raise BadCheckpoint(f"{folder} describes a tracker wider than {MAX_WIDTH} or deeper than {MAX_LAYERS} layers; it is not one of ours")
+        raise BadCheckpoint(
+            f"{folder} describes a tracker wider than {MAX_WIDTH} or deeper than {MAX_LAYERS} layers; "
+            "it is not one of ours"
+        )
     network = TrackerNetwork(config.observations, config.actions, config.hidden)
-    network.load_tensors(checkpoint.matching({name: tuple(value.shape) for name, value in network.state_dict().items()}))
+    network.load_tensors(
+        checkpoint.matching({name: tuple(value.shape) for name, value in network.state_dict().items()})
+    )
     network.eval()
     return Tracker(get_kind(config.preset), config, network)

@@ -47,16 +47,26 @@ class TrackingEnv:
     """Steps all robots together; episodes that end start again at once, each with a clip and object drawn anew."""
 
     def __init__(
-        self, kind: TrackerKind, robot: Robot, motions: Sequence[RobotMotion], objects: Mapping[str, SceneObject], num_envs: int,
-        config: TrackingConfig, seed: int, workers: int = 0, device: str = "cpu",
-    ) -> None:  # fmt: skip
+        self,
+        kind: TrackerKind,
+        robot: Robot,
+        motions: Sequence[RobotMotion],
+        objects: Mapping[str, SceneObject],
+        num_envs: int,
+        config: TrackingConfig,
+        seed: int,
+        workers: int = 0,
+        device: str = "cpu",
+    ) -> None:
         self.kind, self.robot, self.config, self.num_envs = kind, robot, config, num_envs
         self.bank = ReferenceBank(motions, robot, tensor_device(device))
         self._objects = [objects[object_id] for object_id in self.bank.object_ids]
         self._rng = rng(seed, "tracking environment")
         clip = self._rng.integers(len(self.bank), size=num_envs)
         meshes = any(obj.hulls for obj in self._objects)
-        self.physics = make_physics(device, robot, [self._objects[c] for c in clip], kind.gains, workers=workers, meshes=meshes)
+        self.physics = make_physics(
+            device, robot, [self._objects[c] for c in clip], kind.gains, workers=workers, meshes=meshes
+        )
         self.device = self.physics.device
         """Where all tensors live."""
         self.clip = torch.from_numpy(clip).to(self.device)
@@ -74,7 +84,9 @@ class TrackingEnv:
         """(N, O) what the tracker sees now."""
         return self.kind.observe(self.moment)
 
-    def step(self, action: torch.Tensor, target: torch.Tensor | None = None) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
+    def step(
+        self, action: torch.Tensor, target: torch.Tensor | None = None
+    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
         """Apply actions (N, J).
 
         Args:
@@ -104,14 +116,26 @@ class TrackingEnv:
 
     def _look(self) -> Moment:
         clip, index = self.clip, self.index.clone()
-        return Moment(self.robot, self.physics.state(), self.physics.links, lambda k: self.bank.frame(clip, index + k), self.last_action)
+        return Moment(
+            self.robot,
+            self.physics.state(),
+            self.physics.links,
+            lambda k: self.bank.frame(clip, index + k),
+            self.last_action,
+        )
 
     def _ends(self) -> tuple[torch.Tensor, torch.Tensor]:
         config, state, ref = self.config, self.moment.state, self.moment.reference(0)
         far, turned, dropped = deviations(state, ref.root_pos_w, ref.root_quat_w, config)
         diverged = self.physics.diverged
         time_out = self.index >= self.bank.lengths[self.clip] - 1
-        for reason, flags in (("position", far), ("angle", turned), ("drop", dropped), ("diverged", diverged), ("clip over", time_out)):
+        for reason, flags in (
+            ("position", far),
+            ("angle", turned),
+            ("drop", dropped),
+            ("diverged", diverged),
+            ("clip over", time_out),
+        ):
             self.ended[reason] += int(flags.sum())
         failed = far | turned | dropped | diverged
         return failed | time_out, time_out & ~failed
@@ -126,9 +150,14 @@ class TrackingEnv:
         self.clip, self.index = self.clip.clone(), self.index.clone()
         self.clip[env], self.index[env] = clip, index
         frame = self.bank.frame(clip, index)
-        lin, ang, joint_pos, joint_vel = (array.cpu().numpy() for array in (frame.root_lin_vel_w, frame.root_ang_vel_w, frame.joint_pos, frame.joint_vel))
+        lin, ang, joint_pos, joint_vel = (
+            array.cpu().numpy()
+            for array in (frame.root_lin_vel_w, frame.root_ang_vel_w, frame.joint_pos, frame.joint_vel)
+        )
         joints = len(self.robot.joints)
-        pos = frame.root_pos_w.cpu().numpy() + draw.normal(size=(n, 3)) * config.start_pos_noise * np.array([1, 1, 1 / 3])
+        pos = frame.root_pos_w.cpu().numpy() + draw.normal(size=(n, 3)) * config.start_pos_noise * np.array(
+            [1, 1, 1 / 3]
+        )
         turn = rot.from_rotvec(draw.normal(size=(n, 3)) * config.start_angle_noise)
         quat = rot.normalize(rot.multiply(turn, frame.root_quat_w.cpu().numpy().astype(float)))
         joint_pos = joint_pos + draw.normal(size=(n, joints)) * config.start_angle_noise
@@ -150,7 +179,9 @@ class TrackingEnv:
         self.physics.push(hit, push)
 
 
-def deviations(state: RobotState, ref_pos_w: torch.Tensor, ref_quat_w: torch.Tensor, config: TrackingConfig) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+def deviations(
+    state: RobotState, ref_pos_w: torch.Tensor, ref_quat_w: torch.Tensor, config: TrackingConfig
+) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
     """Whether each robot is too far from, too much turned from, or too much below its reference, each (N,) bool."""
     far = (state.root_pos_w - ref_pos_w).norm(dim=-1) > config.max_pos_error
     turned = rot.angle_between(state.root_quat_w, ref_quat_w) > config.max_angle_error

@@ -14,7 +14,9 @@ HEIGHT_WEIGHT = 100.0
 
 
 def observe(moment: Moment) -> torch.Tensor:
-    """(N, 578) S of F.1: joints, link poses and velocities in the current root frame, of the robot and of its next target; last action; gravity."""
+    """(N, 578) S of F.1: joints, link poses and velocities in the current root frame, of the robot and of its next
+    target; last action; gravity.
+    """
     state = moment.state
     nxt = moment.reference(1)
     down = state.root_pos_w.new_tensor([0.0, 0.0, -1.0]).expand_as(state.root_pos_w)
@@ -35,7 +37,9 @@ def _in_root_frame(moment: Moment, links: LinkState) -> list[torch.Tensor]:
 def reference_links(robot: Robot, frame: Frame) -> LinkState:
     """Link poses and velocities of a reference frame by forward kinematics."""
     parents, drives = robot.link_parents, {int(link): j for j, link in enumerate(robot.joint_link)}
-    offsets, rests, axes = (frame.root_pos_w.new_tensor(array) for array in (robot.link_pos, robot.link_quat, robot.joint_axis))
+    offsets, rests, axes = (
+        frame.root_pos_w.new_tensor(array) for array in (robot.link_pos, robot.link_quat, robot.joint_axis)
+    )
     pos, quat, lin, ang = [frame.root_pos_w], [frame.root_quat_w], [frame.root_lin_vel_w], [frame.root_ang_vel_w]
     for i, parent in enumerate(parents):
         if parent < 0:

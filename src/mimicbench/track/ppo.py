@@ -39,7 +39,8 @@ class PPOConfig:
     target_kl: float = 0.02
     """Divergence per update that the learning rate is adapted to."""
     initial_std: float = 0.5
-    """Standard deviation of the first actions. With 0.25 the allowed divergence makes every step so small that nothing is learned for millions of samples."""
+    """Standard deviation of the first actions. With 0.25 the allowed divergence makes every step so small that nothing
+    is learned for millions of samples."""
 
 
 class PPOLearner:
@@ -47,7 +48,12 @@ class PPOLearner:
 
     def __init__(self, observations: int, actions: int, num_envs: int, config: PPOConfig, device: str = "cpu") -> None:
         example = _wrap(torch.zeros(num_envs, observations, device=device))
-        distribution = {"class_name": "GaussianDistribution", "init_std": config.initial_std, "std_type": "log", "std_range": (0.02, 1.0)}
+        distribution = {
+            "class_name": "GaussianDistribution",
+            "init_std": config.initial_std,
+            "std_type": "log",
+            "std_range": (0.02, 1.0),
+        }
         shape = {"hidden_dims": config.hidden, "activation": "elu", "obs_normalization": True}
         actor = MLPModel(example, _GROUPS, "actor", actions, **shape, distribution_cfg=distribution)
         critic = MLPModel(example, _GROUPS, "critic", 1, **shape)
@@ -56,10 +62,21 @@ class PPOLearner:
             last.weight *= 0.01
             last.bias.zero_()
         self.ppo = PPO(
-            actor, critic, RolloutStorage("rl", num_envs, config.steps, example, [actions], device), num_learning_epochs=config.epochs,
-            num_mini_batches=config.minibatches, clip_param=config.clip, gamma=config.gamma, lam=config.lam, entropy_coef=config.entropy,
-            learning_rate=config.learning_rate, desired_kl=config.target_kl, schedule="adaptive", max_grad_norm=1.0, device=device,
-        )  # fmt: skip
+            actor,
+            critic,
+            RolloutStorage("rl", num_envs, config.steps, example, [actions], device),
+            num_learning_epochs=config.epochs,
+            num_mini_batches=config.minibatches,
+            clip_param=config.clip,
+            gamma=config.gamma,
+            lam=config.lam,
+            entropy_coef=config.entropy,
+            learning_rate=config.learning_rate,
+            desired_kl=config.target_kl,
+            schedule="adaptive",
+            max_grad_norm=1.0,
+            device=device,
+        )
         self.ppo.train_mode()
 
     @torch.no_grad()
@@ -79,7 +96,11 @@ class PPOLearner:
         with torch.no_grad():
             self.ppo.compute_returns(_wrap(obs))
         losses = self.ppo.update()
-        return {**losses, "learning_rate": self.ppo.learning_rate, "std": float(self.ppo.actor.output_std.detach().mean())}
+        return {
+            **losses,
+            "learning_rate": self.ppo.learning_rate,
+            "std": float(self.ppo.actor.output_std.detach().mean()),
+        }
 
     def network_tensors(self) -> dict[str, np.ndarray]:
         """The actor's mean as tensors of a TrackerNetwork."""

@@ -36,7 +36,10 @@ class ReferenceBank:
     """C clips in one table of frames. A clip that is over stays at its last frame, at rest."""
 
     def __init__(self, motions: Sequence[RobotMotion], robot: Robot, device: str = "cpu") -> None:
-        """Resample to the control rate by cubic splines, whose derivatives are the velocities. `device` is where the table and all its frames live."""
+        """Resample to the control rate by cubic splines, whose derivatives are the velocities.
+
+        `device` is where the table and all its frames live.
+        """
         if not motions:
             raise BadMotion("no clips to track; run `mimicbench retarget` first, or see why it kept none")
         rows = [_at_control_rate(motion, robot) for motion in motions]
@@ -64,7 +67,9 @@ class ReferenceBank:
 def _at_control_rate(motion: RobotMotion, robot: Robot) -> np.ndarray:
     """(T', 13 + 2 J + ...) rows of pose and velocity at the control rate."""
     if motion.joint_names != robot.joint_names:
-        raise BadMotion(f"clip {motion.id} is for {motion.robot!r} with other joints than {robot.name!r}; retarget it again")
+        raise BadMotion(
+            f"clip {motion.id} is for {motion.robot!r} with other joints than {robot.name!r}; retarget it again"
+        )
     times = np.arange(motion.frames) / motion.fps
     at = np.arange(int(times[-1] / CONTROL_DT + 1e-6) + 1) * CONTROL_DT
     quat = motion.root_quat_w.copy()

@@ -31,7 +31,9 @@ def plan_observation(moment: Moment) -> torch.Tensor:
 
 
 def assemble(body: torch.Tensor, last_action: torch.Tensor, plan: torch.Tensor) -> torch.Tensor:
-    """(N, 34 + 7 J) the tracker's observation from the robot's own state (sense.proprioception), last action and plan."""
+    """(N, 34 + 7 J) the tracker's observation from the robot's own state (sense.proprioception), last action and
+    plan.
+    """
     return torch.cat([body, last_action, plan], -1)
 
 
@@ -57,7 +59,9 @@ def residual_target(robot: Robot, joint_pos: torch.Tensor, action: torch.Tensor)
 
 
 def reward(moment: Moment, step: Step) -> torch.Tensor:
-    """(N,) agreement of root pose, joints and velocities with the reference, at most 1, less a price on changing the action."""
+    """(N,) agreement of root pose, joints and velocities with the reference, at most 1, less a price on changing the
+    action.
+    """
     state, ref = moment.state, moment.reference(0)
     position = ((state.root_pos_w - ref.root_pos_w) ** 2).sum(-1)
     angle = rot.angle_between(state.root_quat_w, ref.root_quat_w)

@@ -43,14 +43,24 @@ class Rollout:
 
 @torch.no_grad()
 def track_clips(
-    tracker: Tracker, robot: Robot, task: Task, motions: Sequence[RobotMotion], objects: Mapping[str, SceneObject],
-    workers: int = 0, record: bool = False, action_noise: float = 0.0, seed: int = 0, settle: float = SETTLE, go_on: bool = True,
+    tracker: Tracker,
+    robot: Robot,
+    task: Task,
+    motions: Sequence[RobotMotion],
+    objects: Mapping[str, SceneObject],
+    workers: int = 0,
+    record: bool = False,
+    action_noise: float = 0.0,
+    seed: int = 0,
+    settle: float = SETTLE,
+    go_on: bool = True,
     device: str = "cpu",
-) -> Rollout:  # fmt: skip
+) -> Rollout:
     """Track every clip from its first frame by the mean action.
 
     With `record`, keep the states and targets; with `action_noise` [rad], the applied targets are disturbed while the
-    recorded clean ones are not: demonstrations of how to recover. Unless they are to `go_on`, robots that have fulfilled
+    recorded clean ones are not: demonstrations of how to recover. Unless they are to `go_on`, robots that have
+    fulfilled
     K, or have fallen, are left where they are: enough to know K, and quicker. The tracker's network moves to where the
     tensors of physics on `device` live.
     """
@@ -60,8 +70,18 @@ def track_clips(
     physics = make_physics(device, robot, scene, tracker.kind.gains, workers=workers)
     network = tracker.network.to(physics.device)
     clip, index = torch.arange(n, device=physics.device), torch.zeros(n, dtype=torch.long, device=physics.device)
-    pos, quat, lin, ang, joint_pos, joint_vel = (array.cpu().numpy() for array in vars(bank.frame(clip, index)).values())
-    physics.reset(np.arange(n), pos, quat.astype(float), joint_pos, lin, rot.rotate_inverse(quat.astype(float), ang.astype(float)), joint_vel)
+    pos, quat, lin, ang, joint_pos, joint_vel = (
+        array.cpu().numpy() for array in vars(bank.frame(clip, index)).values()
+    )
+    physics.reset(
+        np.arange(n),
+        pos,
+        quat.astype(float),
+        joint_pos,
+        lin,
+        rot.rotate_inverse(quat.astype(float), ang.astype(float)),
+        joint_vel,
+    )
     lengths = np.minimum(bank.lengths.cpu().numpy() + round(settle / CONTROL_DT), round(task.time_limit / CONTROL_DT))
     judge = Judge(task, robot, scene, CONTROL_DT, [motion.wrist_goal_w for motion in motions])
     action = torch.zeros(n, len(robot.joints), device=physics.device)
@@ -73,7 +93,10 @@ def track_clips(
         target = tracker.kind.target(robot, moment.reference(1), action)
         applied = target
         if action_noise:
-            applied = target + torch.from_numpy(draw.normal(size=target.shape).astype(np.float32)).to(physics.device) * action_noise
+            applied = (
+                target
+                + torch.from_numpy(draw.normal(size=target.shape).astype(np.float32)).to(physics.device) * action_noise
+            )
         if record:
             qpos.append(physics.qpos().astype(np.float32))
             qvel.append(physics.qvel().astype(np.float32))
@@ -88,6 +111,7 @@ def track_clips(
         index = index + 1
         judge.see(physics, active)
     per_clip = [
-        [values[:length] for values, length in zip(np.stack(rows, 1), lengths, strict=True)] if rows else [] for rows in (qpos, qvel, targets, executed)
+        [values[:length] for values, length in zip(np.stack(rows, 1), lengths, strict=True)] if rows else []
+        for rows in (qpos, qvel, targets, executed)
     ]
     return Rollout(judge, lengths, *per_clip)

@@ -1,4 +1,6 @@
-"""Train a tracker: collect, update, look at how it does from the first frame, keep checkpoints, go on where it stopped."""
+"""Train a tracker: collect, update, look at how it does from the first frame, keep checkpoints, go on where it
+stopped.
+"""
 
 import json
 import time
@@ -47,9 +49,18 @@ class TrackConfig:
 
 
 def train_tracker(
-    folder: Path, robot: Robot, task: Task, motions: Sequence[RobotMotion], held_out: Sequence[RobotMotion], objects: Mapping[str, SceneObject],
-    config: TrackConfig, seed: int, workers: int = 0, report: Callable[[dict], None] | None = None, device: str = "cpu",
-) -> Path:  # fmt: skip
+    folder: Path,
+    robot: Robot,
+    task: Task,
+    motions: Sequence[RobotMotion],
+    held_out: Sequence[RobotMotion],
+    objects: Mapping[str, SceneObject],
+    config: TrackConfig,
+    seed: int,
+    workers: int = 0,
+    report: Callable[[dict], None] | None = None,
+    device: str = "cpu",
+) -> Path:
     """Train on `motions`, evaluate on `held_out`, and write `<folder>/checkpoint`.
 
     Progress goes to `<folder>/metrics.jsonl`, one line per evaluation, and to `report`. A killed training goes on from
@@ -84,7 +95,11 @@ def train_tracker(
             row = {**progress, **losses, "reward": sum(recent) / len(recent), "ended": dict(env.ended)}
             for name, clips in (("k_train", motions), ("k_held_out", held_out)):
                 chosen = clips[:: max(1, len(clips) // config.evaluate_clips)][: config.evaluate_clips]
-                rollout = track_clips(tracker, robot, task, chosen, objects, workers, go_on=False, device=device) if chosen else None
+                rollout = (
+                    track_clips(tracker, robot, task, chosen, objects, workers, go_on=False, device=device)
+                    if chosen
+                    else None
+                )
                 row[name] = None if rollout is None else float(rollout.judge.success.mean())
             _append(folder / "metrics.jsonl", row)
             if report:
@@ -93,7 +108,13 @@ def train_tracker(
             evaluated = time.monotonic()
         if now - saved > config.save_every or done_training:
             _save(folder, learner, progress)
-            save_tracker(folder / "checkpoint", robot, shape, learner.network_tensors(), {**progress, "seed": seed, "task": task.slug})
+            save_tracker(
+                folder / "checkpoint",
+                robot,
+                shape,
+                learner.network_tensors(),
+                {**progress, "seed": seed, "task": task.slug},
+            )
             saved = time.monotonic()
         now = time.monotonic()
     return folder / "checkpoint"

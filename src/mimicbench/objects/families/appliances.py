@@ -1,4 +1,7 @@
-"""Makers of household machines: washing machine, fridge, oven, microwave on a trolley, radiator, floor lamp. Fronts look to +x."""
+"""Makers of household machines: washing machine, fridge, oven, microwave on a trolley, radiator, floor lamp.
+
+Fronts look to +x.
+"""
 
 import numpy as np
 
@@ -72,10 +75,20 @@ def oven(parts: Furnishing, draft: Draft, random: np.random.Generator) -> None:
     parts.box((front - 0.03, front), (-y, y), (strip, h - 0.02), shade(color, 0.85))
     for i in range(4):
         middle = (-0.66 + 0.44 * i) * y
-        parts.box((front, front + 0.022), (middle - 0.018, middle + 0.018), ((strip + h - 0.02) / 2 - 0.018, (strip + h - 0.02) / 2 + 0.018), DARK)
+        parts.box(
+            (front, front + 0.022),
+            (middle - 0.018, middle + 0.018),
+            ((strip + h - 0.02) / 2 - 0.018, (strip + h - 0.02) / 2 + 0.018),
+            DARK,
+        )
     foot = 0.22 * h
     parts.box((front - 0.03, front - 0.004), (-y + 0.004, y - 0.004), (foot + 0.004, strip - 0.004), shade(color, 0.96))
-    parts.box((front - 0.004, front), (-0.72 * y, 0.72 * y), (foot + 0.18 * (strip - foot), strip - 0.3 * (strip - foot)), GLASS)
+    parts.box(
+        (front - 0.004, front),
+        (-0.72 * y, 0.72 * y),
+        (foot + 0.18 * (strip - foot), strip - 0.3 * (strip - foot)),
+        GLASS,
+    )
     bar = strip - 0.07
     parts.handle((front - 0.004, x), (-0.8 * y, 0.8 * y), (bar, bar + 0.022), draft.metal)
     parts.box((front - 0.03, front - 0.004), (-y + 0.004, y - 0.004), (0.05, foot - 0.004), shade(color, 0.9))
@@ -111,7 +124,10 @@ def microwave(parts: Furnishing, draft: Draft, random: np.random.Generator) -> N
 
 
 def radiator(parts: Furnishing, draft: Draft, random: np.random.Generator) -> None:
-    """An oil radiator on castors: upright fins, a control box, a handle. Its fins stand one behind the other along x."""
+    """An oil radiator on castors: upright fins, a control box, a handle.
+
+    Its fins stand one behind the other along x.
+    """
     x, y, h = draft.length / 2, draft.width / 2, draft.height
     color = draft.white if random.uniform() < 0.7 else draft.paint
     front = x - 0.10
@@ -131,7 +147,12 @@ def radiator(parts: Furnishing, draft: Draft, random: np.random.Generator) -> No
         parts.box((middle - 0.03, middle + 0.03), (-y + 0.01, y - 0.01), (0.03, 0.085), DARK)
         for side in (-1, 1) if middle < 0 else (0,):
             wide = 0.025 if side else y - 0.01
-            parts.box((middle - 0.03, middle + 0.03), (side * (y - 0.035) - wide, side * (y - 0.035) + wide), (0.0, 0.035), shade(DARK, 0.8))
+            parts.box(
+                (middle - 0.03, middle + 0.03),
+                (side * (y - 0.035) - wide, side * (y - 0.035) + wide),
+                (0.0, 0.035),
+                shade(DARK, 0.8),
+            )
 
 
 def lamp(parts: Furnishing, draft: Draft, random: np.random.Generator) -> None:
@@ -142,6 +163,12 @@ def lamp(parts: Furnishing, draft: Draft, random: np.random.Generator) -> None:
     light = (0.96, 0.91, 0.78) if random.uniform() < 0.6 else shade(draft.paint, 1.2)
     # two rings make the shade wider below than above
     for part, (share, low, high) in enumerate(((1.0, h - tall, h - 0.45 * tall), (0.84, h - 0.45 * tall, h))):
-        parts.prism((0, 0, (low + high) / 2), share * radius, (high - low) / 2, light, touch=("around", "top") if part else ("around",))
+        parts.prism(
+            (0, 0, (low + high) / 2),
+            share * radius,
+            (high - low) / 2,
+            light,
+            touch=("around", "top") if part else ("around",),
+        )
     parts.box((-0.014, 0.014), (-0.014, 0.014), (0.02, h - tall), draft.metal)
     parts.prism((0, 0, 0.0125), 0.72 * radius, 0.0125, draft.metal)

@@ -1,7 +1,8 @@
 """Beds of eight kinds, made of at most SLOTS boxes; every bed follows from a seed and an index.
 
 The sizes are drawn so that the family has the statistics of the paper's table of objects for lying on a bed: length
-227.3 +- 42.7 cm, width 177.7 +- 39.4 cm, height 85.7 +- 27.0 cm, all over everything. Length is along x: the head end is at -x, the
+227.3 +- 42.7 cm, width 177.7 +- 39.4 cm, height 85.7 +- 27.0 cm, all over everything. Length is along x: the head end
+is at -x, the
 bed faces +x with its foot. Every mattress is at least 1.70 m long, so that a robot or a person of 1.8 m can lie on it
 lengthwise; the long and the wide beds have a deep headboard, a bench at the foot, or tables beside the head.
 """
@@ -26,20 +27,31 @@ LIE: Range = (0.49, 0.055, 0.36, 0.64)
 
 BEDS = {
     "platform": SizeDistribution(0.24, (2.03, 0.28, 1.76, 2.80), (1.72, 0.34, 0.95, 2.50), LIE, LIE),
-    "headboard": SizeDistribution(0.16, (1.96, 0.30, 1.76, 2.80), (1.62, 0.34, 0.85, 2.40), (0.88, 0.19, 0.66, 1.45), LIE),
-    "storage": SizeDistribution(0.09, (2.03, 0.30, 1.80, 2.80), (1.66, 0.34, 0.90, 2.40), (0.92, 0.19, 0.68, 1.45), LIE),
+    "headboard": SizeDistribution(
+        0.16, (1.96, 0.30, 1.76, 2.80), (1.62, 0.34, 0.85, 2.40), (0.88, 0.19, 0.66, 1.45), LIE
+    ),
+    "storage": SizeDistribution(
+        0.09, (2.03, 0.30, 1.80, 2.80), (1.66, 0.34, 0.90, 2.40), (0.92, 0.19, 0.68, 1.45), LIE
+    ),
     "panel": SizeDistribution(0.11, (2.00, 0.30, 1.86, 2.80), (1.60, 0.34, 0.85, 2.40), (0.90, 0.19, 0.66, 1.45), LIE),
     "sleigh": SizeDistribution(0.07, (2.24, 0.28, 1.98, 2.95), (1.70, 0.30, 0.95, 2.40), (0.90, 0.15, 0.72, 1.30), LIE),
     "poster": SizeDistribution(0.06, (2.06, 0.28, 1.86, 2.80), (1.72, 0.30, 1.00, 2.40), (1.42, 0.32, 0.95, 2.10), LIE),
     "bench": SizeDistribution(0.15, (3.12, 0.30, 2.45, 3.80), (1.78, 0.28, 1.10, 2.50), (0.94, 0.19, 0.68, 1.45), LIE),
     "suite": SizeDistribution(0.12, (2.10, 0.30, 1.85, 2.80), (2.48, 0.26, 1.90, 3.10), (0.94, 0.19, 0.70, 1.45), LIE),
 }
-"""Sizes by kind; length along x, width along y, height over everything (without a headboard, of the plane to lie on)."""
+"""Sizes by kind; length along x, width along y, height over everything (without a headboard, of the plane to lie
+on)."""
 
 GOLDEN = (5**0.5 - 1) / 2
 BEDDING: tuple[Color, ...] = (
-    (0.55, 0.63, 0.72), (0.80, 0.76, 0.68), (0.62, 0.68, 0.58), (0.78, 0.62, 0.56), (0.38, 0.44, 0.55), (0.86, 0.84, 0.80), (0.58, 0.52, 0.60),
-)  # fmt: skip
+    (0.55, 0.63, 0.72),
+    (0.80, 0.76, 0.68),
+    (0.62, 0.68, 0.58),
+    (0.78, 0.62, 0.56),
+    (0.38, 0.44, 0.55),
+    (0.86, 0.84, 0.80),
+    (0.58, 0.52, 0.60),
+)
 LINEN: Color = (0.94, 0.93, 0.91)
 
 
@@ -78,9 +90,12 @@ class BedShape:
 
 def make_bed(index: int, seed: int = 0) -> SceneObject:
     """Bed number `index` of the family that `seed` names."""
-    # steps of the golden ratio give every few dozen beds the kinds' shares: a family is small, and its statistics should not hang on luck
+    # steps of the golden ratio give every few dozen beds the kinds' shares: a family is small, and its statistics
+    # should not hang on luck
     place = (index * GOLDEN + rng(seed, "bed", "kinds").uniform()) % 1.0
-    kind = list(BEDS)[int(np.searchsorted(np.cumsum([sizes.share for sizes in BEDS.values()])[:-1], place, side="right"))]
+    kind = list(BEDS)[
+        int(np.searchsorted(np.cumsum([sizes.share for sizes in BEDS.values()])[:-1], place, side="right"))
+    ]
     return build_bed(f"bed-{seed}-{index:05d}", draw_bed(rng(seed, "bed", index), kind))
 
 
@@ -103,9 +118,23 @@ def draw_bed(random: np.random.Generator, kind: str) -> BedShape:
         thickness = float(np.clip(length - bench - 2.25, thickness, 0.36))
     thickness = min(thickness, length - bench * (kind == "bench") - MIN_MATTRESS[0] - 0.035)
     return BedShape(
-        kind, length, width, height, seat, mattress, min(margin, (width - MIN_MATTRESS[1]) / 2), thickness, min(foot, 0.7 * (height - seat)),
-        bench if kind == "bench" else 0.0, table if kind == "suite" else 0.0, canopy, pillow, side, wood, fabric,
-    )  # fmt: skip
+        kind,
+        length,
+        width,
+        height,
+        seat,
+        mattress,
+        min(margin, (width - MIN_MATTRESS[1]) / 2),
+        thickness,
+        min(foot, 0.7 * (height - seat)),
+        bench if kind == "bench" else 0.0,
+        table if kind == "suite" else 0.0,
+        canopy,
+        pillow,
+        side,
+        wood,
+        fabric,
+    )
 
 
 def build_bed(object_id: str, shape: BedShape) -> SceneObject:
@@ -115,7 +144,10 @@ def build_bed(object_id: str, shape: BedShape) -> SceneObject:
     head, foot = _ends(parts, shape, half_width)
     y = half_width - shape.margin
     if foot - head < MIN_MATTRESS[0] - 1e-9 or 2 * y < MIN_MATTRESS[1] - 1e-9:
-        raise BadObject(f"bed {object_id}: a mattress of {foot - head:.2f} x {2 * y:.2f} m is too small; give {MIN_MATTRESS[0]} x {MIN_MATTRESS[1]} m or more")
+        raise BadObject(
+            f"bed {object_id}: a mattress of {foot - head:.2f} x {2 * y:.2f} m is too small; give "
+            f"{MIN_MATTRESS[0]} x {MIN_MATTRESS[1]} m or more"
+        )
     height = shape.seat_height
     fold = head + 0.30 * (foot - head)
     over, low = min(0.012, shape.margin - 0.005), height - (0.7 if shape.kind == "platform" else 0.78) * shape.mattress
@@ -128,14 +160,25 @@ def build_bed(object_id: str, shape: BedShape) -> SceneObject:
     if shape.pillow:
         for middle in across:
             half = np.array([PILLOW_DEPTH / 2, min(0.36, (0.44 if double else 0.80) * y), (shape.pillow + 0.02) / 2])
-            parts.add(np.array([head + 0.04 + half[0], middle, height + shape.pillow - half[2]]), half, shade(LINEN, 1.05))
+            parts.add(
+                np.array([head + 0.04 + half[0], middle, height + shape.pillow - half[2]]), half, shade(LINEN, 1.05)
+            )
     head_xy = np.array([head + 0.04 + PILLOW_DEPTH / 2, shape.side * y / 2 if double else 0.0])
     pos = parts.centered()
     moved = (pos[0] - parts.pos[0])[:2]
     polygon = np.array([[foot, -y], [foot, y], [head, y], [head, -y]]) + moved
     return SceneObject(
-        object_id, "bed", shape.kind, pos, np.array(parts.quat), np.array(parts.half), np.array(parts.rgb), height, polygon, head_xy + moved,
-    )  # fmt: skip
+        object_id,
+        "bed",
+        shape.kind,
+        pos,
+        np.array(parts.quat),
+        np.array(parts.half),
+        np.array(parts.rgb),
+        height,
+        polygon,
+        head_xy + moved,
+    )
 
 
 def _ends(parts: Parts, shape: BedShape, half_width: float) -> tuple[float, float]:
@@ -154,7 +197,12 @@ def _platform(parts: Parts, shape: BedShape, half_width: float) -> tuple[float, 
     half_length, board = shape.length / 2, shape.seat_height - shape.mattress
     parts.box((-half_length, half_length), (-half_width, half_width), (board - 0.06, board + 0.02), shape.wood)
     inset = 0.12
-    parts.box((-half_length + inset, half_length - inset), (-half_width + inset, half_width - inset), (0.0, board - 0.05), shade(shape.wood, 0.7))
+    parts.box(
+        (-half_length + inset, half_length - inset),
+        (-half_width + inset, half_width - inset),
+        (0.0, board - 0.05),
+        shade(shape.wood, 0.7),
+    )
     margin = min(shape.margin, (shape.length - MIN_MATTRESS[0]) / 2, 0.15)
     return -half_length + margin, half_length - margin
 
@@ -178,10 +226,17 @@ def _padded(parts: Parts, shape: BedShape, half_width: float) -> None:
     """A headboard of two or four cushions."""
     rear, top = -shape.length / 2, shape.height
     panels = 4 if half_width > 0.65 else 2
-    parts.box((rear, rear + 0.6 * shape.headboard), (-half_width, half_width), (0.0, top - 0.012), shade(shape.fabric, 0.7))
+    parts.box(
+        (rear, rear + 0.6 * shape.headboard), (-half_width, half_width), (0.0, top - 0.012), shade(shape.fabric, 0.7)
+    )
     edges = np.linspace(-half_width, half_width, panels + 1)
     for a, b in zip(edges[:-1], edges[1:], strict=True):
-        parts.box((rear + 0.01, rear + shape.headboard + 0.02), (a + 0.004, b - 0.004), (shape.seat_height - 0.25, top), shade(shape.fabric, 0.8))
+        parts.box(
+            (rear + 0.01, rear + shape.headboard + 0.02),
+            (a + 0.004, b - 0.004),
+            (shape.seat_height - 0.25, top),
+            shade(shape.fabric, 0.8),
+        )
 
 
 def _headboard(parts: Parts, shape: BedShape, half_width: float) -> tuple[float, float]:
@@ -194,10 +249,17 @@ def _headboard(parts: Parts, shape: BedShape, half_width: float) -> tuple[float,
     feet(parts, (head + 0.05, foot - 0.02), (-half_width + 0.02, half_width - 0.02), low + 0.01, 0.07, shape.wood)
     outer = shape.width / 2
     if shape.headboard > 0.2:  # a bookcase: a body, and a lid that sticks out a little
-        parts.box((-half_length + 0.01, head - 0.012), (-outer + 0.01, outer - 0.01), (0.0, shape.height - 0.03), shape.wood)
+        parts.box(
+            (-half_length + 0.01, head - 0.012), (-outer + 0.01, outer - 0.01), (0.0, shape.height - 0.03), shape.wood
+        )
         parts.box((-half_length, head), (-outer, outer), (shape.height - 0.035, shape.height), shade(shape.wood, 1.12))
     else:
-        parts.box((-half_length, head - 0.012), (-outer, outer), (0.0 if shape.table else 0.10, shape.height - 0.03), shape.wood)
+        parts.box(
+            (-half_length, head - 0.012),
+            (-outer, outer),
+            (0.0 if shape.table else 0.10, shape.height - 0.03),
+            shape.wood,
+        )
         parts.box((-half_length, head), (-outer, outer), (shape.height - 0.06, shape.height), shade(shape.wood, 1.12))
     if shape.bench:
         y, top = 0.42 * shape.width, min(0.9 * height, 0.46)
@@ -210,7 +272,12 @@ def _headboard(parts: Parts, shape: BedShape, half_width: float) -> tuple[float,
         for side in (-1, 1):
             y = (min(side * (half_width + 0.03), side * outer), max(side * (half_width + 0.03), side * outer))
             parts.box((head - 0.02, head + depth), y, (0.06, top), shape.wood)
-            parts.box((head, head + depth + 0.015), (y[0] + 0.02, y[1] - 0.02), (0.5 * top, top - 0.04), shade(shape.wood, 1.12))
+            parts.box(
+                (head, head + depth + 0.015),
+                (y[0] + 0.02, y[1] - 0.02),
+                (0.5 * top, top - 0.04),
+                shade(shape.wood, 1.12),
+            )
     return head, foot
 
 
@@ -229,13 +296,18 @@ def _posts(parts: Parts, shape: BedShape, half_width: float) -> tuple[float, flo
         for side in (-1, 1):
             y = (min(side * half_width, side * (half_width - post)), max(side * half_width, side * (half_width - post)))
             parts.box(x, y, (0.0, top), shape.wood)
-        parts.box((x[0] + 0.015, x[1] - 0.015), (-half_width + 0.02, half_width - 0.02), (low, panel), shade(shape.wood, 1.08))
+        parts.box(
+            (x[0] + 0.015, x[1] - 0.015), (-half_width + 0.02, half_width - 0.02), (low, panel), shade(shape.wood, 1.08)
+        )
     if shape.canopy:
         z = (shape.height - 0.055, shape.height - 0.005)
         for end in (-1, 1):
             x = (-half_length + 0.01, head - 0.01) if end < 0 else (foot + 0.01, half_length - 0.01)
             parts.box(x, (-half_width + 0.02, half_width - 0.02), z, shape.wood)
-            y = (min(end * (half_width - 0.01), end * (half_width - 0.06)), max(end * (half_width - 0.01), end * (half_width - 0.06)))
+            y = (
+                min(end * (half_width - 0.01), end * (half_width - 0.06)),
+                max(end * (half_width - 0.01), end * (half_width - 0.06)),
+            )
             parts.box((head - 0.03, foot + 0.03), y, z, shape.wood)
     return head, foot
 

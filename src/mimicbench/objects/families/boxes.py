@@ -1,12 +1,18 @@
 """Boxes to lift, of four kinds; every box follows from a seed and an index.
 
-Thirty boxes, numbers 0 to 29 of any seed, have the statistics of the paper's table of objects for lifting: length 67.3 +- 6.4 cm, width
-43.4 +- 6.2 cm, height 88.9 +- 7.8 cm. So few independent draws would miss these by more than the paper's last digit, so the sizes and the mass are a
-Latin hypercube: each of the four takes every thirtieth of its distribution once, in an order of its own. The next thirty are another such set.
+Thirty boxes, numbers 0 to 29 of any seed, have the statistics of the paper's table of objects for lifting: length 67.3
++- 6.4 cm, width
+43.4 +- 6.2 cm, height 88.9 +- 7.8 cm. So few independent draws would miss these by more than the paper's last digit, so
+the sizes and the mass are a
+Latin hypercube: each of the four takes every thirtieth of its distribution once, in an order of its own. The next
+thirty are another such set.
 
-A box is its solid body and a few thin boxes for looks, none of which stands out by more than 4 mm: its mass is spread through its volume, and
-its sides are flat. It is clasped between the hands by its left and right side, at 80 to 90 % of its height near its middle; that is where
-its touch points are: first those of the left hand of somebody in front of the box (negative y), then, in the same order, the right hand's.
+A box is its solid body and a few thin boxes for looks, none of which stands out by more than 4 mm: its mass is spread
+through its volume, and
+its sides are flat. It is clasped between the hands by its left and right side, at 80 to 90 % of its height near its
+middle; that is where
+its touch points are: first those of the left hand of somebody in front of the box (negative y), then, in the same
+order, the right hand's.
 """
 
 from statistics import NormalDist
@@ -46,10 +52,14 @@ def make_box(index: int, seed: int = 0) -> SceneObject:
     length, width, height = np.round(SIZE_MEAN + SIZE_DEVIATION * QUANTILES[places[:3]], 4)
     mass = round(MASS[0] + (MASS[1] - MASS[0]) * (places[3] + 0.5) / COUNT, 3)
     random = rng(seed, "box", index)
-    return build_box(f"box-{seed}-{index:05d}", KINDS[index % len(KINDS)], (float(length), float(width), float(height)), mass, random)
+    return build_box(
+        f"box-{seed}-{index:05d}", KINDS[index % len(KINDS)], (float(length), float(width), float(height)), mass, random
+    )
 
 
-def build_box(object_id: str, kind: str, size: tuple[float, float, float], mass: float, random: np.random.Generator) -> SceneObject:
+def build_box(
+    object_id: str, kind: str, size: tuple[float, float, float], mass: float, random: np.random.Generator
+) -> SceneObject:
     """The box of that kind, size over everything (length, width, height) [m] and mass [kg]; its colors are drawn."""
     parts = Parts()
     makers = {"carton": _carton, "wooden case": _wooden_case, "tote": _tote, "flight case": _flight_case}
@@ -57,11 +67,23 @@ def build_box(object_id: str, kind: str, size: tuple[float, float, float], mass:
     side = float((np.abs(parts.pos[0]) + parts.half[0])[1])
     places = [(x, y, share * size[2]) for y in (-side, side) for share in CLASP_HEIGHTS for x in CLASP_FORWARD]
     points = np.round(places, 5)
-    pos, half, rgb = (np.round(array, 5) + 0.0 for array in (np.array(parts.pos), np.array(parts.half), np.array(parts.rgb)))
+    pos, half, rgb = (
+        np.round(array, 5) + 0.0 for array in (np.array(parts.pos), np.array(parts.half), np.array(parts.rgb))
+    )
     return SceneObject(
-        object_id, "box", kind, pos, np.tile(rot.IDENTITY, (len(pos), 1)), half, rgb, touch_points=points,
-        touch_normals=np.array([[0.0, np.sign(point[1]), 0.0] for point in points]), movable=True, mass=mass, friction=FRICTION,
-    )  # fmt: skip
+        object_id,
+        "box",
+        kind,
+        pos,
+        np.tile(rot.IDENTITY, (len(pos), 1)),
+        half,
+        rgb,
+        touch_points=points,
+        touch_normals=np.array([[0.0, np.sign(point[1]), 0.0] for point in points]),
+        movable=True,
+        mass=mass,
+        friction=FRICTION,
+    )
 
 
 def _carton(parts: Parts, size: tuple[float, float, float], random: np.random.Generator) -> None:

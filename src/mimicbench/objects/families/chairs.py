@@ -24,10 +24,34 @@ MIN_BETWEEN_ARMS = 0.52
 """[m]; a robot's two thighs at +-0.2 m need this."""
 
 SIZES = {
-    "dining": SizeDistribution(0.46, (0.505, 0.100, 0.41, 0.72), (0.420, 0.045, 0.42, 0.58), (0.875, 0.130, 0.66, 1.24), (0.450, 0.030, 0.38, 0.54)),
-    "stool": SizeDistribution(0.13, (0.410, 0.060, 0.35, 0.56), (0.430, 0.060, 0.42, 0.62), (0.455, 0.035, 0.38, 0.54), (0.455, 0.035, 0.38, 0.54)),
-    "armchair": SizeDistribution(0.24, (0.570, 0.085, 0.46, 0.80), (0.620, 0.050, 0.60, 0.78), (0.855, 0.115, 0.70, 1.20), (0.440, 0.030, 0.38, 0.52)),
-    "easy": SizeDistribution(0.17, (0.825, 0.115, 0.62, 1.10), (0.815, 0.110, 0.70, 1.10), (0.800, 0.120, 0.62, 1.10), (0.410, 0.025, 0.36, 0.46)),
+    "dining": SizeDistribution(
+        0.46,
+        (0.505, 0.100, 0.41, 0.72),
+        (0.420, 0.045, 0.42, 0.58),
+        (0.875, 0.130, 0.66, 1.24),
+        (0.450, 0.030, 0.38, 0.54),
+    ),
+    "stool": SizeDistribution(
+        0.13,
+        (0.410, 0.060, 0.35, 0.56),
+        (0.430, 0.060, 0.42, 0.62),
+        (0.455, 0.035, 0.38, 0.54),
+        (0.455, 0.035, 0.38, 0.54),
+    ),
+    "armchair": SizeDistribution(
+        0.24,
+        (0.570, 0.085, 0.46, 0.80),
+        (0.620, 0.050, 0.60, 0.78),
+        (0.855, 0.115, 0.70, 1.20),
+        (0.440, 0.030, 0.38, 0.52),
+    ),
+    "easy": SizeDistribution(
+        0.17,
+        (0.825, 0.115, 0.62, 1.10),
+        (0.815, 0.110, 0.70, 1.10),
+        (0.800, 0.120, 0.62, 1.10),
+        (0.410, 0.025, 0.36, 0.46),
+    ),
 }
 
 
@@ -91,27 +115,64 @@ def draw_shape(random: np.random.Generator, kind: str | None = None) -> ChairSha
     setback = random.uniform(0.03, 0.12)
     if kind == "stool":
         return ChairShape(
-            kind, length, width, seat, seat, back="none" if random.uniform() < 0.7 else "block", leg=leg, splay=random.uniform(-0.03, 0.0),
-            stretchers=stretchers, cushion=0.045 if upholstered else 0.0, wood=wood, fabric=fabric,
-        )  # fmt: skip
+            kind,
+            length,
+            width,
+            seat,
+            seat,
+            back="none" if random.uniform() < 0.7 else "block",
+            leg=leg,
+            splay=random.uniform(-0.03, 0.0),
+            stretchers=stretchers,
+            cushion=0.045 if upholstered else 0.0,
+            wood=wood,
+            fabric=fabric,
+        )
     if kind == "easy":
         rise = max(height - seat, 0.3)
         spare = length - MAX_SEAT_DEPTH - rise * np.tan(recline)
         thickness = max(random.uniform(0.13, 0.18), min(spare, 0.38))
         arm = min(random.uniform(0.09, 0.16), (width - MIN_BETWEEN_ARMS) / 2)
         return ChairShape(
-            kind, length, width, max(height, seat + 0.3), seat, back="panel", recline=recline, back_thickness=thickness, leg=random.uniform(0.04, 0.10),
-            cushion=random.uniform(0.10, 0.15), arm_width=arm, arm_height=random.uniform(0.12, 0.20), arm_setback=random.uniform(0.0, 0.05),
-            wood=wood, fabric=fabric,
-        )  # fmt: skip
+            kind,
+            length,
+            width,
+            max(height, seat + 0.3),
+            seat,
+            back="panel",
+            recline=recline,
+            back_thickness=thickness,
+            leg=random.uniform(0.04, 0.10),
+            cushion=random.uniform(0.10, 0.15),
+            arm_width=arm,
+            arm_height=random.uniform(0.12, 0.20),
+            arm_setback=random.uniform(0.0, 0.05),
+            wood=wood,
+            fabric=fabric,
+        )
     spare = length - MAX_SEAT_DEPTH
     recline = max(recline, min(0.38, np.arctan2(spare, max(height - seat, 0.3))))
     thickness = random.uniform(0.022, 0.035) if back != "panel" else random.uniform(0.025, 0.05)
     arm = min(random.uniform(0.04, 0.06), (width - MIN_BETWEEN_ARMS) / 2) if kind == "armchair" else 0.0
     return ChairShape(
-        kind, length, width, max(height, seat + 0.3), seat, back, bars, recline, thickness, leg, stretchers=stretchers and kind == "dining",
-        cushion=0.04 if upholstered else 0.0, arm_width=arm, arm_height=arm_height, arm_setback=setback, wood=wood, fabric=fabric,
-    )  # fmt: skip
+        kind,
+        length,
+        width,
+        max(height, seat + 0.3),
+        seat,
+        back,
+        bars,
+        recline,
+        thickness,
+        leg,
+        stretchers=stretchers and kind == "dining",
+        cushion=0.04 if upholstered else 0.0,
+        arm_width=arm,
+        arm_height=arm_height,
+        arm_setback=setback,
+        wood=wood,
+        fabric=fabric,
+    )
 
 
 def build_chair(object_id: str, shape: ChairShape) -> SceneObject:
@@ -122,13 +183,24 @@ def build_chair(object_id: str, shape: ChairShape) -> SceneObject:
     depth = polygon_x[1] - polygon_x[0]
     needed = MIN_BETWEEN_ARMS if shape.arm_width else MIN_SEAT_WIDTH
     if depth < MIN_SEAT_DEPTH - 1e-9 or inside < needed - 1e-9:
-        raise BadObject(f"chair {object_id}: a seat of {depth:.2f} x {inside:.2f} m is too small; give {MIN_SEAT_DEPTH} x {needed} m or more")
+        raise BadObject(
+            f"chair {object_id}: a seat of {depth:.2f} x {inside:.2f} m is too small; give "
+            f"{MIN_SEAT_DEPTH} x {needed} m or more"
+        )
     pos = parts.centered()
     back, front = np.array(polygon_x) + (pos[0] - parts.pos[0])[0]
     polygon = np.array([[front, -inside / 2], [front, inside / 2], [back, inside / 2], [back, -inside / 2]])
     return SceneObject(
-        object_id, "chair", shape.kind, pos, np.array(parts.quat), np.array(parts.half), np.array(parts.rgb), shape.seat_height, polygon,
-    )  # fmt: skip
+        object_id,
+        "chair",
+        shape.kind,
+        pos,
+        np.array(parts.quat),
+        np.array(parts.half),
+        np.array(parts.rgb),
+        shape.seat_height,
+        polygon,
+    )
 
 
 def _framed(parts: Parts, shape: ChairShape) -> tuple[float, float]:
@@ -139,7 +211,12 @@ def _framed(parts: Parts, shape: ChairShape) -> tuple[float, float]:
     board = shape.seat_height - shape.cushion
     parts.box((seat_rear, front), (-half_width, half_width), (board - 0.035, board), shape.wood)
     if shape.cushion:
-        parts.box((rear, front - 0.01), (-half_width + shape.arm_width, half_width - shape.arm_width), (board, shape.seat_height), shape.fabric)
+        parts.box(
+            (rear, front - 0.01),
+            (-half_width + shape.arm_width, half_width - shape.arm_width),
+            (board, shape.seat_height),
+            shape.fabric,
+        )
     _legs(parts, shape, (seat_rear, front), board - 0.02)
     _back(parts, shape, rear, recline)
     if shape.arm_width:
@@ -160,8 +237,15 @@ def _stool(parts: Parts, shape: ChairShape) -> tuple[float, float]:
     if shape.back == "block":
         parts.box((-front + 0.02, front - 0.02), (-half_width + 0.02, half_width - 0.02), (0.0, 0.05), shape.wood)
         parts.box((-front, front), (-half_width, half_width), (0.05, shape.seat_height - 0.08), shape.fabric)
-        parts.box((-front, front), (-half_width, half_width), (shape.seat_height - 0.07, shape.seat_height), shape.fabric)
-        parts.box((-front + 0.01, front - 0.01), (-half_width + 0.01, half_width - 0.01), (shape.seat_height - 0.08, shape.seat_height - 0.07), shape.wood)
+        parts.box(
+            (-front, front), (-half_width, half_width), (shape.seat_height - 0.07, shape.seat_height), shape.fabric
+        )
+        parts.box(
+            (-front + 0.01, front - 0.01),
+            (-half_width + 0.01, half_width - 0.01),
+            (shape.seat_height - 0.08, shape.seat_height - 0.07),
+            shape.wood,
+        )
     else:
         board = shape.seat_height - shape.cushion
         parts.box((-front, front), (-half_width, half_width), (board - 0.035, board), shape.wood)
@@ -185,13 +269,27 @@ def _easy(parts: Parts, shape: ChairShape) -> tuple[float, float]:
     # the back reaches down into the base, so that no gap opens behind the cushion
     foot = -(shape.seat_height - shape.leg) * 0.5
     top = (shape.height - shape.seat_height) / np.cos(recline)
-    center = np.array([rear, 0.0, shape.seat_height]) + _along_back(recline, -shape.back_thickness / 2, (foot + top) / 2)
-    parts.add(center, np.array([shape.back_thickness / 2, inner + shape.arm_width * 0.6, (top - foot) / 2]), shape.fabric, quat)
+    center = np.array([rear, 0.0, shape.seat_height]) + _along_back(
+        recline, -shape.back_thickness / 2, (foot + top) / 2
+    )
+    parts.add(
+        center,
+        np.array([shape.back_thickness / 2, inner + shape.arm_width * 0.6, (top - foot) / 2]),
+        shape.fabric,
+        quat,
+    )
     for side in (-1, 1):
         y = (min(side * inner, side * half_width), max(side * inner, side * half_width))
-        parts.box((seat_rear, front - shape.arm_setback), y, (shape.leg, shape.seat_height + shape.arm_height), shape.fabric)
+        parts.box(
+            (seat_rear, front - shape.arm_setback), y, (shape.leg, shape.seat_height + shape.arm_height), shape.fabric
+        )
         for x in (seat_rear + 0.06, front - shape.arm_setback - 0.06):
-            parts.box((x - 0.025, x + 0.025), (side * (half_width - 0.05) - 0.025, side * (half_width - 0.05) + 0.025), (0.0, shape.leg), shape.wood)
+            parts.box(
+                (x - 0.025, x + 0.025),
+                (side * (half_width - 0.05) - 0.025, side * (half_width - 0.05) + 0.025),
+                (0.0, shape.leg),
+                shape.wood,
+            )
     return rear, front
 
 
@@ -222,7 +320,12 @@ def _back(parts: Parts, shape: ChairShape, rear: float, recline: float) -> None:
 
     foot = -shape.cushion - 0.03
     for side in (-1, 1):
-        piece((side * (inner + post / 2) - post / 2, side * (inner + post / 2) + post / 2), (foot, top), thickness, shape.wood)
+        piece(
+            (side * (inner + post / 2) - post / 2, side * (inner + post / 2) + post / 2),
+            (foot, top),
+            thickness,
+            shape.wood,
+        )
     rail = min(0.075, 0.2 * top)
     piece((-inner, inner), (top - rail, top - 0.005), 0.9 * thickness, shape.wood)
     if shape.back == "slats":
@@ -249,9 +352,16 @@ def _legs(parts: Parts, shape: ChairShape, x: tuple[float, float], top: float) -
         sign = 1 if end > sum(x) / 2 else -1
         for side in (-1, 1):
             foot = np.array([end, side * half_width])
-            parts.leg(np.array([end - sign * 1.5 * lean, side * (half_width - 1.5 * lean), top]), foot, shape.leg, shape.wood)
+            parts.leg(
+                np.array([end - sign * 1.5 * lean, side * (half_width - 1.5 * lean), top]), foot, shape.leg, shape.wood
+            )
     if shape.stretchers:
         height = 0.3 * top
         reach = half_width - 0.45 * lean
         for side in (-1, 1):
-            parts.box((x[0] + inset, x[1] - inset), (side * reach - 0.01, side * reach + 0.01), (height - 0.015, height + 0.015), shape.wood)
+            parts.box(
+                (x[0] + inset, x[1] - inset),
+                (side * reach - 0.01, side * reach + 0.01),
+                (height - 0.015, height + 0.015),
+                shape.wood,
+            )

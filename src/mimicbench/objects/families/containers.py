@@ -1,4 +1,7 @@
-"""Makers of things that hold things: crates, cartons, bins, plant pots, suitcases, serving trolleys. Fronts look to +x."""
+"""Makers of things that hold things: crates, cartons, bins, plant pots, suitcases, serving trolleys.
+
+Fronts look to +x.
+"""
 
 import numpy as np
 
@@ -138,7 +141,9 @@ def suitcase(parts: Furnishing, draft: Draft, random: np.random.Generator) -> No
     ribs = 4
     for i in range(ribs):
         middle = (-1 + (2 * i + 1) / ribs) * 0.84 * y
-        parts.box((x - 0.01, x), (middle - 0.3 * y / ribs, middle + 0.3 * y / ribs), (0.09, top - 0.04), shade(color, 0.88))
+        parts.box(
+            (x - 0.01, x), (middle - 0.3 * y / ribs, middle + 0.3 * y / ribs), (0.09, top - 0.04), shade(color, 0.88)
+        )
         parts.touch("front")
     for sx in (-1, 1):
         parts.box((sx * (x - 0.045) - 0.03, sx * (x - 0.045) + 0.03), (-y + 0.03, -y + 0.075), (0.0, 0.055), DARK)
@@ -146,7 +151,9 @@ def suitcase(parts: Furnishing, draft: Draft, random: np.random.Generator) -> No
     back = -x + 0.05
     wide = min(0.42 * y, 0.11)
     for side in (-1, 1):
-        parts.box((back - 0.008, back + 0.008), (side * wide - 0.008, side * wide + 0.008), (top, h - 0.02), draft.metal)
+        parts.box(
+            (back - 0.008, back + 0.008), (side * wide - 0.008, side * wide + 0.008), (top, h - 0.02), draft.metal
+        )
     parts.box((back - 0.015, back + 0.015), (-wide - 0.02, wide + 0.02), (h - 0.03, h), DARK)
     parts.touch("front", "top")
     parts.box((0.1 * x, 0.1 * x + 0.03), (-0.09, 0.09), (top, top + 0.028), shade(color, 0.45))

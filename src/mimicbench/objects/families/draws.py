@@ -9,10 +9,23 @@ from mimicbench.objects.families.parts import Color
 Range = tuple[float, float, float, float]
 """A truncated normal distribution: mean, deviation, least, most [m]."""
 
-WOODS: tuple[Color, ...] = ((0.72, 0.53, 0.33), (0.55, 0.35, 0.20), (0.36, 0.23, 0.15), (0.83, 0.70, 0.50), (0.20, 0.18, 0.17), (0.90, 0.88, 0.84))
+WOODS: tuple[Color, ...] = (
+    (0.72, 0.53, 0.33),
+    (0.55, 0.35, 0.20),
+    (0.36, 0.23, 0.15),
+    (0.83, 0.70, 0.50),
+    (0.20, 0.18, 0.17),
+    (0.90, 0.88, 0.84),
+)
 FABRICS: tuple[Color, ...] = (
-    (0.55, 0.60, 0.63), (0.25, 0.36, 0.45), (0.64, 0.34, 0.26), (0.44, 0.50, 0.36), (0.80, 0.73, 0.62), (0.78, 0.60, 0.28), (0.33, 0.31, 0.36),
-)  # fmt: skip
+    (0.55, 0.60, 0.63),
+    (0.25, 0.36, 0.45),
+    (0.64, 0.34, 0.26),
+    (0.44, 0.50, 0.36),
+    (0.80, 0.73, 0.62),
+    (0.78, 0.60, 0.28),
+    (0.33, 0.31, 0.36),
+)
 
 
 @dataclass(frozen=True)
@@ -30,7 +43,10 @@ class SizeDistribution:
 
 
 def truncated(random: np.random.Generator, distribution: Range, scale: float) -> float:
-    """Draw from N(mean, deviation) within limits; a third of the variance is shared by all sides, which is `scale` ~ N(0, 1)."""
+    """Draw from N(mean, deviation) within limits.
+
+    A third of the variance is shared by all sides, which is `scale` ~ N(0, 1).
+    """
     mean, deviation, least, most = distribution
     value = mean
     for _ in range(20):

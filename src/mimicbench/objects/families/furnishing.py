@@ -1,4 +1,6 @@
-"""What the makers of household objects share: sizes, colors, round shapes out of boxes, and which faces are for touching."""
+"""What the makers of household objects share: sizes, colors, round shapes out of boxes, and which faces are for
+touching.
+"""
 
 from dataclasses import dataclass, field
 
@@ -8,8 +10,14 @@ from mimicbench.core import rotations as rot
 from mimicbench.objects.families.parts import Color, Parts
 
 PAINTS: tuple[Color, ...] = (
-    (0.30, 0.42, 0.52), (0.65, 0.33, 0.25), (0.42, 0.52, 0.40), (0.82, 0.64, 0.28), (0.78, 0.76, 0.72), (0.36, 0.30, 0.42), (0.20, 0.45, 0.46),
-)  # fmt: skip
+    (0.30, 0.42, 0.52),
+    (0.65, 0.33, 0.25),
+    (0.42, 0.52, 0.40),
+    (0.82, 0.64, 0.28),
+    (0.78, 0.76, 0.72),
+    (0.36, 0.30, 0.42),
+    (0.20, 0.45, 0.46),
+)
 METALS: tuple[Color, ...] = ((0.62, 0.63, 0.65), (0.25, 0.25, 0.27), (0.72, 0.62, 0.42))
 WHITE_GOODS: tuple[Color, ...] = ((0.92, 0.92, 0.92), (0.92, 0.92, 0.92), (0.72, 0.74, 0.76), (0.78, 0.86, 0.82))
 DARK: Color = (0.13, 0.14, 0.16)
@@ -47,7 +55,14 @@ class Furnishing(Parts):
         self.touch("front")
 
     def prism(
-        self, center: tuple[float, float, float], radius: float, half: float, rgb: Color, axis: int = 2, corners: int = 8, touch: tuple[str, ...] = ()
+        self,
+        center: tuple[float, float, float],
+        radius: float,
+        half: float,
+        rgb: Color,
+        axis: int = 2,
+        corners: int = 8,
+        touch: tuple[str, ...] = (),
     ) -> None:
         """A regular prism, 8 or 6 corners, out of corners / 2 boxes across each other.
 
@@ -58,7 +73,8 @@ class Furnishing(Parts):
             rgb: its color.
             axis: 2 for an upright prism, 0 for one that lies along x.
             corners: 8, or 6 to save a box.
-            touch: `around` if its front and sides can be touched, `top` if its top can; of an upright one with 8 corners.
+            touch: `around` if its front and sides can be touched, `top` if its top can; of an upright one with 8
+                corners.
         """
         edge = radius * np.tan(np.pi / corners)
         for i in range(corners // 2):
@@ -72,8 +88,18 @@ class Furnishing(Parts):
             around = (("left", "right"), ("front left",), ("front",), ("front right",))[i] if "around" in touch else ()
             self.touch(*around, *(("top",) if "top" in touch and i % 2 == 0 else ()))
 
-    def wall(self, center: tuple[float, float, float], radius: tuple[float, float], height: float, thickness: float, rgb: Color) -> None:
-        """An open vessel of eight walls: radius at the bottom and at the top, to the outside of the flat sides; its front, sides and rim can be touched."""
+    def wall(
+        self,
+        center: tuple[float, float, float],
+        radius: tuple[float, float],
+        height: float,
+        thickness: float,
+        rgb: Color,
+    ) -> None:
+        """An open vessel of eight walls: radius at the bottom and at the top, to the outside of the flat sides.
+
+        Its front, sides and rim can be touched.
+        """
         lean = np.arctan2(radius[1] - radius[0], height)
         length = height / np.cos(lean)
         for i in range(8):

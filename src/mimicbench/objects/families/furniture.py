@@ -1,4 +1,6 @@
-"""Makers of wooden household furniture: tables, desks, shelves, cabinets and their kin. Each fills a Furnishing to the size of its draft.
+"""Makers of wooden household furniture: tables, desks, shelves, cabinets and their kin.
+
+Each fills a Furnishing to the size of its draft.
 
 Fronts look to +x. Handles stand out of the front, and count as part of the length.
 """
@@ -31,7 +33,10 @@ def table(parts: Furnishing, draft: Draft, random: np.random.Generator) -> None:
 
 
 def desk(parts: Furnishing, draft: Draft, random: np.random.Generator) -> None:
-    """A writing desk: drawers under one end, a panel under the other, a modesty panel behind. Its open side is the front."""
+    """A writing desk: drawers under one end, a panel under the other, a modesty panel behind.
+
+    Its open side is the front.
+    """
     x, y, h = draft.length / 2, draft.width / 2, draft.height
     side = 1 if random.uniform() < 0.5 else -1
     front = x - 0.02
@@ -45,7 +50,12 @@ def desk(parts: Furnishing, draft: Draft, random: np.random.Generator) -> None:
     parts.box((-x + 0.02, front - 0.03), span, (0.0 if random.uniform() < 0.5 else 0.28 * h, h - 0.03), dark)
     floor = parts.pos[-1][2] - parts.half[-1][2]
     if floor > 0:  # a hanging block of drawers needs a leg panel as well
-        parts.box((-x + 0.05, front - 0.06), (outer - 0.03, outer) if side > 0 else (outer, outer + 0.03), (0.0, h - 0.03), dark)
+        parts.box(
+            (-x + 0.05, front - 0.06),
+            (outer - 0.03, outer) if side > 0 else (outer, outer + 0.03),
+            (0.0, h - 0.03),
+            dark,
+        )
     far = -side * (y - 0.03)
     parts.box((-x + 0.03, front - 0.03), (far - 0.015, far + 0.015), (0.0, h - 0.03), wood)
     parts.box((-x + 0.06, -x + 0.08), (min(far, inner), max(far, inner)), (0.45 * h, h - 0.03), dark)
@@ -53,9 +63,16 @@ def desk(parts: Furnishing, draft: Draft, random: np.random.Generator) -> None:
     pitch = (h - 0.05 - floor - 0.02) / rows
     for i in range(rows):
         z = floor + 0.02 + i * pitch
-        parts.box((front - 0.03, front - 0.012), (span[0] + 0.008, span[1] - 0.008), (z + 0.006, z + pitch - 0.006), drawer)
+        parts.box(
+            (front - 0.03, front - 0.012), (span[0] + 0.008, span[1] - 0.008), (z + 0.006, z + pitch - 0.006), drawer
+        )
         middle = sum(span) / 2
-        parts.handle((front - 0.012, front + 0.012), (middle - 0.06, middle + 0.06), (z + pitch * 0.6, z + pitch * 0.6 + 0.02), draft.metal)
+        parts.handle(
+            (front - 0.012, front + 0.012),
+            (middle - 0.06, middle + 0.06),
+            (z + pitch * 0.6, z + pitch * 0.6 + 0.02),
+            draft.metal,
+        )
 
 
 def side_table(parts: Furnishing, draft: Draft, random: np.random.Generator) -> None:
@@ -78,7 +95,12 @@ def side_table(parts: Furnishing, draft: Draft, random: np.random.Generator) -> 
     reach = top + 0.3 * (np.array([x, y]) - 0.025 - top)
     parts.box((-reach[0], reach[0]), (-0.012, 0.012), (0.7 * h, 0.7 * h + 0.02), shade(draft.wood, 0.8))
     for sx in (-1, 1):
-        parts.box((sx * reach[0] - 0.01, sx * reach[0] + 0.01), (-reach[1], reach[1]), (0.7 * h, 0.7 * h + 0.02), shade(draft.wood, 0.8))
+        parts.box(
+            (sx * reach[0] - 0.01, sx * reach[0] + 0.01),
+            (-reach[1], reach[1]),
+            (0.7 * h, 0.7 * h + 0.02),
+            shade(draft.wood, 0.8),
+        )
 
 
 def tv_stand(parts: Furnishing, draft: Draft, random: np.random.Generator) -> None:
@@ -96,10 +118,14 @@ def tv_stand(parts: Furnishing, draft: Draft, random: np.random.Generator) -> No
         inner, outer = side * third, side * (y - 0.01)
         span = (min(inner, outer), max(inner, outer))
         parts.box((-x + 0.015, front - 0.018), span, (0.085, low - 0.025), shade(wood, 0.85))
-        parts.box((front - 0.018, front - 0.002), (span[0] + 0.006, span[1] - 0.006), (0.09, low - 0.031), shade(wood, 1.08))
+        parts.box(
+            (front - 0.018, front - 0.002), (span[0] + 0.006, span[1] - 0.006), (0.09, low - 0.031), shade(wood, 1.08)
+        )
         knob = side * (third + 0.05)
         parts.handle((front - 0.002, x), (knob - 0.008, knob + 0.008), (0.3 * low, low - 0.09), draft.metal)
-        parts.box((-x + 0.03, front - 0.04), (side * (y - 0.06) - 0.02, side * (y - 0.06) + 0.02), (0.0, 0.06), draft.metal)
+        parts.box(
+            (-x + 0.03, front - 0.04), (side * (y - 0.06) - 0.02, side * (y - 0.06) + 0.02), (0.0, 0.06), draft.metal
+        )
     middle = (0.06 + low) / 2
     parts.box((-x + 0.015, front - 0.03), (-third, third), (middle - 0.009, middle + 0.009), wood)
     screen = 0.9 * y
@@ -135,7 +161,11 @@ def bookshelf(parts: Furnishing, draft: Draft, random: np.random.Generator) -> N
             wide = float(min(random.uniform(0.5, 1.0) * 2 * inside / (count + 0.6), inside - 0.02 - start))
             if wide < 0.02:
                 break
-            color = draft.paint if random.uniform() < 0.3 else (random.uniform(0.2, 0.75), random.uniform(0.2, 0.6), random.uniform(0.2, 0.6))
+            color = (
+                draft.paint
+                if random.uniform() < 0.3
+                else (random.uniform(0.2, 0.75), random.uniform(0.2, 0.6), random.uniform(0.2, 0.6))
+            )
             parts.box(
                 (-x + 0.012, x - random.uniform(0.05, 0.09)),
                 (start, start + wide),
@@ -164,9 +194,16 @@ def cabinet(parts: Furnishing, draft: Draft, random: np.random.Generator) -> Non
         parts.box((front - 0.02, front - 0.004), span, (base + 0.006, h - 0.032), door)
         rim = 0.055
         if y > 0.2:  # a sunken panel
-            parts.box((front - 0.004, front - 0.002), (span[0] + rim, span[1] - rim), (base + 0.006 + rim, h - 0.032 - rim), shade(door, 0.88))
+            parts.box(
+                (front - 0.004, front - 0.002),
+                (span[0] + rim, span[1] - rim),
+                (base + 0.006 + rim, h - 0.032 - rim),
+                shade(door, 0.88),
+            )
         knob = side * 0.032 if y < 0.2 else side * 0.03
-        parts.handle((front - 0.004, x), (knob - 0.008, knob + 0.008), (middle - long / 2, middle + long / 2), draft.metal)
+        parts.handle(
+            (front - 0.004, x), (knob - 0.008, knob + 0.008), (middle - long / 2, middle + long / 2), draft.metal
+        )
 
 
 def drawers(parts: Furnishing, draft: Draft, random: np.random.Generator) -> None:
@@ -186,7 +223,9 @@ def drawers(parts: Furnishing, draft: Draft, random: np.random.Generator) -> Non
         z = base + i * pitch
         parts.box((front - 0.02, front), (-y + 0.02, y - 0.02), (z + 0.008, z + pitch - 0.004), shade(body, 1.1))
         for middle, half in pulls:
-            parts.handle((front, x), (middle - half, middle + half), (z + 0.5 * pitch, z + 0.5 * pitch + 0.018), draft.metal)
+            parts.handle(
+                (front, x), (middle - half, middle + half), (z + 0.5 * pitch, z + 0.5 * pitch + 0.018), draft.metal
+            )
 
 
 def nightstand(parts: Furnishing, draft: Draft, random: np.random.Generator) -> None:
@@ -207,7 +246,10 @@ def nightstand(parts: Furnishing, draft: Draft, random: np.random.Generator) -> 
     drop = random.uniform(0.36, 0.5) * (h - leg)
     parts.box((-x + 0.022, front - 0.02), (-y + 0.03, y - 0.03), (h - 0.022 - drop, h - 0.022), shade(wood, 0.8))
     parts.box(
-        (front - 0.02, front - 0.004), (-y + 0.034, y - 0.034), (h - 0.022 - drop, h - 0.028), draft.paint if random.uniform() < 0.5 else shade(wood, 1.1)
+        (front - 0.02, front - 0.004),
+        (-y + 0.034, y - 0.034),
+        (h - 0.022 - drop, h - 0.028),
+        draft.paint if random.uniform() < 0.5 else shade(wood, 1.1),
     )
     level = h - 0.022 - 0.5 * drop
     parts.handle((front - 0.004, x), (-0.055, 0.055), (level - 0.01, level + 0.01), draft.metal)
@@ -248,7 +290,9 @@ def _base(parts: Furnishing, draft: Draft, front: float, random: np.random.Gener
     return height
 
 
-def _legs(parts: Furnishing, corner: tuple[float, float], thick: float, top: float, rgb: Color, back: float | None = None) -> None:
+def _legs(
+    parts: Furnishing, corner: tuple[float, float], thick: float, top: float, rgb: Color, back: float | None = None
+) -> None:
     """Four upright legs whose outer edges are at +-corner; `back` is the rear ones' x if it is not -corner[0]."""
     rear = -corner[0] if back is None else back
     for x in ((rear, rear + thick), (corner[0] - thick, corner[0])):

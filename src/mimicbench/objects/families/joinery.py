@@ -1,4 +1,7 @@
-"""Boxes as furniture has them: leaning boards, bolsters, rows of cushions, feet. Frame and units are those of `parts`."""
+"""Boxes as furniture has them: leaning boards, bolsters, rows of cushions, feet.
+
+Frame and units are those of `parts`.
+"""
 
 import numpy as np
 
@@ -12,7 +15,14 @@ GROOVE = 0.012
 
 
 def lean(
-    parts: Parts, foot: np.ndarray, facing: float, angle: float, out: tuple[float, float], across: tuple[float, float], up: tuple[float, float], rgb: Color
+    parts: Parts,
+    foot: np.ndarray,
+    facing: float,
+    angle: float,
+    out: tuple[float, float],
+    across: tuple[float, float],
+    up: tuple[float, float],
+    rgb: Color,
 ) -> None:
     """Add a box that leans backwards.
 
@@ -32,7 +42,9 @@ def lean(
 
 
 def roll(parts: Parts, center: np.ndarray, axis: int, radius: float, half_length: float, rgb: Color) -> None:
-    """Add an eight-sided bolster along x (axis 0) or y (axis 1), on top of an upright panel `radius` * 2 tan(pi / 8) thick that is its fourth box."""
+    """Add an eight-sided bolster along x (axis 0) or y (axis 1), on top of an upright panel `radius` * 2 tan(pi / 8)
+    thick that is its fourth box.
+    """
     half = np.full(3, radius)
     half[1 - axis] = radius * np.tan(np.pi / 8)
     for eighth in (1, 2, 3):
@@ -42,14 +54,18 @@ def roll(parts: Parts, center: np.ndarray, axis: int, radius: float, half_length
         parts.add(center, half.copy(), rgb, rot.from_rotvec(turn))
 
 
-def cushions(parts: Parts, count: int, x: tuple[float, float], y: tuple[float, float], z: tuple[float, float], rgb: Color) -> None:
+def cushions(
+    parts: Parts, count: int, x: tuple[float, float], y: tuple[float, float], z: tuple[float, float], rgb: Color
+) -> None:
     """Add a row of cushions along y with seams between them."""
     edges = np.linspace(*y, count + 1)
     for i in range(count):
         parts.box(x, (edges[i] + (SEAM if i else 0.0), edges[i + 1] - (SEAM if i + 1 < count else 0.0)), z, rgb)
 
 
-def feet(parts: Parts, x: tuple[float, float], y: tuple[float, float], height: float, thickness: float, rgb: Color) -> None:
+def feet(
+    parts: Parts, x: tuple[float, float], y: tuple[float, float], height: float, thickness: float, rgb: Color
+) -> None:
     """Add four feet inside a rectangle."""
     half = thickness / 2
     for foot_x in (x[0] + half, x[1] - half):

@@ -31,7 +31,10 @@ class Parts:
         self.add((low + high) / 2, (high - low) / 2, rgb)
 
     def leg(self, top: np.ndarray, foot_xy: np.ndarray, thickness: float, rgb: Color) -> None:
-        """A square leg from the floor at foot_xy (2,) to `top` (3,); a slanting one still ends on the floor with its lowest edge."""
+        """A square leg from the floor at foot_xy (2,) to `top` (3,).
+
+        A slanting one still ends on the floor with its lowest edge.
+        """
         axis = np.array([top[0] - foot_xy[0], top[1] - foot_xy[1], top[2]])
         length = float(np.linalg.norm(axis))
         axis /= length
@@ -45,6 +48,8 @@ class Parts:
     def centered(self) -> np.ndarray:
         """Box centres (B, 3), moved so that the bounding box is centred in x and y. The heights stay."""
         signs = np.stack(np.meshgrid([-1, 1], [-1, 1], [-1, 1], indexing="ij"), -1).reshape(8, 3)
-        corners = np.array(self.pos)[:, None] + rot.rotate(np.array(self.quat)[:, None], signs * np.array(self.half)[:, None])
+        corners = np.array(self.pos)[:, None] + rot.rotate(
+            np.array(self.quat)[:, None], signs * np.array(self.half)[:, None]
+        )
         low, high = corners.reshape(-1, 3).min(0), corners.reshape(-1, 3).max(0)
         return np.array(self.pos) - np.array([*(low + high)[:2] / 2, 0.0])

@@ -1,4 +1,5 @@
-"""Sofas to sit on (family `sofa`) and to lie on (family `couch`), drawn with the statistics of the paper's table of objects.
+"""Sofas to sit on (family `sofa`) and to lie on (family `couch`), drawn with the statistics of the paper's table of
+objects.
 
 The table's length is a sofa's long side, here y, and its width the side from front to back, here x, since who sits on
 it faces +x: 131.1 +- 21.1 x 63.0 +- 21.7 x 57.3 +- 21.8 cm to sit on, 191.2 +- 28.3 x 86.7 +- 25.2 x 78.5 +- 25.7 cm
@@ -21,21 +22,39 @@ MAX_SEAT_DEPTH = 0.64
 SOFAS = {
     "bench": SizeDistribution(0.29, (1.24, 0.21, 0.80, 1.85), (0.42, 0.06, 0.38, 0.66), SEAT, SEAT),
     "ottoman": SizeDistribution(0.24, (1.17, 0.19, 0.78, 1.70), (0.58, 0.20, 0.40, 1.20), SEAT, SEAT),
-    "daybed": SizeDistribution(0.08, (1.38, 0.19, 0.90, 1.90), (0.50, 0.09, 0.40, 0.80), (0.57, 0.06, 0.50, 0.80), SEAT),
-    "loveseat": SizeDistribution(0.17, (1.34, 0.16, 1.00, 1.75), (0.89, 0.21, 0.56, 1.40), (0.80, 0.21, 0.52, 1.30), SEAT),
-    "settee": SizeDistribution(0.08, (1.30, 0.16, 0.95, 1.75), (0.60, 0.08, 0.52, 0.90), (0.88, 0.17, 0.62, 1.30), SEAT),
-    "chesterfield": SizeDistribution(0.05, (1.42, 0.16, 1.10, 1.90), (0.78, 0.08, 0.60, 0.98), (0.70, 0.08, 0.56, 0.95), SEAT),
-    "three-seater": SizeDistribution(0.09, (1.58, 0.15, 1.30, 2.00), (0.91, 0.21, 0.58, 1.40), (0.82, 0.21, 0.52, 1.30), SEAT),
+    "daybed": SizeDistribution(
+        0.08, (1.38, 0.19, 0.90, 1.90), (0.50, 0.09, 0.40, 0.80), (0.57, 0.06, 0.50, 0.80), SEAT
+    ),
+    "loveseat": SizeDistribution(
+        0.17, (1.34, 0.16, 1.00, 1.75), (0.89, 0.21, 0.56, 1.40), (0.80, 0.21, 0.52, 1.30), SEAT
+    ),
+    "settee": SizeDistribution(
+        0.08, (1.30, 0.16, 0.95, 1.75), (0.60, 0.08, 0.52, 0.90), (0.88, 0.17, 0.62, 1.30), SEAT
+    ),
+    "chesterfield": SizeDistribution(
+        0.05, (1.42, 0.16, 1.10, 1.90), (0.78, 0.08, 0.60, 0.98), (0.70, 0.08, 0.56, 0.95), SEAT
+    ),
+    "three-seater": SizeDistribution(
+        0.09, (1.58, 0.15, 1.30, 2.00), (0.91, 0.21, 0.58, 1.40), (0.82, 0.21, 0.52, 1.30), SEAT
+    ),
 }
 """Sizes of sofas to sit on. Length is the long side (y), width from front to back (x)."""
 
 COUCHES = {
     "couch": SizeDistribution(0.24, (1.90, 0.29, 1.50, 2.70), (0.86, 0.17, 0.66, 1.45), (0.98, 0.25, 0.60, 1.30), SEAT),
-    "chesterfield": SizeDistribution(0.10, (1.92, 0.24, 1.55, 2.60), (0.82, 0.09, 0.70, 1.10), (0.80, 0.12, 0.62, 1.05), SEAT),
-    "sectional": SizeDistribution(0.14, (2.32, 0.24, 1.90, 2.85), (1.36, 0.17, 1.10, 1.75), (0.92, 0.18, 0.62, 1.25), SEAT),
-    "chaise": SizeDistribution(0.10, (1.78, 0.23, 1.45, 2.40), (0.71, 0.10, 0.63, 1.00), (0.92, 0.18, 0.62, 1.25), SEAT),
+    "chesterfield": SizeDistribution(
+        0.10, (1.92, 0.24, 1.55, 2.60), (0.82, 0.09, 0.70, 1.10), (0.80, 0.12, 0.62, 1.05), SEAT
+    ),
+    "sectional": SizeDistribution(
+        0.14, (2.32, 0.24, 1.90, 2.85), (1.36, 0.17, 1.10, 1.75), (0.92, 0.18, 0.62, 1.25), SEAT
+    ),
+    "chaise": SizeDistribution(
+        0.10, (1.78, 0.23, 1.45, 2.40), (0.71, 0.10, 0.63, 1.00), (0.92, 0.18, 0.62, 1.25), SEAT
+    ),
     "futon": SizeDistribution(0.09, (1.84, 0.25, 1.45, 2.50), (0.81, 0.13, 0.66, 1.20), (0.90, 0.18, 0.62, 1.25), SEAT),
-    "daybed": SizeDistribution(0.07, (1.88, 0.23, 1.50, 2.50), (0.74, 0.12, 0.56, 1.10), (0.84, 0.20, 0.56, 1.25), SEAT),
+    "daybed": SizeDistribution(
+        0.07, (1.88, 0.23, 1.50, 2.50), (0.74, 0.12, 0.56, 1.10), (0.84, 0.20, 0.56, 1.25), SEAT
+    ),
     "divan": SizeDistribution(0.16, (1.74, 0.24, 1.35, 2.40), (0.70, 0.15, 0.50, 1.15), SEAT, SEAT),
     "bench": SizeDistribution(0.10, (1.78, 0.24, 1.35, 2.40), (0.64, 0.11, 0.48, 0.95), SEAT, SEAT),
 }
@@ -54,7 +73,9 @@ def make_couch(index: int, seed: int = 0) -> SceneObject:
     return build_sofa(f"couch-{seed}-{index:05d}", "couch", draw_sofa(rng(seed, "couch", index), COUCHES, lying=True))
 
 
-def draw_sofa(random: np.random.Generator, kinds: dict[str, SizeDistribution] = SOFAS, lying: bool = False) -> SofaShape:
+def draw_sofa(
+    random: np.random.Generator, kinds: dict[str, SizeDistribution] = SOFAS, lying: bool = False
+) -> SofaShape:
     """Draw one sofa of any of the kinds; one to lie on has an end for the head.
 
     Its arms are low enough, and its seat high enough, that the ankles of who lies on it are above half of its height.
@@ -74,7 +95,20 @@ def draw_sofa(random: np.random.Generator, kinds: dict[str, SizeDistribution] = 
     seats = int(np.clip(round(length / random.uniform(0.62, 0.85)), 1, 3))
     fancy, side = random.uniform(), random.uniform()
     basis = SofaShape(
-        kind, length, width, height, seat, seats, recline=recline, feet=feet, plinth=plinth, head=head, pillow=pillow, wood=wood, fabric=fabric, accent=accent
+        kind,
+        length,
+        width,
+        height,
+        seat,
+        seats,
+        recline=recline,
+        feet=feet,
+        plinth=plinth,
+        head=head,
+        pillow=pillow,
+        wood=wood,
+        fabric=fabric,
+        accent=accent,
     )
     if kind in BACKLESS:
         return replace(basis, height=seat, back="none", cushion=0.08 if kind == "bench" else 0.12)
@@ -94,9 +128,16 @@ def draw_sofa(random: np.random.Generator, kinds: dict[str, SizeDistribution] = 
         soft = kind == "futon" or fancy < 0.5
         padding = 0.0 if not soft else 0.12 if width > 0.66 else 0.05
         return replace(
-            basis, seats=1 if kind == "futon" else min(seats, 2), back="cushions" if soft else "rails", back_thickness=0.035, back_cushion=padding,
-            arms=(side < 0.8, side < 0.8), arm_width=0.055, arm_height=rise, cushion=0.13 if kind == "futon" else 0.08,
-        )  # fmt: skip
+            basis,
+            seats=1 if kind == "futon" else min(seats, 2),
+            back="cushions" if soft else "rails",
+            back_thickness=0.035,
+            back_cushion=padding,
+            arms=(side < 0.8, side < 0.8),
+            arm_width=0.055,
+            arm_height=rise,
+            cushion=0.13 if kind == "futon" else 0.08,
+        )
     chaise = random.uniform(0.58, 0.72) if kind == "sectional" else 0.0
     run = min(random.uniform(0.78, 0.95), width - 0.3) if chaise else 0.0
     loose = fancy < 0.65 and (run or width) > 0.66
@@ -105,7 +146,13 @@ def draw_sofa(random: np.random.Generator, kinds: dict[str, SizeDistribution] = 
     # legs lie more easily over an end without arm
     open_end = bool(chaise) or (lying and side < 0.35)
     return replace(
-        basis, back="cushions" if loose else "panel", back_thickness=thick - padding, back_cushion=padding,
-        arms=(head < 0, head > 0) if open_end else (True, True), arm_width=min(arm, between), arm_height=min(rise, height - seat - 0.02),
-        chaise=chaise, run=run,
-    )  # fmt: skip
+        basis,
+        back="cushions" if loose else "panel",
+        back_thickness=thick - padding,
+        back_cushion=padding,
+        arms=(head < 0, head > 0) if open_end else (True, True),
+        arm_width=min(arm, between),
+        arm_height=min(rise, height - seat - 0.02),
+        chaise=chaise,
+        run=run,
+    )

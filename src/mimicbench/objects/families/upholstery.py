@@ -74,13 +74,22 @@ def build_sofa(object_id: str, family: str, shape: SofaShape) -> SceneObject:
     """The sofa of that shape. Raises BadObject if nobody could sit on it."""
     parts = Parts()
     builders = {
-        "bench": _bench, "ottoman": _ottoman, "divan": _ottoman, "settee": _framed, "futon": _framed, "chesterfield": _chesterfield, "daybed": _daybed,
+        "bench": _bench,
+        "ottoman": _ottoman,
+        "divan": _ottoman,
+        "settee": _framed,
+        "futon": _framed,
+        "chesterfield": _chesterfield,
+        "daybed": _daybed,
         "chaise": _chaise,
-    }  # fmt: skip
+    }
     rear, front, right, left = builders.get(shape.kind, _upholstered)(parts, shape)
     needed = MIN_LYING_DEPTH if shape.head else MIN_SEAT_DEPTH
     if front - rear < needed - 1e-9 or left - right < MIN_BETWEEN_ARMS - 1e-9:
-        raise BadObject(f"sofa {object_id}: a seat of {front - rear:.2f} x {left - right:.2f} m is too small; give {needed} x {MIN_BETWEEN_ARMS} m or more")
+        raise BadObject(
+            f"sofa {object_id}: a seat of {front - rear:.2f} x {left - right:.2f} m is too small; "
+            f"give {needed} x {MIN_BETWEEN_ARMS} m or more"
+        )
     head = np.zeros(0)
     if shape.head:
         end = left if shape.head > 0 else right
@@ -93,26 +102,41 @@ def build_sofa(object_id: str, family: str, shape: SofaShape) -> SceneObject:
     polygon = np.array([[front, right], [front, left], [rear, left], [rear, right]]) + moved
     head = head + moved if shape.head else head
     return SceneObject(
-        object_id, family, shape.kind, pos, np.array(parts.quat), np.array(parts.half), np.array(parts.rgb), shape.seat_height, polygon, head,
-    )  # fmt: skip
+        object_id,
+        family,
+        shape.kind,
+        pos,
+        np.array(parts.quat),
+        np.array(parts.half),
+        np.array(parts.rgb),
+        shape.seat_height,
+        polygon,
+        head,
+    )
 
 
 def _support(parts: Parts, shape: SofaShape, x: tuple[float, float], y: tuple[float, float]) -> None:
     """Feet or a plinth below a body that fills this rectangle."""
     if shape.plinth:
-        parts.box((x[0] + 0.04, x[1] - 0.04), (y[0] + 0.04, y[1] - 0.04), (0.0, shape.feet + 0.01), shade(shape.wood, 0.6))
+        parts.box(
+            (x[0] + 0.04, x[1] - 0.04), (y[0] + 0.04, y[1] - 0.04), (0.0, shape.feet + 0.01), shade(shape.wood, 0.6)
+        )
     else:
         feet(parts, (x[0] + 0.03, x[1] - 0.03), (y[0] + 0.03, y[1] - 0.03), shape.feet + 0.01, 0.05, shape.wood)
 
 
 def _fit_back(shape: SofaShape, depth: float, lower: float) -> tuple[float, float]:
-    """Angle of the back, and x where its front meets the seat, such that a back whose frame ends `lower` below its cushions fills the width."""
+    """Angle of the back, and x where its front meets the seat, such that a back whose frame ends `lower` below its
+    cushions fills the width.
+    """
     rise = shape.height - shape.seat_height
     thick = shape.back_cushion + shape.back_thickness
     needed = MIN_LYING_DEPTH if shape.head else MIN_SEAT_DEPTH
     angle = float(min(shape.recline, np.arctan2(max(depth - thick - needed - 0.02, 0.0), rise)))
     top = rise / np.cos(angle)
-    behind = max((top - lower) * np.sin(angle) + thick * np.cos(angle), top * np.sin(angle) + shape.back_cushion * np.cos(angle))
+    behind = max(
+        (top - lower) * np.sin(angle) + thick * np.cos(angle), top * np.sin(angle) + shape.back_cushion * np.cos(angle)
+    )
     return angle, -shape.width / 2 + behind
 
 
@@ -125,7 +149,9 @@ def _upholstered(parts: Parts, shape: SofaShape) -> Area:
     lower = 0.05 if loose else 0.0
     angle, rear = _fit_back(shape, depth, lower)
     thick = shape.back_cushion + shape.back_thickness
-    ends = tuple(sign * (half_length - (shape.arm_width if arm else 0.0)) for sign, arm in zip((-1, 1), shape.arms, strict=True))
+    ends = tuple(
+        sign * (half_length - (shape.arm_width if arm else 0.0)) for sign, arm in zip((-1, 1), shape.arms, strict=True)
+    )
     y = (ends[0], ends[1])
     dark = shade(shape.fabric, 0.84)
     base_y = (y[0] if shape.arms[0] else y[0] + 0.012, y[1] if shape.arms[1] else y[1] - 0.012)
@@ -133,7 +159,16 @@ def _upholstered(parts: Parts, shape: SofaShape) -> Area:
     top = (shape.height - height) / np.cos(angle)
     sides = [half_length - (0.5 * shape.arm_width if arm else 0.006) for arm in shape.arms]
     foot = np.array([rear, 0.0, height])
-    lean(parts, foot, 0.0, angle, (-thick, -0.9 * shape.back_cushion), (-sides[0], sides[1]), (-0.7 * (height - shape.feet), top - lower), shape.fabric)
+    lean(
+        parts,
+        foot,
+        0.0,
+        angle,
+        (-thick, -0.9 * shape.back_cushion),
+        (-sides[0], sides[1]),
+        (-0.7 * (height - shape.feet), top - lower),
+        shape.fabric,
+    )
     edges = np.linspace(*y, shape.seats + 1)
     if shape.chaise:
         inner = y[0] + shape.chaise if shape.head > 0 else y[1] - shape.chaise
@@ -147,8 +182,15 @@ def _upholstered(parts: Parts, shape: SofaShape) -> Area:
         if loose:
             lean(parts, foot, 0.0, angle, (-shape.back_cushion, 0.0), (low, high), (0.0, top), shape.fabric)
         if long:
-            parts.box((front - 0.03, end - 0.011), (max(low, base_y[0]), min(high, base_y[1])), (shape.feet, height - GROOVE), dark)
-            parts.box((front - 0.08, end - 0.06), (low + 0.04, high - 0.04), (0.0, shape.feet + 0.01), shade(shape.wood, 0.6))
+            parts.box(
+                (front - 0.03, end - 0.011),
+                (max(low, base_y[0]), min(high, base_y[1])),
+                (shape.feet, height - GROOVE),
+                dark,
+            )
+            parts.box(
+                (front - 0.08, end - 0.06), (low + 0.04, high - 0.04), (0.0, shape.feet + 0.01), shade(shape.wood, 0.6)
+            )
     arm_rear = max(-shape.width / 2, rear - thick * np.cos(angle) - shape.arm_height * np.tan(angle))
     for sign, arm, end in zip((-1, 1), shape.arms, y, strict=True):
         if arm:
@@ -166,16 +208,34 @@ def _chesterfield(parts: Parts, shape: SofaShape) -> Area:
     axis_z = shape.height - radius
     inner = half_length - radius - thin
     rear = -half_width + radius
-    parts.box((rear, half_width - 0.011), (-inner, inner), (shape.feet, shape.seat_height - GROOVE), shade(shape.fabric, 0.84))
-    cushions(parts, shape.seats, (rear, half_width), (-inner, inner), (shape.seat_height - shape.cushion, shape.seat_height), shape.fabric)
+    parts.box(
+        (rear, half_width - 0.011), (-inner, inner), (shape.feet, shape.seat_height - GROOVE), shade(shape.fabric, 0.84)
+    )
+    cushions(
+        parts,
+        shape.seats,
+        (rear, half_width),
+        (-inner, inner),
+        (shape.seat_height - shape.cushion, shape.seat_height),
+        shape.fabric,
+    )
     parts.box((rear - thin, rear + thin), (-inner, inner), (shape.feet, shape.height), shape.fabric)
     roll(parts, np.array([rear, 0.0, axis_z]), 1, radius, half_length - 1.2 * radius, shape.fabric)
     for side in (-1, 1):
         y = side * (half_length - radius)
-        parts.box((-half_width + 0.4 * radius, half_width - 0.03), (y - thin, y + thin), (shape.feet, shape.height), shape.fabric)
-        roll(parts, np.array([0.2 * radius - 0.01, y, axis_z]), 0, radius, half_width - 0.2 * radius - 0.01, shape.fabric)
+        parts.box(
+            (-half_width + 0.4 * radius, half_width - 0.03),
+            (y - thin, y + thin),
+            (shape.feet, shape.height),
+            shape.fabric,
+        )
+        roll(
+            parts, np.array([0.2 * radius - 0.01, y, axis_z]), 0, radius, half_width - 0.2 * radius - 0.01, shape.fabric
+        )
     outer = half_length - radius + thin
-    parts.box((rear, half_width - 0.05), (-outer + 0.02, outer - 0.02), (0.0, shape.feet + 0.01), shade(shape.wood, 0.6))
+    parts.box(
+        (rear, half_width - 0.05), (-outer + 0.02, outer - 0.02), (0.0, shape.feet + 0.01), shade(shape.wood, 0.6)
+    )
     return -half_width + 2 * radius, half_width, -half_length + 2 * radius, half_length - 2 * radius
 
 
@@ -190,29 +250,72 @@ def _framed(parts: Parts, shape: SofaShape) -> Area:
     foot = np.array([rear, 0.0, height])
     thick = shape.back_cushion + shape.back_thickness
     top = (shape.height - height) / np.cos(angle)
-    parts.box((rear - thick, front - 0.01), (-half_length + 0.008, half_length - 0.008), (board - 0.06, board), shape.wood)
+    parts.box(
+        (rear - thick, front - 0.01), (-half_length + 0.008, half_length - 0.008), (board - 0.06, board), shape.wood
+    )
     # a single mattress lies on the frame, cushions are set into it
     cushions(parts, shape.seats, (rear - 0.5 * thick, front), (-inner, inner), (board - GROOVE, height), shape.fabric)
     if shape.seats > 1:  # closes the seams below
-        parts.box((rear, front - 0.01), (-inner + 0.01, inner - 0.01), (board - 0.01, height - GROOVE), shade(shape.fabric, 0.84))
+        parts.box(
+            (rear, front - 0.01),
+            (-inner + 0.01, inner - 0.01),
+            (board - 0.01, height - GROOVE),
+            shade(shape.fabric, 0.84),
+        )
     arm_top = height + shape.arm_height
     for side in (-1, 1):
         y = (min(side * half_length, side * (half_length - post)), max(side * half_length, side * (half_length - post)))
-        parts.box((front - 0.06 - post, front - 0.06), y, (0.0, arm_top - 0.02 if with_arms else board - 0.01), shape.wood)
+        parts.box(
+            (front - 0.06 - post, front - 0.06), y, (0.0, arm_top - 0.02 if with_arms else board - 0.01), shape.wood
+        )
         parts.box((rear - thick, rear - thick + post), y, (0.0, board - 0.01), shape.wood)
-        lean(parts, foot, 0.0, angle, (-thick, -thick + max(shape.back_thickness, 0.04)), y, (-shape.cushion - 0.04, top), shape.wood)
+        lean(
+            parts,
+            foot,
+            0.0,
+            angle,
+            (-thick, -thick + max(shape.back_thickness, 0.04)),
+            y,
+            (-shape.cushion - 0.04, top),
+            shape.wood,
+        )
         if with_arms:
-            parts.box((rear - thick - shape.arm_height * np.tan(angle) + 0.02, front - 0.02), y, (arm_top - 0.03, arm_top), shape.wood)
+            parts.box(
+                (rear - thick - shape.arm_height * np.tan(angle) + 0.02, front - 0.02),
+                y,
+                (arm_top - 0.03, arm_top),
+                shape.wood,
+            )
     wood = (-thick, -thick + 0.8 * shape.back_thickness)
-    lean(parts, foot, 0.0, angle, wood, (-half_length + post, half_length - post), (top - 0.09, top - 0.006), shape.wood)
+    lean(
+        parts, foot, 0.0, angle, wood, (-half_length + post, half_length - post), (top - 0.09, top - 0.006), shape.wood
+    )
     if shape.back == "rails":
         pitch = (top - 0.15) / 3
         for i in range(3):
-            lean(parts, foot, 0.0, angle, wood, (-half_length + post, half_length - post), (0.06 + i * pitch, 0.06 + (i + 0.55) * pitch), shape.wood)
+            lean(
+                parts,
+                foot,
+                0.0,
+                angle,
+                wood,
+                (-half_length + post, half_length - post),
+                (0.06 + i * pitch, 0.06 + (i + 0.55) * pitch),
+                shape.wood,
+            )
     else:
         edges = np.linspace(-inner + 0.01, inner - 0.01, shape.seats + 1)
         for a, b in zip(edges[:-1] + SEAM, edges[1:] - SEAM, strict=True):
-            lean(parts, foot, 0.0, angle, (-thick + 0.5 * shape.back_thickness, 0.0), (a, b), (0.0, top - 0.03), shape.fabric)
+            lean(
+                parts,
+                foot,
+                0.0,
+                angle,
+                (-thick + 0.5 * shape.back_thickness, 0.0),
+                (a, b),
+                (0.0, top - 0.03),
+                shape.fabric,
+            )
     return rear, front, -inner, inner
 
 
@@ -220,11 +323,18 @@ def _bench(parts: Parts, shape: SofaShape) -> Area:
     """A padded board on legs."""
     x, y = (-shape.width / 2, shape.width / 2), (-shape.length / 2, shape.length / 2)
     board = shape.seat_height - shape.cushion
-    parts.box((x[0] + 0.012, x[1] - 0.012), (y[0] + 0.012, y[1] - 0.012), (board - 0.05, board + shape.cushion - GROOVE), shape.wood)
+    parts.box(
+        (x[0] + 0.012, x[1] - 0.012),
+        (y[0] + 0.012, y[1] - 0.012),
+        (board - 0.05, board + shape.cushion - GROOVE),
+        shape.wood,
+    )
     cushions(parts, shape.seats, x, y, (board, shape.seat_height), shape.fabric)
     feet(parts, (x[0] + 0.02, x[1] - 0.02), (y[0] + 0.02, y[1] - 0.02), board - 0.04, 0.05, shape.wood)
     if shape.plinth:  # a shelf below
-        parts.box((x[0] + 0.03, x[1] - 0.03), (y[0] + 0.03, y[1] - 0.03), (0.3 * board, 0.3 * board + 0.025), shape.wood)
+        parts.box(
+            (x[0] + 0.03, x[1] - 0.03), (y[0] + 0.03, y[1] - 0.03), (0.3 * board, 0.3 * board + 0.025), shape.wood
+        )
     return *x, *y
 
 
@@ -245,7 +355,9 @@ def _daybed(parts: Parts, shape: SofaShape) -> Area:
     behind = 0.05 if shape.back == "rails" else 0.0
     inner = half_length - post
     board = height - shape.cushion
-    parts.box((-half_width + 0.01, half_width - 0.01), (-inner - 0.01, inner + 0.01), (board - 0.09, board + 0.02), shape.wood)
+    parts.box(
+        (-half_width + 0.01, half_width - 0.01), (-inner - 0.01, inner + 0.01), (board - 0.09, board + 0.02), shape.wood
+    )
     parts.box((-half_width + behind, half_width), (-inner, inner), (board, height), shape.fabric)
     for side in (-1, 1):
         top = shape.height if side * shape.head >= 0 or behind else height + 0.6 * (shape.height - height)
@@ -258,7 +370,12 @@ def _daybed(parts: Parts, shape: SofaShape) -> Area:
         pitch = (shape.height - height) / 3
         for i in range(3):
             low = height + (i + 0.3) * pitch
-            parts.box((-half_width + 0.008, -half_width + 0.04), (-inner - 0.01, inner + 0.01), (low, low + 0.55 * pitch), shape.wood)
+            parts.box(
+                (-half_width + 0.008, -half_width + 0.04),
+                (-inner - 0.01, inner + 0.01),
+                (low, low + 0.55 * pitch),
+                shape.wood,
+            )
     return -half_width + behind, half_width, -inner, inner
 
 

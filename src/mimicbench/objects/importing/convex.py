@@ -53,8 +53,12 @@ def topology(mesh: Mesh) -> Topology:
     pairs = order[(count[name] == 2)[order]].reshape(-1, 2)
     forward = edges[:, 0] < edges[:, 1]
     ends = np.cumsum(count)
-    crowded = [order[ends[edge] - count[edge] : ends[edge]] for edge in np.flatnonzero((count > 2) & (count < 100))[:CROWDED]]
-    pairs = np.concatenate([pairs, *(_around(mesh, ordered[uses[0]], uses, face[uses], forward[uses]) for uses in crowded)])
+    crowded = [
+        order[ends[edge] - count[edge] : ends[edge]] for edge in np.flatnonzero((count > 2) & (count < 100))[:CROWDED]
+    ]
+    pairs = np.concatenate(
+        [pairs, *(_around(mesh, ordered[uses[0]], uses, face[uses], forward[uses]) for uses in crowded)]
+    )
     graph = coo_matrix((np.ones(len(pairs)), (face[pairs[:, 0]], face[pairs[:, 1]])), shape=(len(mesh.faces),) * 2)
     parts, part = connected_components(graph, directed=False)
     # within its part, an edge must be passed once in either direction
@@ -69,9 +73,11 @@ def topology(mesh: Mesh) -> Topology:
 
 
 def _around(mesh: Mesh, edge: np.ndarray, uses: np.ndarray, face: np.ndarray, forward: np.ndarray) -> np.ndarray:
-    """Pairs (n, 2) of an edge's uses that have the inside of one body between them, for an edge that several bodies share.
+    """Pairs (n, 2) of an edge's uses that have the inside of one body between them, for an edge that several bodies
+    share.
 
-    Seen along the edge, the inside of a face that passes it forward lies clockwise of the face, up to the next face that
+    Seen along the edge, the inside of a face that passes it forward lies clockwise of the face, up to the next face
+    that
     passes it backward.
     """
     start, end = mesh.vertices[edge]
@@ -158,7 +164,11 @@ def _thickened(corners: np.ndarray, normal: np.ndarray, thin: float) -> np.ndarr
     """A sheet with a thickness, added below where it is level, so that its upper side stays."""
     normal = normal * (1 if normal[2] >= 0 else -1)
     more = SHEET - thin
-    return np.concatenate([corners, corners - more * normal]) if normal[2] > 0.5 else np.concatenate([corners + more / 2 * normal, corners - more / 2 * normal])
+    return (
+        np.concatenate([corners, corners - more * normal])
+        if normal[2] > 0.5
+        else np.concatenate([corners + more / 2 * normal, corners - more / 2 * normal])
+    )
 
 
 def _coacd(mesh: Mesh, limit: int) -> list[np.ndarray]:
@@ -170,10 +180,20 @@ def _coacd(mesh: Mesh, limit: int) -> list[np.ndarray]:
         cell *= 1.5
     reason = ""
     for fineness in (2, 1):
-        arrays = {"vertices": mesh.vertices, "faces": mesh.faces, "limit": np.array(limit), "fineness": np.array(fineness)}
+        arrays = {
+            "vertices": mesh.vertices,
+            "faces": mesh.faces,
+            "limit": np.array(limit),
+            "fineness": np.array(fineness),
+        }
         try:
             found = run_bounded(
-                "mimicbench.objects.importing.convex", "coacd_pieces", arrays, SPLIT_SECONDS, SPLIT_BYTES, "it cannot be split into convex pieces: "
+                "mimicbench.objects.importing.convex",
+                "coacd_pieces",
+                arrays,
+                SPLIT_SECONDS,
+                SPLIT_BYTES,
+                "it cannot be split into convex pieces: ",
             )
         except BadFile as error:
             reason = str(error)
@@ -191,18 +211,30 @@ def _solid(piece: np.ndarray) -> np.ndarray:
     return _thickened(piece, axes[-1], thin) if thin < SHEET / 2 else piece
 
 
-def coacd_pieces(vertices: np.ndarray, faces: np.ndarray, limit: np.ndarray, fineness: np.ndarray) -> dict[str, np.ndarray]:
+def coacd_pieces(
+    vertices: np.ndarray, faces: np.ndarray, limit: np.ndarray, fineness: np.ndarray
+) -> dict[str, np.ndarray]:
     """What runs in a process of its own: corners of all pieces one after the other, and how many each has."""
     import coacd
 
     coacd.set_log_level("off")
     fine = int(fineness) > 1
     found = coacd.run_coacd(
-        coacd.Mesh(vertices, faces), threshold=0.04 if fine else 0.1, max_convex_hull=int(limit), preprocess_resolution=60 if fine else 40,
-        resolution=1000, mcts_nodes=12 if fine else 8, mcts_iterations=60 if fine else 20, mcts_max_depth=3 if fine else 2, seed=0,
-    )  # fmt: skip
+        coacd.Mesh(vertices, faces),
+        threshold=0.04 if fine else 0.1,
+        max_convex_hull=int(limit),
+        preprocess_resolution=60 if fine else 40,
+        resolution=1000,
+        mcts_nodes=12 if fine else 8,
+        mcts_iterations=60 if fine else 20,
+        mcts_max_depth=3 if fine else 2,
+        seed=0,
+    )
     corners = [np.asarray(piece[0], float) for piece in found]
-    return {"corners": np.concatenate(corners) if corners else np.zeros((0, 3)), "counts": np.array([len(piece) for piece in corners], np.int64)}
+    return {
+        "corners": np.concatenate(corners) if corners else np.zeros((0, 3)),
+        "counts": np.array([len(piece) for piece in corners], np.int64),
+    }
 
 
 def _join(pieces: list[np.ndarray], limit: int) -> list[np.ndarray]:
@@ -231,7 +263,9 @@ def _join(pieces: list[np.ndarray], limit: int) -> list[np.ndarray]:
 
 
 def fewer_corners(piece: np.ndarray, limit: int = CORNERS) -> np.ndarray:
-    """At most `limit` of a piece's corners: the outermost, then again and again the one farthest outside of what is chosen."""
+    """At most `limit` of a piece's corners: the outermost, then again and again the one farthest outside of what is
+    chosen.
+    """
     corners = piece[ConvexHull(piece).vertices]
     if len(corners) <= limit:
         return corners
@@ -252,7 +286,8 @@ def fewer_corners(piece: np.ndarray, limit: int = CORNERS) -> np.ndarray:
 
 
 def box_around(piece: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Centre (3,), orientation (4,) and half sizes (3,) of the smallest box around a piece that lies flat on one of its faces.
+    """Centre (3,), orientation (4,) and half sizes (3,) of the smallest box around a piece that lies flat on one of
+    its faces.
 
     The upright box along the axes is preferred unless another is 5 % smaller.
     """

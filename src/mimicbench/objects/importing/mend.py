@@ -40,7 +40,9 @@ def close_holes(mesh: Mesh, found: Topology) -> tuple[Mesh, Topology, list[str]]
     left = int((~after.closed).sum())
     notes = [f"{lids} holes were closed"] if lids else []
     if left:
-        notes.append(f"{left} of {len(after.closed)} parts are not watertight; their pieces follow the surface, look at them")
+        notes.append(
+            f"{left} of {len(after.closed)} parts are not watertight; their pieces follow the surface, look at them"
+        )
     return whole, after, notes
 
 

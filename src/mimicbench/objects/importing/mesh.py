@@ -23,7 +23,15 @@ MAX_COORDINATE = 1e6
 """In the file's own unit; a bed is 2300 mm long."""
 READ_SECONDS = 60.0
 READ_BYTES = 3 << 30
-_PACKED = {b"PK\x03\x04": "zip", b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ": "xz", b"\x28\xb5\x2f\xfd": "zstd", b"7z\xbc\xaf": "7z", b"Rar!": "rar"}
+_PACKED = {
+    b"PK\x03\x04": "zip",
+    b"\x1f\x8b": "gzip",
+    b"BZh": "bzip2",
+    b"\xfd7zXZ": "xz",
+    b"\x28\xb5\x2f\xfd": "zstd",
+    b"7z\xbc\xaf": "7z",
+    b"Rar!": "rar",
+}
 _PLY_FORMATS = (b"ascii", b"binary_little_endian", b"binary_big_endian")
 
 
@@ -52,11 +60,20 @@ def read_mesh(path: Path) -> Mesh:
         raise BadFile(f"{path} does not exist or is no file")
     size = path.stat().st_size
     if size > MAX_BYTES:
-        raise BadFile(f"{path} has {size >> 20} MiB, more than {MAX_BYTES >> 20}; reduce the mesh to some ten thousand faces first")
+        raise BadFile(
+            f"{path} has {size >> 20} MiB, more than {MAX_BYTES >> 20}; reduce the mesh to some ten "
+            "thousand faces first"
+        )
     data = path.read_bytes()
     check_bytes(data, kind, str(path))
-    arrays = run_bounded("mimicbench.objects.importing.mesh", "parse_bytes", {"data": np.frombuffer(data, np.uint8), "kind": np.array(kind)},
-                         READ_SECONDS, READ_BYTES, f"{path} cannot be read as {kind.upper()}: ")  # fmt: skip
+    arrays = run_bounded(
+        "mimicbench.objects.importing.mesh",
+        "parse_bytes",
+        {"data": np.frombuffer(data, np.uint8), "kind": np.array(kind)},
+        READ_SECONDS,
+        READ_BYTES,
+        f"{path} cannot be read as {kind.upper()}: ",
+    )
     return checked(arrays["vertices"], arrays["faces"], str(path))
 
 
@@ -69,22 +86,38 @@ def check_bytes(data: bytes, kind: str, name: str) -> None:
             raise BadFile(f"{name} is packed with {packer}; unpack it first")
     faces = _CHECKS[kind](data, name)
     if faces > MAX_FACES:
-        raise BadFile(f"{name} has {faces} faces, more than {MAX_FACES}; reduce the mesh to some ten thousand faces first")
+        raise BadFile(
+            f"{name} has {faces} faces, more than {MAX_FACES}; reduce the mesh to some ten thousand faces first"
+        )
 
 
 def parse_bytes(data: np.ndarray, kind: np.ndarray) -> dict[str, np.ndarray]:
-    """Parse a checked file's bytes (N,) into `vertices` (V, 3) and `faces` (F, 3). Runs in a process of its own. Raises BadFile."""
+    """Parse a checked file's bytes (N,) into `vertices` (V, 3) and `faces` (F, 3). Runs in a process of its own.
+
+    Raises BadFile.
+    """
     import trimesh
 
     options: dict[str, Any] = {"skip_materials": True} if str(kind) in ("obj", "glb") else {}
     try:
-        scene = trimesh.load_scene(io.BytesIO(_plain_text(data.tobytes(), str(kind))), file_type=str(kind), resolver=None, process=False, **options)
+        scene = trimesh.load_scene(
+            io.BytesIO(_plain_text(data.tobytes(), str(kind))),
+            file_type=str(kind),
+            resolver=None,
+            process=False,
+            **options,
+        )
         mesh = scene.to_mesh()
     except MemoryError:
         raise
     except Exception as error:  # a parser may trip over anything in a damaged file
-        raise BadFile(f"it is cut off or damaged ({type(error).__name__}: {' '.join(str(error).split())[:80]})") from None
-    return {"vertices": np.asarray(mesh.vertices, float).reshape(-1, 3), "faces": np.asarray(mesh.faces, np.int64).reshape(-1, 3)}
+        raise BadFile(
+            f"it is cut off or damaged ({type(error).__name__}: {' '.join(str(error).split())[:80]})"
+        ) from None
+    return {
+        "vertices": np.asarray(mesh.vertices, float).reshape(-1, 3),
+        "faces": np.asarray(mesh.faces, np.int64).reshape(-1, 3),
+    }
 
 
 def _plain_text(data: bytes, kind: str) -> bytes:
@@ -102,14 +135,19 @@ def checked(vertices: np.ndarray, faces: np.ndarray, name: str) -> Mesh:
     if not len(faces) or not len(vertices):
         raise BadFile(f"{name} holds no faces; a mesh of triangles is needed, not points or lines")
     if len(faces) > MAX_FACES:
-        raise BadFile(f"{name} has {len(faces)} faces, more than {MAX_FACES}; reduce the mesh to some ten thousand faces first")
+        raise BadFile(
+            f"{name} has {len(faces)} faces, more than {MAX_FACES}; reduce the mesh to some ten thousand faces first"
+        )
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise BadFile(f"{name} has a face with a corner that does not exist; it is cut off or damaged")
     used = vertices[np.unique(faces)]
     if not np.isfinite(used).all():
         raise BadFile(f"{name} has corners that are not finite numbers; it is damaged: export it again")
     if np.abs(used).max() > MAX_COORDINATE:
-        raise BadFile(f"{name} has corners at {np.abs(used).max():.3g}, beyond {MAX_COORDINATE:.0e} of any unit; it is damaged or placed far from the origin")
+        raise BadFile(
+            f"{name} has corners at {np.abs(used).max():.3g}, beyond {MAX_COORDINATE:.0e} of any "
+            "unit; it is damaged or placed far from the origin"
+        )
     extent = np.ptp(used, axis=0)
     if np.sort(extent)[1] <= 1e-5 * extent.max() or extent.max() < 1e-6:
         raise BadFile(f"{name} has no extent: its bounding box is {' x '.join(f'{side:.3g}' for side in extent)}")
@@ -123,7 +161,9 @@ def weld(mesh: Mesh, tolerance: float) -> Mesh:
     """Make one corner of those that fall into one cell of a grid; faces without area and copies go."""
     used, faces = np.unique(mesh.faces, return_inverse=True)
     vertices = mesh.vertices[used]
-    _, first, same = np.unique(np.round(vertices / tolerance).astype(np.int64), axis=0, return_index=True, return_inverse=True)
+    _, first, same = np.unique(
+        np.round(vertices / tolerance).astype(np.int64), axis=0, return_index=True, return_inverse=True
+    )
     faces = same.reshape(-1)[faces.reshape(-1, 3)]
     vertices = vertices[first]
     corners = vertices[faces]
@@ -137,7 +177,10 @@ def weld(mesh: Mesh, tolerance: float) -> Mesh:
 
 
 def _binary_stl(data: bytes) -> bool:
-    """Whether the length is what the count of faces in a binary header says; many such headers begin with "solid" too."""
+    """Whether the length is what the count of faces in a binary header says.
+
+    Many such headers begin with "solid" too.
+    """
     return len(data) >= 84 and len(data) - 84 == 50 * int.from_bytes(data[80:84], "little")
 
 
@@ -155,8 +198,14 @@ def _check_stl(data: bytes, name: str) -> int:
 def _check_ply(data: bytes, name: str) -> int:
     end = data.find(b"end_header", 0, 1 << 16)
     header = data[: max(end, 0)].split(b"\n")
-    if header[0].strip() != b"ply" or end < 0 or not any(line.split()[:1] == [b"format"] and line.split()[1:2][0:1] and line.split()[1] in _PLY_FORMATS
-                                                         for line in header):  # fmt: skip
+    if (
+        header[0].strip() != b"ply"
+        or end < 0
+        or not any(
+            line.split()[:1] == [b"format"] and line.split()[1:2][0:1] and line.split()[1] in _PLY_FORMATS
+            for line in header
+        )
+    ):
         raise BadFile(f"{name} is no PLY file, or is cut off")
     counts: dict[bytes, int] = {}
     for line in header:
@@ -189,7 +238,9 @@ def _check_glb(data: bytes, name: str) -> int:
     if data[:4] != b"glTF" or data[4:8] != b"\2\0\0\0" or kind != b"JSON":
         raise BadFile(f"{name} is no GLB file of version 2")
     if int.from_bytes(data[8:12], "little") != len(data) or 20 + length > len(data):
-        raise BadFile(f"{name} is cut off: it should have {int.from_bytes(data[8:12], 'little')} bytes and has {len(data)}")
+        raise BadFile(
+            f"{name} is cut off: it should have {int.from_bytes(data[8:12], 'little')} bytes and has {len(data)}"
+        )
     try:
         gltf = json.loads(data[20 : 20 + length])
         return _check_gltf(gltf, len(data), name)
@@ -205,7 +256,9 @@ def _check_gltf(gltf: dict, size: int, name: str) -> int:
         for entry in gltf.get(part, []):
             uri = entry.get("uri")
             if uri is not None and (part == "buffers" or not str(uri).startswith("data:")):
-                raise BadFile(f"{name} refers to another file ({str(uri)[:40]!r}); save it as one .glb with everything inside")
+                raise BadFile(
+                    f"{name} refers to another file ({str(uri)[:40]!r}); save it as one .glb with everything inside"
+                )
     packed = {str(e) for e in [*gltf.get("extensionsRequired", []), *gltf.get("extensionsUsed", [])]} & {
         "KHR_draco_mesh_compression",
         "EXT_meshopt_compression",
@@ -220,9 +273,17 @@ def _check_gltf(gltf: dict, size: int, name: str) -> int:
         raise BadFile(f"{name} uses a node twice, or one that does not exist")
     sizes = []
     for mesh in meshes:
-        counts = [accessors[p["indices"] if p.get("indices") is not None else p["attributes"]["POSITION"]]["count"] for p in mesh["primitives"]]
+        counts = [
+            accessors[p["indices"] if p.get("indices") is not None else p["attributes"]["POSITION"]]["count"]
+            for p in mesh["primitives"]
+        ]
         sizes.append(sum(max(1, int(count) // 3) for count in counts))
     return sum(sizes[int(node["mesh"])] for node in nodes if node.get("mesh") is not None)
 
 
-_CHECKS: dict[str, Callable[[bytes, str], int]] = {"obj": _check_obj, "ply": _check_ply, "stl": _check_stl, "glb": _check_glb}
+_CHECKS: dict[str, Callable[[bytes, str], int]] = {
+    "obj": _check_obj,
+    "ply": _check_ply,
+    "stl": _check_stl,
+    "glb": _check_glb,
+}

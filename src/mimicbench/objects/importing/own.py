@@ -23,7 +23,8 @@ from mimicbench.objects.shape import SceneObject, save_object
 from mimicbench.objects.touch import UPRIGHT, with_touch_points
 
 TOLERANCE = 0.03
-"""[m]; if the pieces' top is farther from the mesh's plane than this, it is said; if farther than three times this, the object is refused."""
+"""[m]; if the pieces' top is farther from the mesh's plane than this, it is said; if farther than three times this, the
+object is refused."""
 BOX_LIKE = 0.985
 """A piece that fills this share of its box is replaced by the box."""
 COLORS = ((0.62, 0.55, 0.47), (0.56, 0.52, 0.49), (0.68, 0.61, 0.53), (0.50, 0.47, 0.44))
@@ -68,17 +69,23 @@ class Evidence:
 
     def text(self) -> str:
         """A few lines to read."""
-        lines = [f"{self.file} -> {self.id}: {' x '.join(f'{side:.2f}' for side in self.size)} m, {self.pieces} pieces ({self.boxes} of them boxes)"]
+        lines = [
+            f"{self.file} -> {self.id}: {' x '.join(f'{side:.2f}' for side in self.size)} m, "
+            f"{self.pieces} pieces ({self.boxes} of them boxes)"
+        ]
         if self.seat_height is not None and self.seat_area is not None:
             low, high = np.min(self.seat_polygon, 0), np.max(self.seat_polygon, 0)
             lines.append(
-                f"  plane at {self.seat_height:.3f} m, {self.seat_area:.2f} m2, x {low[0]:.2f} to {high[0]:.2f}, y {low[1]:.2f} to {high[1]:.2f}, "
+                f"  plane at {self.seat_height:.3f} m, {self.seat_area:.2f} m2, x {low[0]:.2f} to "
+                f"{high[0]:.2f}, y {low[1]:.2f} to {high[1]:.2f}, "
                 f"{len(self.seat_polygon)} corners"
             )
         return "\n".join([*lines, *(f"  {reason}" for reason in self.reasons)])
 
 
-def import_mesh(path: Path, family: str, config: ImportConfig, object_id: str | None = None) -> tuple[SceneObject, Evidence]:
+def import_mesh(
+    path: Path, family: str, config: ImportConfig, object_id: str | None = None
+) -> tuple[SceneObject, Evidence]:
     """One object of one file. Raises BadFile or BadObject with the file's name in it."""
     mesh = read_mesh(path)
     try:
@@ -95,7 +102,8 @@ def _make(mesh: Mesh, path: Path, family: str, config: ImportConfig, object_id: 
     if kind.needs is not None and placed.plane is None:
         low, high = kind.needs.heights
         raise BadObject(
-            f"no level, free surface of {kind.needs.size[0]:.2f} x {kind.needs.size[1]:.2f} m is {low:.2f} to {high:.2f} m high "
+            f"no level, free surface of {kind.needs.size[0]:.2f} x {kind.needs.size[1]:.2f} m is "
+            f"{low:.2f} to {high:.2f} m high "
             f"({'; '.join(placed.reasons)}); give --up, --unit or --height if that is wrong"
         )
     solid, found, mended = close_holes(placed.mesh, placed.topology)
@@ -112,26 +120,51 @@ def _make(mesh: Mesh, path: Path, family: str, config: ImportConfig, object_id: 
         polygon = placed.plane.polygon
         height, deviation = _top_of(hulls, placed.plane)
         if deviation > 3 * TOLERANCE:
-            raise BadObject(f"its {len(hulls)} pieces are {100 * deviation:.0f} cm off the plane at {placed.plane.height:.2f} m; mend or simplify the mesh")
+            raise BadObject(
+                f"its {len(hulls)} pieces are {100 * deviation:.0f} cm off the plane at "
+                f"{placed.plane.height:.2f} m; mend or simplify the mesh"
+            )
         note = ": too much to trust contacts there; look at the pieces" if deviation > TOLERANCE else ""
         reasons.append(f"the pieces' top is within {1000 * deviation:.0f} mm of the mesh over 90 % of the plane{note}")
     lies = kind.needs is LIE
     rgb = np.array([COLORS[i % len(COLORS)] for i in range(len(boxes))])
     obj = SceneObject(
-        object_id, family, "own", np.array([box[0] for box in boxes]) - np.array([0, 0, drop]), np.array([box[1] for box in boxes]),
-        np.array([box[2] for box in boxes]), rgb, height, polygon, head_xy=_head(placed) if lies else np.zeros(0),
-        movable=family == "box", mass=config.mass if family == "box" else None, hulls=() if is_box.all() else hulls,
-    )  # fmt: skip
+        object_id,
+        family,
+        "own",
+        np.array([box[0] for box in boxes]) - np.array([0, 0, drop]),
+        np.array([box[1] for box in boxes]),
+        np.array([box[2] for box in boxes]),
+        rgb,
+        height,
+        polygon,
+        head_xy=_head(placed) if lies else np.zeros(0),
+        movable=family == "box",
+        mass=config.mass if family == "box" else None,
+        hulls=() if is_box.all() else hulls,
+    )
     if kind.touched:
         # touch points are made on boxes; only where a box is the piece itself are they on the surface
         obj = with_touch_points(obj, [(int(box), side) for box in np.flatnonzero(is_box) for side in UPRIGHT])
         reasons.append(f"{len(obj.touch_points)} touch points on the pieces that are boxes")
     length, width, tall = np.subtract(*obj.bounds()[::-1]).tolist()
     evidence = Evidence(
-        object_id, path.name, _sha256(path), placed.scale, placed.up, placed.front, (length, width, tall), len(pieces),
-        int(is_box.sum()), float(volumes.sum() / filled.sum()), height, placed.plane.height if placed.plane else None,
-        placed.plane.area if placed.plane else None, polygon.round(4).tolist(), tuple(reasons),
-    )  # fmt: skip
+        object_id,
+        path.name,
+        _sha256(path),
+        placed.scale,
+        placed.up,
+        placed.front,
+        (length, width, tall),
+        len(pieces),
+        int(is_box.sum()),
+        float(volumes.sum() / filled.sum()),
+        height,
+        placed.plane.height if placed.plane else None,
+        placed.plane.area if placed.plane else None,
+        polygon.round(4).tolist(),
+        tuple(reasons),
+    )
     return obj, evidence
 
 
@@ -162,7 +195,9 @@ def import_objects(
     for obj, evidence in made:
         save_object(folder, obj)
         write_json(folder / "evidence" / f"{obj.id}.json", asdict(evidence))
-    return stage.finish(count=len(made), test=sum(obj.split == "test" for obj, _ in made)), [evidence for _, evidence in made]
+    return stage.finish(count=len(made), test=sum(obj.split == "test" for obj, _ in made)), [
+        evidence for _, evidence in made
+    ]
 
 
 def _read_evidence(folder: Path, object_id: str) -> Evidence:
@@ -175,7 +210,10 @@ def _read_evidence(folder: Path, object_id: str) -> Evidence:
 
 def _sha256(path: Path) -> str:
     if path.stat().st_size > MAX_BYTES:
-        raise BadFile(f"{path} has {path.stat().st_size >> 20} MiB, more than {MAX_BYTES >> 20}; reduce the mesh to some ten thousand faces first")
+        raise BadFile(
+            f"{path} has {path.stat().st_size >> 20} MiB, more than {MAX_BYTES >> 20}; reduce the "
+            "mesh to some ten thousand faces first"
+        )
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
@@ -186,9 +224,14 @@ def own_id(path: Path) -> str:
 
 
 def own_ids(files: Sequence[Path]) -> list[str]:
-    """One id per file; where two would be the same, a few digits of the files' content tell them apart, whatever their order."""
+    """One id per file; where two would be the same, a few digits of the files' content tell them apart, whatever
+    their order.
+    """
     names = [own_id(path) for path in files]
-    ids = [f"{name}-{_sha256(path)[:8]}" if names.count(name) > 1 and path.is_file() else name for name, path in zip(names, files, strict=True)]
+    ids = [
+        f"{name}-{_sha256(path)[:8]}" if names.count(name) > 1 and path.is_file() else name
+        for name, path in zip(names, files, strict=True)
+    ]
     if len(set(ids)) < len(ids):
         raise MimicbenchError("the same file is given twice; give each once")
     return ids
@@ -220,7 +263,9 @@ def tops(hulls: Sequence[np.ndarray], points: np.ndarray) -> np.ndarray:
 
 
 def _top_of(hulls: Sequence[np.ndarray], plane: LevelPlane) -> tuple[float, float]:
-    """Median height of the pieces' top within a plane's outline, and how far 90 % of it is from the mesh's plane at most [m]."""
+    """Median height of the pieces' top within a plane's outline, and how far 90 % of it is from the mesh's plane at
+    most [m].
+    """
     axes = [np.linspace(low, high, 25) for low, high in zip(plane.polygon.min(0), plane.polygon.max(0), strict=True)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 2)
     middle = plane.polygon.mean(0)
@@ -231,7 +276,10 @@ def _top_of(hulls: Sequence[np.ndarray], plane: LevelPlane) -> tuple[float, floa
 
 
 def _head(placed: Placed) -> np.ndarray:
-    """Where the head goes (2,) [m]: at the end of the plane's longer side where more stands higher than it; 0.25 m from that end."""
+    """Where the head goes (2,) [m]: at the end of the plane's longer side where more stands higher than it.
+
+    0.25 m from that end.
+    """
     assert placed.plane is not None
     polygon = placed.plane.polygon
     low, high = polygon.min(0), polygon.max(0)
@@ -240,7 +288,10 @@ def _head(placed: Placed) -> np.ndarray:
     middle = (low + high) / 2
     side = -1.0
     if len(above):
-        reach = [above[(above[:, axis] - middle[axis]) * sign > 0.3 * (high - low)[axis], 2].max(initial=0.0) for sign in (-1.0, 1.0)]
+        reach = [
+            above[(above[:, axis] - middle[axis]) * sign > 0.3 * (high - low)[axis], 2].max(initial=0.0)
+            for sign in (-1.0, 1.0)
+        ]
         side = 1.0 if reach[1] > reach[0] + 0.02 else -1.0
     head = middle.copy()
     head[axis] += side * ((high - low)[axis] / 2 - 0.25)

@@ -43,9 +43,16 @@ KINDS = {
 """By family. Sizes are near the paper's table of objects; of other families nothing is expected."""
 ANYTHING = Kind((0.65, 0.5, 0.6))
 TOO_FAR = np.log(3.0)
-"""A side may differ from the average by this factor, three, before the size is refused; six if it is not for sitting or lying."""
-_PRIOR = {"glb": {"y+": 0.0, "z+": -1.5}, "obj": {"y+": 0.0, "z+": -0.4}, "ply": {"y+": -0.3, "z+": 0.0}, "stl": {"y+": -0.6, "z+": 0.0}}
-"""What is usual in a format: GLB has y up by its definition, ShapeNet's OBJ files too; what goes to a printer has z up."""
+"""A side may differ from the average by this factor, three, before the size is refused; six if it is not for sitting or
+lying."""
+_PRIOR = {
+    "glb": {"y+": 0.0, "z+": -1.5},
+    "obj": {"y+": 0.0, "z+": -0.4},
+    "ply": {"y+": -0.3, "z+": 0.0},
+    "stl": {"y+": -0.6, "z+": 0.0},
+}
+"""What is usual in a format: GLB has y up by its definition, ShapeNet's OBJ files too; what goes to a printer has z
+up."""
 
 
 @dataclass(frozen=True)
@@ -81,10 +88,17 @@ class Placed:
 
 
 def place(mesh: Mesh, kind: Kind, file_format: str, wishes: Wishes) -> Placed:
-    """Scale, turn and centre a mesh and drop it to the floor. Raises BadObject if no reading of its numbers makes sense."""
+    """Scale, turn and centre a mesh and drop it to the floor.
+
+    Raises BadObject if no reading of its numbers makes sense.
+    """
     if wishes.front and wishes.up and wishes.front[0] == wishes.up[0]:
         raise BadObject(f"front {wishes.front} and up {wishes.up} are the same axis; give two different ones")
-    ups = [wishes.up] if wishes.up else [up for up in ("y+", "z+", "x+") if not (wishes.front and wishes.front[0] == up[0])]
+    ups = (
+        [wishes.up]
+        if wishes.up
+        else [up for up in ("y+", "z+", "x+") if not (wishes.front and wishes.front[0] == up[0])]
+    )
     tried: list[tuple[float, str, Placed]] = []
     problems: list[str] = []
     for up in ups:
@@ -103,7 +117,11 @@ def place(mesh: Mesh, kind: Kind, file_format: str, wishes: Wishes) -> Placed:
     else:
         others = [other for _, other, placed in tried if other != up and placed.plane is not None]
         usual = max(_PRIOR[file_format], key=lambda axis: _PRIOR[file_format][axis])
-        evidence = "the size fits" if kind.needs is None else ("a plane fits" if best.plane else "the size fits, though no plane does")
+        evidence = (
+            "the size fits"
+            if kind.needs is None
+            else ("a plane fits" if best.plane else "the size fits, though no plane does")
+        )
         why = f"up is {up}: {evidence}{', and it is usual in ' + file_format.upper() if up == usual else ''}"
         why += f" (a plane would fit with {' and '.join(others)} too: give --up if this is wrong)" if others else ""
     return _face(best, kind, wishes, why)
@@ -139,7 +157,10 @@ def _scale(size: np.ndarray, mesh: Mesh, kind: Kind, wishes: Wishes) -> tuple[fl
         why = f"1 unit is {scale:.4g} m, as given"
     elif wishes.unit == "normalized" or (wishes.unit is None and _normalized(size, mesh) and np.abs(logs).max() > 0.15):
         scale = float(np.exp(-logs.mean()))
-        why = f"1 unit is {scale:.4g} m: the mesh is normalized ({shape}), so it gets the usual size of its family; give --height to set it"
+        why = (
+            f"1 unit is {scale:.4g} m: the mesh is normalized ({shape}), so it gets the usual size "
+            "of its family; give --height to set it"
+        )
     elif wishes.unit is not None:
         scale, why = METERS[wishes.unit], f"the unit is {wishes.unit}, as given"
     else:
@@ -152,7 +173,11 @@ def _scale(size: np.ndarray, mesh: Mesh, kind: Kind, wishes: Wishes) -> tuple[fl
     if not (0 < scale < np.inf) or np.abs(final).max() > TOO_FAR + 0.7 * (kind.needs is None):
         meters = " x ".join(f"{side * scale:.3g}" for side in size)
         fits = [unit for unit, value in METERS.items() if np.abs(logs + np.log(value)).max() <= TOO_FAR]
-        hint = f"its numbers look like {fits[0]}: leave --unit out or give --unit {fits[0]}" if fits else "give --height with its height in metres"
+        hint = (
+            f"its numbers look like {fits[0]}: leave --unit out or give --unit {fits[0]}"
+            if fits
+            else "give --height with its height in metres"
+        )
         raise BadObject(f"it would be {meters} m large, which is not the size of such an object; {hint}")
     return scale, float(np.square(final).mean()), why
 
@@ -184,12 +209,19 @@ def _face(placed: Placed, kind: Kind, wishes: Wishes, why_up: str) -> Placed:
 
 
 def _front(placed: Placed, kind: Kind) -> tuple[str, str]:
-    """The file's axis to the front: away from what stands higher than the plane, which is the back; else what is usual."""
+    """The file's axis to the front: away from what stands higher than the plane, which is the back.
+
+    Else what is usual.
+    """
     low, high = placed.mesh.bounds()
     length, width = (high - low)[:2]
     usual = placed.front
     why = f"front is {usual}, as usual with {placed.up} up"
-    if kind.front != "any" and (length > width) != (kind.front == "short") and abs(length - width) > 0.1 * max(length, width):
+    if (
+        kind.front != "any"
+        and (length > width) != (kind.front == "short")
+        and abs(length - width) > 0.1 * max(length, width)
+    ):
         usual = _in_file(placed, np.array([0.0, 1.0, 0.0]))
         why = f"front is {usual}, on the {kind.front} side"
     if placed.plane is None:

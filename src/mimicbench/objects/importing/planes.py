@@ -103,7 +103,9 @@ def surfaces(mesh: Mesh, sided: np.ndarray | None = None) -> Surfaces:
     spans = np.maximum(last - first + 1, 0)
     counts = spans.prod(1)
     if counts.sum() > MAX_CROSSINGS:
-        raise BadObject("its faces overlap too often to look for planes; reduce the mesh to some ten thousand faces first")
+        raise BadObject(
+            "its faces overlap too often to look for planes; reduce the mesh to some ten thousand faces first"
+        )
     found = [_cross(corners, first, spans, counts, chunk, low) for chunk in _chunks(counts)]
     face, cell, height = (np.concatenate([part[i] for part in found]) for i in range(3))
     order = np.lexsort((height, cell[:, 1], cell[:, 0]))
@@ -195,7 +197,9 @@ def _rectangle(mask: np.ndarray) -> tuple[tuple[int, int], tuple[int, int]]:
 
 
 def _outline(found: Surfaces, mask: np.ndarray, rows: tuple[int, int], columns: tuple[int, int]) -> np.ndarray:
-    """The convex outline (P, 2) of a plane, or the largest rectangle on it if the outline would take in much that is no plane."""
+    """The convex outline (P, 2) of a plane, or the largest rectangle on it if the outline would take in much that is
+    no plane.
+    """
     cells = np.argwhere(mask)
     corners = found.xy(np.concatenate([cells + np.array(step) / 2 for step in ((1, 1), (1, -1), (-1, 1), (-1, -1))]))
     hull = ConvexHull(corners)

@@ -44,7 +44,8 @@ class Berth:
 def perch(body: Body, height: float, gap: float) -> tuple[float, float]:
     """How deep behind a seat's edge the pelvis sits, and how far in front of it the ankles stand [m].
 
-    As deep as thighs that slope down to feet on the floor do not press into the edge; on high beds with the feet farther out.
+    As deep as thighs that slope down to feet on the floor do not press into the edge; on high beds with the feet
+    farther out.
 
     Args:
         body: Who sits.
@@ -53,7 +54,10 @@ def perch(body: Body, height: float, gap: float) -> tuple[float, float]:
     """
     upper, lower = body.length(body.legs[0])
     hip = height + body.buttock - 0.01 - body.hip_drop
-    depth, ahead = (grid.ravel() for grid in np.meshgrid(np.linspace(0.17, 0.05, 9), gap + np.array([0.0, 0.05, 0.10, 0.16]), indexing="ij"))
+    depth, ahead = (
+        grid.ravel()
+        for grid in np.meshgrid(np.linspace(0.17, 0.05, 9), gap + np.array([0.0, 0.05, 0.10, 0.16]), indexing="ij")
+    )
     across, down = depth + ahead, hip - body.sole
     length = np.hypot(across, down)
     bend = np.arccos(np.clip((upper**2 + length**2 - lower**2) / (2 * upper * length), -1, 1))
@@ -67,8 +71,14 @@ def perch(body: Body, height: float, gap: float) -> tuple[float, float]:
 
 
 def lifted_share(body: Body, berth: Berth) -> float:
-    """Distance of the lifted ankles from the pelvis, as a share of the legs' length: less where the feet would sweep over an end that stands up."""
-    return min(0.66, max((berth.room - 0.95 * body.toe - 0.04) / sum(body.length(body.legs[0])), 0.49)) if berth.board else 0.66
+    """Distance of the lifted ankles from the pelvis, as a share of the legs' length: less where the feet would sweep
+    over an end that stands up.
+    """
+    return (
+        min(0.66, max((berth.room - 0.95 * body.toe - 0.04) / sum(body.length(body.legs[0])), 0.49))
+        if berth.board
+        else 0.66
+    )
 
 
 def resting_foot(body: Body, berth: Berth, stretch: float) -> tuple[np.ndarray, float]:
@@ -85,15 +95,28 @@ def resting_foot(body: Body, berth: Berth, stretch: float) -> tuple[np.ndarray, 
         # the ankle's height depends on the foot's pitch, and this on the leg's bend
         ankle = berth.height + _ankle_height(body, pitch)
         length = min(np.hypot(distance, hip - ankle), 0.985 * (upper + lower))
-        shin = np.pi / 2 - np.arctan2(hip - ankle, distance) - np.arccos((lower**2 + length**2 - upper**2) / (2 * lower * length))
+        shin = (
+            np.pi / 2
+            - np.arctan2(hip - ankle, distance)
+            - np.arccos((lower**2 + length**2 - upper**2) / (2 * lower * length))
+        )
         fits = corner + np.arccos(np.clip((room - distance) / sole, -1.0, 1.0))
         pitch = float(np.clip(max(shin - 0.30, fits), 0.0, max(shin, 0.0) + 0.40))
         if fits > pitch + 0.01:  # the toes cannot be drawn in so far: the knees are
             distance = max(distance - 0.025, 0.68 * upper)
-    return np.array([distance + body.hip_drop, body.hip_half_width + 0.025, berth.height + _ankle_height(body, pitch)]), pitch
+    return np.array(
+        [distance + body.hip_drop, body.hip_half_width + 0.025, berth.height + _ankle_height(body, pitch)]
+    ), pitch
 
 
 def _ankle_height(body: Body, pitch: float) -> float:
-    """Of the ankle over what the heel lies on, toes up by `pitch` [rad]: of the rounded foot, which sinks in a little."""
+    """Of the ankle over what the heel lies on, toes up by `pitch` [rad]: of the rounded foot, which sinks in a
+    little.
+    """
     radius = 0.6 * body.sole
-    return float(-(body.heel + radius) * np.sin(pitch) + (body.sole - radius) * np.cos(pitch)) + radius + 0.010 * np.sin(pitch) - 0.004
+    return (
+        float(-(body.heel + radius) * np.sin(pitch) + (body.sole - radius) * np.cos(pitch))
+        + radius
+        + 0.010 * np.sin(pitch)
+        - 0.004
+    )

@@ -1,7 +1,10 @@
-"""Lying down, whatever on: sit on the free edge, turn along the bed while the legs swing up, lower the trunk, stretch, rest.
+"""Lying down, whatever on: sit on the free edge, turn along the bed while the legs swing up, lower the trunk,
+stretch, rest.
 
-Pelvis and chest stay nearly one piece, and the thighs go where the pelvis faces, so that a body with a stiff trunk and narrow
-hips can do the same. Three turns make the pelvis's path: about the vertical from the free side to the foot end, a lean in its
+Pelvis and chest stay nearly one piece, and the thighs go where the pelvis faces, so that a body with a stiff trunk and
+narrow
+hips can do the same. Three turns make the pelvis's path: about the vertical from the free side to the foot end, a lean
+in its
 own sagittal plane that balances the lifted legs, and a tilt of the spine towards the pillow.
 """
 
@@ -78,16 +81,29 @@ class LieStyle:
 
 
 def draw_style(random: np.random.Generator, body_scale: float, duration: float, pace: tuple[float, float]) -> LieStyle:
-    """The free choices of a clip, given the body's size, the clip's duration [s] and the range of its pace; who is quicker walks faster, too."""
+    """The free choices of a clip, given the body's size, the clip's duration [s] and the range of its pace.
+
+    Who is quicker walks faster, too.
+    """
     quick = pace[1] < 0.9
     return LieStyle(
-        body_scale=body_scale, speed=random.uniform(0.70, 0.82),
-        sit_duration=random.uniform(2.2, 2.5) if quick else random.uniform(2.8, 3.3), pace=random.uniform(*pace),
-        lean=random.uniform(0.52, 0.62), stagger=random.uniform(0.28, 0.40), stretch=random.uniform(0.66, 0.985),
-        knee=float(random.choice([0, 0, 1, -1])), side=0.0, hands=float(random.integers(2)), arm_swing=random.uniform(0.7, 1.2), duration=duration,
-        lead=random.uniform(0.3, 1.5) if quick else 0.0, hands_up=random.uniform(0.05, 0.18), hands_uneven=random.uniform(-0.12, 0.12),
+        body_scale=body_scale,
+        speed=random.uniform(0.70, 0.82),
+        sit_duration=random.uniform(2.2, 2.5) if quick else random.uniform(2.8, 3.3),
+        pace=random.uniform(*pace),
+        lean=random.uniform(0.52, 0.62),
+        stagger=random.uniform(0.28, 0.40),
+        stretch=random.uniform(0.66, 0.985),
+        knee=float(random.choice([0, 0, 1, -1])),
+        side=0.0,
+        hands=float(random.integers(2)),
+        arm_swing=random.uniform(0.7, 1.2),
+        duration=duration,
+        lead=random.uniform(0.3, 1.5) if quick else 0.0,
+        hands_up=random.uniform(0.05, 0.18),
+        hands_uneven=random.uniform(-0.12, 0.12),
         apart=random.uniform(0.0, 0.07),
-    )  # fmt: skip
+    )
 
 
 def needed_time(style: LieStyle) -> float:
@@ -96,26 +112,46 @@ def needed_time(style: LieStyle) -> float:
 
 
 def lie_down(
-    clip_id: str, task: str, obj: SceneObject, body: Body, berth: Berth, route: Route, start_yaw: float, gait: Gait, style: LieStyle
-) -> HumanMotion:  # fmt: skip
-    """The whole clip: walk along the route from heading `start_yaw` [rad], sit down on the berth's edge, lie down, rest."""
+    clip_id: str,
+    task: str,
+    obj: SceneObject,
+    body: Body,
+    berth: Berth,
+    route: Route,
+    start_yaw: float,
+    gait: Gait,
+    style: LieStyle,
+) -> HumanMotion:
+    """The whole clip: walk along the route from heading `start_yaw` [rad], sit down on the berth's edge, lie down,
+    rest.
+    """
     course = lie_course(task, obj, body, berth, lambda _: route, gait, style)
     way = walk(body, route, start_yaw, course.stop_xy, course.stop_yaw, gait, course.after, style.duration, style.lead)
     return course.act(clip_id, way)
 
 
 def lie_course(
-    task: str, obj: SceneObject, body: Body, berth: Berth, route: Callable[[np.ndarray], Route], gait: Gait, style: LieStyle
-) -> Course:  # fmt: skip
+    task: str,
+    obj: SceneObject,
+    body: Body,
+    berth: Berth,
+    route: Callable[[np.ndarray], Route],
+    gait: Gait,
+    style: LieStyle,
+) -> Course:
     """Where to stand before a berth, and how to lie down from there; `route` is the way there from a place (2,) [m]."""
 
     def act(clip_id: str, way: Walk) -> HumanMotion:
         return _lie(clip_id, task, obj, body, berth, style, way)
 
-    return Course(body, gait, berth.stop_xy, float(np.arctan2(berth.out[1], berth.out[0])), route, needed_time(style), act)
+    return Course(
+        body, gait, berth.stop_xy, float(np.arctan2(berth.out[1], berth.out[0])), route, needed_time(style), act
+    )
 
 
-def _lie(clip_id: str, task: str, obj: SceneObject, body: Body, berth: Berth, style: LieStyle, way: Walk) -> HumanMotion:
+def _lie(
+    clip_id: str, task: str, obj: SceneObject, body: Body, berth: Berth, style: LieStyle, way: Walk
+) -> HumanMotion:
     """The clip that follows from a walk to before the berth."""
     sitting = (way.time - way.end - PAUSE) / style.sit_duration
     clock = (way.time - way.end - PAUSE - style.sit_duration) / style.pace
@@ -134,18 +170,30 @@ def _lie(clip_id: str, task: str, obj: SceneObject, body: Body, berth: Berth, st
     arms = keep_off(body, trunk, legs, arms)
     quat = _hands(body, berth, trunk, pose(body, trunk, legs, arms), clock, style)
     return HumanMotion(
-        clip_id, task, body.skeleton, FPS, trunk.pelvis_pos_w, quat, obj.id, CONTACT_NAMES, contacts,
+        clip_id,
+        task,
+        body.skeleton,
+        FPS,
+        trunk.pelvis_pos_w,
+        quat,
+        obj.id,
+        CONTACT_NAMES,
+        contacts,
         {**{name: float(value) for name, value in vars(style).items()}, "turn": last_turn(way.steps)},
-    )  # fmt: skip
+    )
 
 
 def _hands(body: Body, berth: Berth, trunk: Trunk, quat: np.ndarray, clock: np.ndarray, style: LieStyle) -> np.ndarray:
-    """Local rotations (T, J, 4) with hands that lie flat: on the thighs, on the belly, and in the end on the bed in front of who lies on the side."""
+    """Local rotations (T, J, 4) with hands that lie flat: on the thighs, on the belly, and in the end on the bed in
+    front of who lies on the side.
+    """
     quat = lay_on_body(body, trunk, quat)
     if style.hands > 0.5:
         # over the belly, and a little down to the sides
         across = rot.rotate(trunk.pelvis_quat_w[:, None], np.array([[-0.25, -0.75, -0.6], [-0.25, 0.75, -0.6]]))
-        flat = point_hands(body, trunk, quat, across / np.linalg.norm(across, axis=-1, keepdims=True), np.ones((len(clock), 2)))
+        flat = point_hands(
+            body, trunk, quat, across / np.linalg.norm(across, axis=-1, keepdims=True), np.ones((len(clock), 2))
+        )
         quat = _blended(body, quat, flat, _ease(clock, 4.0, 5.2))
     if style.side > 0.5:
         front, head = np.array([*berth.out, 0.0]), np.array([*berth.head, 0.0])
@@ -175,7 +223,11 @@ def _trunk(body: Body, berth: Berth, way: Walk, sitting: np.ndarray, clock: np.n
     back, down = minimum_jerk(sitting / 0.95), minimum_jerk((sitting - 0.06) / 0.94)
     seat = np.array([*berth.seat_xy, berth.height + body.buttock - 0.01])
     lying = np.array([*berth.pelvis_xy, berth.height + body.back - SINK])
-    pelvis_pos = way.pelvis_pos_w + np.stack([back, back, down], -1) * (seat - way.pelvis_pos_w[-1]) + _scoot(clock)[:, None] * (lying - seat)
+    pelvis_pos = (
+        way.pelvis_pos_w
+        + np.stack([back, back, down], -1) * (seat - way.pelvis_pos_w[-1])
+        + _scoot(clock)[:, None] * (lying - seat)
+    )
 
     lean, upright = minimum_jerk(sitting / 0.7), minimum_jerk((sitting - 0.80) / 0.6)
     balance = (0.48 + 1.75 * (0.66 - lifted_share(body, berth))) * (_ease(clock, 0.0, 1.3) - _ease(clock, 2.0, 4.0))
@@ -189,10 +241,24 @@ def _trunk(body: Body, berth: Berth, way: Walk, sitting: np.ndarray, clock: np.n
     breath = BREATH * rest * np.sin(2 * np.pi * 0.23 * way.time)
     chest = rot.multiply(pelvis, way.chest_turn(0.02 + 0.10 * lean - 0.11 * upright + curl + breath))
     on_pillow = _nod_on_pillow(body, berth, pelvis_pos[-1], rot.normalize(pelvis[-1]), chest[-1])
-    nod = 0.12 - 0.30 * lean + 0.20 * upright + 0.25 * (_ease(clock, 0.6, 2.2)) + (on_pillow - 0.27) * _ease(clock, 3.3, 4.9)
+    nod = (
+        0.12
+        - 0.30 * lean
+        + 0.20 * upright
+        + 0.25 * (_ease(clock, 0.6, 2.2))
+        + (on_pillow - 0.27) * _ease(clock, 3.3, 4.9)
+    )
     # a look around, first to the free side
     since = style.pace * (clock - (on_side.END if style.side > 0.5 else 4.6))
-    look = -np.sign(berth.turn) * LOOK * (minimum_jerk((since - 0.3) / 1.6) - 1.8 * minimum_jerk((since - 3.2) / 2.2) + 0.8 * minimum_jerk((since - 7.0) / 1.8))
+    look = (
+        -np.sign(berth.turn)
+        * LOOK
+        * (
+            minimum_jerk((since - 0.3) / 1.6)
+            - 1.8 * minimum_jerk((since - 3.2) / 2.2)
+            + 0.8 * minimum_jerk((since - 7.0) / 1.8)
+        )
+    )
     head = rot.multiply(chest, rot.multiply(way.head_turn(nod), rot.from_yaw(look)))
     return Trunk(pelvis_pos, pelvis, chest, head)
 
@@ -210,7 +276,9 @@ def _nod_on_pillow(body: Body, berth: Berth, pelvis_pos: np.ndarray, pelvis: np.
     return float(np.clip(np.interp(wanted, height, nods), -0.4, 0.5))
 
 
-def _legs(body: Body, berth: Berth, way: Walk, trunk: Trunk, clock: np.ndarray, style: LieStyle) -> tuple[Legs, np.ndarray]:
+def _legs(
+    body: Body, berth: Berth, way: Walk, trunk: Trunk, clock: np.ndarray, style: LieStyle
+) -> tuple[Legs, np.ndarray]:
     """The legs, and (T, 2) where each foot stands or lies still."""
     walking = way.legs()
     full, left = sum(body.length(body.legs[0])), np.array([-berth.out[1], berth.out[0]])
@@ -221,7 +289,9 @@ def _legs(body: Body, berth: Berth, way: Walk, trunk: Trunk, clock: np.ndarray, 
     final = final + [0.0, style.apart * body.size * berth.wide, 0.0]
     knees_up, landed_pitch = resting_foot(body, berth, min(0.62, style.stretch))
     aloft = lifted_share(body, berth)
-    lifted = np.array([aloft * full, half + 0.03, berth.height + body.sole + (0.10 + 0.40 * (0.66 - aloft)) * body.size])
+    lifted = np.array(
+        [aloft * full, half + 0.03, berth.height + body.sole + (0.10 + 0.40 * (0.66 - aloft)) * body.size]
+    )
     ankle, foot, still = [], [], []
     axis = rot.rotate(trunk.pelvis_quat_w, np.array([0.0, 1.0, 0.0]))
     for side, sign in enumerate((1.0, -1.0)):
@@ -235,11 +305,20 @@ def _legs(body: Body, berth: Berth, way: Walk, trunk: Trunk, clock: np.ndarray, 
         # and the second one, for which the pelvis already leans back, less high
         high = lifted - [0.0, 0.0, LOWER * body.size * (late > 0)]
         standing = walking.ankle_pos_w[-1, side]
-        first = np.array([(standing[:2] - berth.seat_xy) @ berth.out, sign * ((standing[:2] - berth.seat_xy) @ left), standing[2]])
-        r, across, z = (first + lift[:, None] * (high - first) + land[:, None] * (knees_up - high) + stretch[:, None] * (final - knees_up)).T
+        first = np.array(
+            [(standing[:2] - berth.seat_xy) @ berth.out, sign * ((standing[:2] - berth.seat_xy) @ left), standing[2]]
+        )
+        r, across, z = (
+            first
+            + lift[:, None] * (high - first)
+            + land[:, None] * (knees_up - high)
+            + stretch[:, None] * (final - knees_up)
+        ).T
         yaw = berth.turn * _ease(clock, 0.45 + late, 2.3 + late)
         forward = np.stack([r, sign * across, np.zeros_like(r)], -1)
-        swung = np.concatenate([base, z[:, None]], -1) + rot.rotate(rot.from_yaw(yaw + np.arctan2(berth.out[1], berth.out[0])), forward)
+        swung = np.concatenate([base, z[:, None]], -1) + rot.rotate(
+            rot.from_yaw(yaw + np.arctan2(berth.out[1], berth.out[0])), forward
+        )
         off = lift > 0
         place = np.where(off[:, None], swung, walking.ankle_pos_w[:, side])
         hip = trunk.pelvis_pos_w + rot.rotate(trunk.pelvis_quat_w, body.skeleton.offsets[body.legs[side].root])
@@ -248,38 +327,75 @@ def _legs(body: Body, berth: Berth, way: Walk, trunk: Trunk, clock: np.ndarray, 
         pitch = landed_pitch + stretch * (final_pitch - landed_pitch)
         laid = rot.multiply(rot.from_yaw(yaw + np.arctan2(berth.out[1], berth.out[0])), about_y(-pitch))
         ankle.append(place)
-        foot.append(rot.slerp(rot.slerp(walking.foot_quat_w[:, side], hanging, _ease(clock, 0.1 + late, 1.2 + late)), laid, land))
+        foot.append(
+            rot.slerp(
+                rot.slerp(walking.foot_quat_w[:, side], hanging, _ease(clock, 0.1 + late, 1.2 + late)), laid, land
+            )
+        )
         still.append(np.where(off, (stretch >= 1) | ((land >= 1) & (stretch <= 0)), way.feet.contact[:, side]))
     share = _ease(clock, -0.6, 0.4)[:, None, None]
     knee_axis = walking.knee_axis_w * (1 - share) + share * axis[:, None]
     return Legs(np.stack(ankle, 1), np.stack(foot, 1), knee_axis, walking.toe_bend), np.stack(still, -1)
 
 
-def _arms(body: Body, berth: Berth, way: Walk, trunk: Trunk, legs: Legs, sitting: np.ndarray, clock: np.ndarray, style: LieStyle) -> tuple[Arms, np.ndarray]:
-    """Arms that come forward to sit, support the trunk while it goes down, and rest; and (T, 2) where the hands bear."""
+def _arms(
+    body: Body,
+    berth: Berth,
+    way: Walk,
+    trunk: Trunk,
+    legs: Legs,
+    sitting: np.ndarray,
+    clock: np.ndarray,
+    style: LieStyle,
+) -> tuple[Arms, np.ndarray]:
+    """Arms that come forward to sit, support the trunk while it goes down, and rest.
+
+    And (T, 2) where the hands bear.
+    """
     forward, rest = minimum_jerk(sitting / 0.65), np.stack([_ease(clock, 3.7, 5.4)] * 2, -1)
     swinging = way.arms(body, style.arm_swing)
-    moving = Arms(rot.multiply(about_y(-1.0 * forward)[:, None], swinging.upper), rot.multiply(swinging.elbow, about_y(-0.25 * forward)[:, None]))
+    moving = Arms(
+        rot.multiply(about_y(-1.0 * forward)[:, None], swinging.upper),
+        rot.multiply(swinging.elbow, about_y(-0.25 * forward)[:, None]),
+    )
     out, head = np.array([*berth.out, 0.0]), np.array([*berth.head, 0.0])
     near = 0 if berth.turn < 0 else 1  # the hand at the pillow's side of who sits, at the edge's side of who lies
     size, quat = body.size, trunk.chest_quat_w[:, None]
     lying = np.array([*berth.pelvis_xy, berth.height + 0.05])
     edge = float((berth.seat_xy - berth.pelvis_xy) @ berth.out)
     behind, beside = np.empty((2, 3)), np.empty((2, 3))
-    behind[near], behind[1 - near] = lying + min(edge, 0.30 * size) * out + 0.19 * size * head, lying - 0.27 * size * out + 0.20 * size * head
-    beside[near], beside[1 - near] = lying + 0.30 * size * out + 0.02 * size * head, lying - 0.30 * size * out + 0.02 * size * head
+    behind[near], behind[1 - near] = (
+        lying + min(edge, 0.30 * size) * out + 0.19 * size * head,
+        lying - 0.27 * size * out + 0.20 * size * head,
+    )
+    beside[near], beside[1 - near] = (
+        lying + 0.30 * size * out + 0.02 * size * head,
+        lying - 0.30 * size * out + 0.02 * size * head,
+    )
     # the hands slide down beside the hips while the trunk goes down
     goal = behind + _ease(clock, 2.4, 4.4)[:, None, None] * (beside - behind)
     planted = _within_reach(body, trunk, goal)
     # the elbows point backward under a raised trunk, and outward beside a lying one
     lowered = _ease(clock, 1.6, 4.0)[:, None, None]
     outward = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
-    support = reach(body, trunk, planted, rot.rotate(quat, (1 - lowered) * (0.35 * outward + [0.0, 1.0, 0.0]) + lowered * (outward + [0.0, 0.1, 0.0])))
+    support = reach(
+        body,
+        trunk,
+        planted,
+        rot.rotate(quat, (1 - lowered) * (0.35 * outward + [0.0, 1.0, 0.0]) + lowered * (outward + [0.0, 0.1, 0.0])),
+    )
     # on the thighs after sitting down, until the hands go to the mattress
     thigh = thigh_orientations(body, trunk, legs)
-    hips = trunk.pelvis_pos_w[:, None] + rot.rotate(trunk.pelvis_quat_w[:, None], body.skeleton.offsets[[leg.root for leg in body.legs]])
+    hips = trunk.pelvis_pos_w[:, None] + rot.rotate(
+        trunk.pelvis_quat_w[:, None], body.skeleton.offsets[[leg.root for leg in body.legs]]
+    )
     on_thigh = hips + rot.rotate(thigh, np.array([[0.10, 0.03, -0.25], [0.10, -0.03, -0.25]]) * size)
-    seated = reach(body, trunk, _within_reach(body, trunk, on_thigh), rot.rotate(quat, np.array([[0.30, 1.0, 0.0], [-0.30, 1.0, 0.0]])))
+    seated = reach(
+        body,
+        trunk,
+        _within_reach(body, trunk, on_thigh),
+        rot.rotate(quat, np.array([[0.30, 1.0, 0.0], [-0.30, 1.0, 0.0]])),
+    )
     if style.hands > 0.5:
         left, right = style.hands_up + 0.5 * style.hands_uneven, style.hands_up - 0.5 * style.hands_uneven
         spot = np.array([[0.135, 0.09, left], [0.135, -0.09, right]]) * size
@@ -301,7 +417,9 @@ def _arms(body: Body, berth: Berth, way: Walk, trunk: Trunk, legs: Legs, sitting
 
 
 def _within_reach(body: Body, trunk: Trunk, wrist_pos_w: np.ndarray) -> np.ndarray:
-    """Wrists (T, 2, 3) [m] pulled smoothly towards the shoulders where the arms would have to be straight: elbows do not snap."""
+    """Wrists (T, 2, 3) [m] pulled smoothly towards the shoulders where the arms would have to be straight: elbows do
+    not snap.
+    """
     roots, most, soft = shoulders(body, trunk), 0.95 * sum(body.length(body.arms[0])), 0.02 * body.size
     delta = wrist_pos_w - roots
     length = np.linalg.norm(delta, axis=-1, keepdims=True)

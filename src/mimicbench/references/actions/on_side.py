@@ -1,4 +1,6 @@
-"""Turning from the back onto the side: pelvis and chest roll as one piece, the knees draw up together, the hands go in front of the chest."""
+"""Turning from the back onto the side: pelvis and chest roll as one piece, the knees draw up together, the hands go
+in front of the chest.
+"""
 
 import numpy as np
 
@@ -16,12 +18,15 @@ BEGIN, END = 5.4, 8.2
 THIGH, SHIN = 0.85, -0.55
 """How far thighs and shins point forward in the end [rad]."""
 FRONT = ((0.27, -0.22, 0.055), (0.25, 0.0, 0.08))
-"""Where the lower and the upper wrist lie, from their shoulders to the front and to the head, and above the bed, at body size 1 [m]."""
+"""Where the lower and the upper wrist lie, from their shoulders to the front and to the head, and above the bed, at
+body size 1 [m]."""
 LEAVE = ((0.05, 0.80), (0.25, 1.0))
 """Between which parts of the turn the lower and the upper hand go there."""
 
 
-def turn_over(body: Body, height: float, out: np.ndarray, side: int, clock: np.ndarray, trunk: Trunk, legs: Legs, arms: Arms) -> tuple[Trunk, Legs, Arms]:
+def turn_over(
+    body: Body, height: float, out: np.ndarray, side: int, clock: np.ndarray, trunk: Trunk, legs: Legs, arms: Arms
+) -> tuple[Trunk, Legs, Arms]:
     """Who lies on the back rolls onto side 0 (left) or 1 (right).
 
     Args:
@@ -39,13 +44,18 @@ def turn_over(body: Body, height: float, out: np.ndarray, side: int, clock: np.n
     roll = sign * ROLL * share
     # the hip below bears the weight, and the shoulder, which is wider, raises the chest
     rise = (body.hip_half_width + 0.07 * body.size - body.back) * np.sin(np.abs(roll))
-    pos = trunk.pelvis_pos_w + np.stack([-0.10 * body.size * share * out[0], -0.10 * body.size * share * out[1], rise], -1)
+    pos = trunk.pelvis_pos_w + np.stack(
+        [-0.10 * body.size * share * out[0], -0.10 * body.size * share * out[1], rise], -1
+    )
     pelvis = rot.multiply(trunk.pelvis_quat_w, rot.from_yaw(roll))
     chest_turn, head_turn = (
-        rot.multiply(rot.conjugate(below), above) for below, above in ((trunk.pelvis_quat_w, trunk.chest_quat_w), (trunk.chest_quat_w, trunk.head_quat_w))
+        rot.multiply(rot.conjugate(below), above)
+        for below, above in ((trunk.pelvis_quat_w, trunk.chest_quat_w), (trunk.chest_quat_w, trunk.head_quat_w))
     )
     chest = rot.multiply(pelvis, rot.multiply(chest_turn, about_x(0.29 * sign * share)))
-    head = rot.multiply(chest, rot.multiply(head_turn, rot.multiply(about_x(-0.52 * sign * share), about_y(0.12 * share))))
+    head = rot.multiply(
+        chest, rot.multiply(head_turn, rot.multiply(about_x(-0.52 * sign * share), about_y(0.12 * share)))
+    )
     rolled = Trunk(pos, pelvis, chest, head)
     return (
         rolled,
@@ -61,7 +71,13 @@ def _knees_drawn_up(body: Body, height: float, side: int, share: np.ndarray, tru
     ankle, foot = [], []
     for i, leg in enumerate(body.legs):
         # from the hip, forward, to the left, up; the upper leg comes down to the lower one
-        bent = np.array([upper * np.sin(THIGH) + lower * np.sin(SHIN), 0.0 if i == side else (1 - 2 * side) * 0.045 * body.size, 0.0])
+        bent = np.array(
+            [
+                upper * np.sin(THIGH) + lower * np.sin(SHIN),
+                0.0 if i == side else (1 - 2 * side) * 0.045 * body.size,
+                0.0,
+            ]
+        )
         bent[2] = -upper * np.cos(THIGH) - lower * np.cos(SHIN)
         goal = trunk.pelvis_pos_w[-1] + rot.rotate(trunk.pelvis_quat_w[-1], body.skeleton.offsets[leg.root] + bent)
         goal[2] = max(goal[2], height + (0.045 if i == side else 0.13) * body.size)
@@ -74,7 +90,9 @@ def _knees_drawn_up(body: Body, height: float, side: int, share: np.ndarray, tru
     return Legs(np.stack(ankle, 1), np.stack(foot, 1), blended, legs.toe_bend)
 
 
-def _hands_in_front(body: Body, height: float, out: np.ndarray, side: int, trunk: Trunk, arms: Arms, progress: np.ndarray) -> Arms:
+def _hands_in_front(
+    body: Body, height: float, out: np.ndarray, side: int, trunk: Trunk, arms: Arms, progress: np.ndarray
+) -> Arms:
     """Both hands come down onto the bed in front of the chest, close to the body all the way."""
     chest = rot.rotate(trunk.chest_quat_w, np.array([0.0, 0.0, 1.0]))[-1]
     front, head = np.array([*out, 0.0]), np.array([*chest[:2], 0.0]) / np.hypot(*chest[:2])
@@ -89,7 +107,11 @@ def _hands_in_front(body: Body, height: float, out: np.ndarray, side: int, trunk
         share = minimum_jerk((progress - begin) / (end - begin))[:, None]
         wrists[:, i] += share * (goal - wrists[:, i])
         # the lower elbow stays where it lies, and is on the front's side in the end
-        turned, pole = (minimum_jerk((progress + 0.35) / 0.35)[:, None], front + 0.3 * head + 0.3 * up) if i == side else (share, -head)
+        turned, pole = (
+            (minimum_jerk((progress + 0.35) / 0.35)[:, None], front + 0.3 * head + 0.3 * up)
+            if i == side
+            else (share, -head)
+        )
         poles[:, i] += turned * (pole / np.linalg.norm(pole) - poles[:, i])
     wrists = within_reach(body, trunk, wrists)
     return reach(body, trunk, wrists, np.cross(wrists - roots, poles))

@@ -1,7 +1,10 @@
-"""Postures on standing feet with both hands at given places: balanced, within reach, clear of an object, and as easy as can be.
+"""Postures on standing feet with both hands at given places: balanced, within reach, clear of an object, and as easy
+as can be.
 
-A posture is chosen among leans and squats: in each the pelvis goes back as far as the trunk and the arms go forward, so that the center of mass stays
-over the feet; those that do not reach, or that are inside the object, are out, and the one with the least effort is taken.
+A posture is chosen among leans and squats: in each the pelvis goes back as far as the trunk and the arms go forward, so
+that the center of mass stays
+over the feet; those that do not reach, or that are inside the object, are out, and the one with the least effort is
+taken.
 """
 
 from collections.abc import Sequence
@@ -49,7 +52,8 @@ SEGMENTS = (
     ("shin", 0.0465, 0.433),
     ("foot", 0.0145, 0.3),
 )
-"""Segment, its share of the body's mass, and where along it from its upper end its center is (Winter 2009, table 4.1)."""
+"""Segment, its share of the body's mass, and where along it from its upper end its center is (Winter 2009, table
+4.1)."""
 BUT_HANDS = ("pelvis", "trunk", "head", "upper_arm", "lower_arm", "thigh", "shin", "foot")
 
 
@@ -111,7 +115,9 @@ class Posture:
 
 
 def chest_turn(pitch: np.ndarray, twist: np.ndarray, bend: np.ndarray) -> np.ndarray:
-    """(..., 4) the chest relative to a pelvis that leans by `pitch` (...) [rad]: a flat back, rounder the deeper, and most of the twist."""
+    """(..., 4) the chest relative to a pelvis that leans by `pitch` (...) [rad]: a flat back, rounder the deeper,
+    and most of the twist.
+    """
     return rot.multiply(rot.from_yaw(0.7 * twist), about_y(0.02 + 0.12 * pitch + 0.25 * pitch**2 + bend))
 
 
@@ -122,14 +128,22 @@ def elbow_axes(chest_quat_w: np.ndarray, elbow: np.ndarray) -> np.ndarray:
 
 
 def find_posture(
-    body: Body, ground: Ground, wrists: np.ndarray, obj: SceneObject, shift: np.ndarray, load: float = 0.0, bend: float = 0.0
+    body: Body,
+    ground: Ground,
+    wrists: np.ndarray,
+    obj: SceneObject,
+    shift: np.ndarray,
+    load: float = 0.0,
+    bend: float = 0.0,
 ) -> tuple[Posture, float]:
-    """The easiest posture in which both wrists are at (2, 3) [m], and how far it falls short [m]: out of reach, or inside the object.
+    """The easiest posture in which both wrists are at (2, 3) [m], and how far it falls short [m]: out of reach, or
+    inside the object.
 
     Args:
         body: Whose.
         ground: What it stands on.
-        wrists: (2, 3) left, right [m]; that the hands themselves are clear of the object is up to whoever chose these places.
+        wrists: (2, 3) left, right [m]; that the hands themselves are clear of the object is up to whoever chose
+            these places.
         obj: What must not be in the way.
         shift: (3,) where the object's origin is [m].
         load: The object's mass as a share of the body's if it is carried.
@@ -141,25 +155,44 @@ def find_posture(
     back = -0.2 * body.size * np.sin(pitch)[:, None] * np.array([np.cos(ground.yaw), np.sin(ground.yaw), 0.0])
     start = np.array([*ground.support(body), 0.0]) + back
     every = _balanced(
-        body, ground, Posture(start, pitch, twist, np.full_like(pitch, ELBOWS[0]), drop, np.full_like(pitch, bend)), wrists, _weight_of(obj, shift, load)
+        body,
+        ground,
+        Posture(start, pitch, twist, np.full_like(pitch, ELBOWS[0]), drop, np.full_like(pitch, bend)),
+        wrists,
+        _weight_of(obj, shift, load),
     )
     trunk = every.trunk(ground.yaw)
     away = np.linalg.norm(wrists - shoulders(body, trunk), axis=-1)
     stretch = away.max(-1) / sum(body.length(body.arms[0]))
-    flexion = rot.angle_between(trunk.pelvis_quat_w[:, None], thigh_orientations(body, trunk, ground.legs(len(pitch)))).max(-1)
+    flexion = rot.angle_between(
+        trunk.pelvis_quat_w[:, None], thigh_orientations(body, trunk, ground.legs(len(pitch)))
+    ).max(-1)
     # a lean goes with some bend of the knees
-    effort = pitch + 3.0 * np.abs(drop - 0.16 * pitch * body.size) + 4.0 * np.maximum(stretch - 0.9, 0.0) + 2.0 * np.maximum(flexion - 1.7, 0.0)
-    out = np.maximum(stretch - STRETCH, 0.0) * sum(body.length(body.arms[0])) + 0.2 * np.maximum(flexion - MOST_FLEXION, 0.0)
+    effort = (
+        pitch
+        + 3.0 * np.abs(drop - 0.16 * pitch * body.size)
+        + 4.0 * np.maximum(stretch - 0.9, 0.0)
+        + 2.0 * np.maximum(flexion - 1.7, 0.0)
+    )
+    out = np.maximum(stretch - STRETCH, 0.0) * sum(body.length(body.arms[0])) + 0.2 * np.maximum(
+        flexion - MOST_FLEXION, 0.0
+    )
     easiest = np.tile(np.argsort(effort + 100.0 * out, kind="stable")[:TRIED], len(ELBOWS))
     ranks = np.repeat(np.arange(len(ELBOWS)), TRIED)
     some = replace(every[easiest], elbow=np.array(ELBOWS)[ranks])
     placed = _placed(body, ground, some, wrists)
-    short = np.maximum(depth(body, *placed, obj, shift, BUT_HANDS) - GIVE, 0.0) + np.maximum(in_own_way(body, *placed), 0.0) + out[easiest]
+    short = (
+        np.maximum(depth(body, *placed, obj, shift, BUT_HANDS) - GIVE, 0.0)
+        + np.maximum(in_own_way(body, *placed), 0.0)
+        + out[easiest]
+    )
     best = int(np.argmin(effort[easiest] + 0.15 * ranks + 100.0 * short))
     return some[best], float(short[best])
 
 
-def depth(body: Body, pos: np.ndarray, quat: np.ndarray, obj: SceneObject, shift: np.ndarray, roles: Sequence[str] = ()) -> np.ndarray:
+def depth(
+    body: Body, pos: np.ndarray, quat: np.ndarray, obj: SceneObject, shift: np.ndarray, roles: Sequence[str] = ()
+) -> np.ndarray:
     """(T,) how deep the deepest body part is in an object at `shift` (3,) or (T, 3) [m], negative if it is clear of it.
 
     `pos` (T, J, 3) and `quat` (T, J, 4) are the joints'; only parts of these roles are looked at, if any are given.
@@ -174,20 +207,28 @@ def depth(body: Body, pos: np.ndarray, quat: np.ndarray, obj: SceneObject, shift
 
 
 def in_own_way(body: Body, pos: np.ndarray, quat: np.ndarray) -> np.ndarray:
-    """(T,) how deep the arms are in the body itself, or nearer than FACE to the head [m]; negative if they are clear."""
+    """(T,) how deep the arms are in the body itself, or nearer than FACE to the head [m].
+
+    Negative if they are clear.
+    """
     return np.maximum(own_depth(body, pos, quat, OWN), own_depth(body, pos, quat, ("head",)) + FACE).max(-1)
 
 
 def center_of_mass(body: Body, pos: np.ndarray) -> np.ndarray:
     """(T, 3) of a body with its joints at (T, J, 3) [m]."""
     shoulder = pos[:, [arm.root for arm in body.arms]].mean(1)
-    ends: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {"trunk": [(pos[:, body.pelvis], shoulder)], "head": [(pos[:, body.head], pos[:, body.head])]}
+    ends: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {
+        "trunk": [(pos[:, body.pelvis], shoulder)],
+        "head": [(pos[:, body.head], pos[:, body.head])],
+    }
     for limbs, names in ((body.arms, ("upper_arm", "forearm")), (body.legs, ("thigh", "shin"))):
         for start, name in enumerate(names):
             ends[name] = [(pos[:, limb[start]], pos[:, limb[start + 1]]) for limb in limbs]
     toes = body.toes or (body.legs[0].end, body.legs[1].end)
     ends["foot"] = [(pos[:, leg.end], pos[:, toe]) for leg, toe in zip(body.legs, toes, strict=True)]
-    total = sum(share * (upper + along * (lower - upper)) for name, share, along in SEGMENTS for upper, lower in ends[name])
+    total = sum(
+        share * (upper + along * (lower - upper)) for name, share, along in SEGMENTS for upper, lower in ends[name]
+    )
     return np.asarray(total) / sum(share * len(ends[name]) for name, share, _ in SEGMENTS)
 
 
@@ -196,7 +237,9 @@ def _weight_of(obj: SceneObject, shift: np.ndarray, load: float) -> tuple[np.nda
     return shift + np.mean(obj.bounds(), 0), load
 
 
-def _balanced(body: Body, ground: Ground, posture: Posture, wrists: np.ndarray, weight: tuple[np.ndarray, float]) -> Posture:
+def _balanced(
+    body: Body, ground: Ground, posture: Posture, wrists: np.ndarray, weight: tuple[np.ndarray, float]
+) -> Posture:
     """The same postures with the pelvis where body and weight are in balance, and as high as their drop says."""
     support, (center, load) = ground.support(body), weight
     for _ in range(2):

@@ -1,4 +1,6 @@
-"""How a person comes a few steps up to something and gets both hands to it: into postures, past the object, onto it from outside."""
+"""How a person comes a few steps up to something and gets both hands to it: into postures, past the object, onto it
+from outside.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -25,18 +27,30 @@ WRIST = 1.2
 EYES = np.array([0.08, 0.0, 0.62])
 """Between the eyes, from the pelvis joint in the axes of the chest [m], at body size 1."""
 MOST_STRETCH = 0.985
-"""On the way there, hands that are farther away than the arm is long stay behind smoothly, below this share of its length."""
+"""On the way there, hands that are farther away than the arm is long stay behind smoothly, below this share of its
+length."""
 DETOURS = (
-    (0.0, 0.0, 0.0), (0.12, 0.0, 0.0), (0.0, 0.0, 0.12), (0.0, 0.12, 0.0), (0.12, 0.0, 0.12), (0.12, 0.12, 0.0), (0.0, 0.0, 0.25),
-    (0.2, 0.2, 0.0), (0.2, 0.0, 0.25),
-)  # fmt: skip
-"""Ways round the object for the hands: how far they bulge towards the person, outward and upward [m]; the first that is free is taken."""
+    (0.0, 0.0, 0.0),
+    (0.12, 0.0, 0.0),
+    (0.0, 0.0, 0.12),
+    (0.0, 0.12, 0.0),
+    (0.12, 0.0, 0.12),
+    (0.12, 0.12, 0.0),
+    (0.0, 0.0, 0.25),
+    (0.2, 0.2, 0.0),
+    (0.2, 0.0, 0.25),
+)
+"""Ways round the object for the hands: how far they bulge towards the person, outward and upward [m]; the first that is
+free is taken."""
 
 
-def steps_up_to(start_xy: np.ndarray, start_yaw: float, stop_xy: np.ndarray, stop_yaw: float, gait: Gait, scale: float) -> Footsteps:
+def steps_up_to(
+    start_xy: np.ndarray, start_yaw: float, stop_xy: np.ndarray, stop_yaw: float, gait: Gait, scale: float
+) -> Footsteps:
     """Steps straight to a stop near by, turning on the way, and one that closes the feet.
 
-    The point between the ankles goes from (2,) to (2,) [m]; the first foot is the one on the side that the way leads to.
+    The point between the ankles goes from (2,) to (2,) [m]; the first foot is the one on the side that the way leads
+    to.
     """
     way = stop_xy - start_xy
     turn = float(rot.wrap_angle(stop_yaw - start_yaw))
@@ -51,13 +65,19 @@ def steps_up_to(start_xy: np.ndarray, start_yaw: float, stop_xy: np.ndarray, sto
     xy = start_xy + shares[:, None] * way + (half * signs)[:, None] * np.stack([-np.sin(yaws), np.cos(yaws)], -1)
     first = start_xy + half * np.array([[1.0], [-1.0]]) * np.array([-np.sin(start_yaw), np.cos(start_yaw)])
     touch_down = gait.stand + gait.step_time * (np.arange(count + 1) + 1.0 - gait.double_support)
-    return Footsteps(first, start_yaw, sides, xy, yaws, touch_down - gait.step_time * (1.0 - gait.double_support), touch_down)
+    return Footsteps(
+        first, start_yaw, sides, xy, yaws, touch_down - gait.step_time * (1.0 - gait.double_support), touch_down
+    )
 
 
 def draw_approach(random: np.random.Generator, stop_xy: np.ndarray, stop_yaw: float) -> tuple[np.ndarray, float]:
-    """Where somebody comes from, 0.3 to 0.62 m behind or beside the place where they stop, and their heading: (2,) [m], [rad]."""
+    """Where somebody comes from, 0.3 to 0.62 m behind or beside the place where they stop, and their heading: (2,)
+    [m], [rad].
+    """
     away = stop_yaw + np.pi + np.deg2rad(random.uniform(-25, 25))
-    return stop_xy + random.uniform(0.3, 0.62) * np.array([np.cos(away), np.sin(away)]), stop_yaw + np.deg2rad(random.uniform(-22, 22))
+    return stop_xy + random.uniform(0.3, 0.62) * np.array([np.cos(away), np.sin(away)]), stop_yaw + np.deg2rad(
+        random.uniform(-22, 22)
+    )
 
 
 def settle(way: Walk, scale: float, postures: Sequence[tuple[Posture, np.ndarray]], look_w: np.ndarray) -> Trunk:
@@ -85,8 +105,11 @@ def settle(way: Walk, scale: float, postures: Sequence[tuple[Posture, np.ndarray
     return Trunk(pos, pelvis, chest, rot.slerp(ahead, looking, first))
 
 
-def hands_from_outside(swinging_w: np.ndarray, goal_w: np.ndarray, normals: np.ndarray, progress: np.ndarray, detour: np.ndarray) -> np.ndarray:
-    """(T, 2, 3) paths of the wrists from where they swing (T, 2, 3) to their goals (T, 2, 3) or (2, 3), where they arrive along the normals (2, 3).
+def hands_from_outside(
+    swinging_w: np.ndarray, goal_w: np.ndarray, normals: np.ndarray, progress: np.ndarray, detour: np.ndarray
+) -> np.ndarray:
+    """(T, 2, 3) paths of the wrists from where they swing (T, 2, 3) to their goals (T, 2, 3) or (2, 3), where they
+    arrive along the normals (2, 3).
 
     `detour` (2, 3) or (T, 2, 3) is how far the paths bulge in the middle [m], `progress` (T,) goes from 0 to 1.
     """
@@ -108,7 +131,8 @@ def reach_past(
     progress: np.ndarray,
     found: list[int],
 ) -> Arms:
-    """Arms that go from swinging to their goals past an object at the origin, by the first of DETOURS that is free, or else the freest.
+    """Arms that go from swinging to their goals past an object at the origin, by the first of DETOURS that is free,
+    or else the freest.
 
     `found` is that one's number, or empty: then it is looked for and put there. See `hands_from_outside` for the rest.
     """
@@ -116,13 +140,19 @@ def reach_past(
     left = np.array([-back[1], back[0], 0.0]) * -1.0
     hands, elbows, leave = wrists_of(body, trunk, swinging), np.full(len(progress), elbow), minimum_jerk(2.5 * progress)
     detours = np.array(DETOURS)
-    detours = detours[:, :1, None] * back + detours[:, 1:2, None] * np.stack([left, -left]) + detours[:, 2:, None] * np.array([0.0, 0.0, 1.0])
+    detours = (
+        detours[:, :1, None] * back
+        + detours[:, 1:2, None] * np.stack([left, -left])
+        + detours[:, 2:, None] * np.array([0.0, 0.0, 1.0])
+    )
 
     def follow(detour: np.ndarray, some: np.ndarray | slice) -> tuple[Trunk, Arms]:
         """Trunk and arms in some of the frames."""
         part = frames(trunk, some)
         wrists = within_reach(body, part, hands_from_outside(hands[some], goal_w, normals, progress[some], detour))
-        return part, blend(frames(swinging, some), reach(body, part, wrists, elbow_axes(part.chest_quat_w, elbows[some])), leave[some])
+        return part, blend(
+            frames(swinging, some), reach(body, part, wrists, elbow_axes(part.chest_quat_w, elbows[some])), leave[some]
+        )
 
     if found:
         return follow(detours[found[0]], slice(None))[1]
@@ -133,12 +163,16 @@ def reach_past(
     pos, quat = forward_kinematics(body.skeleton, part.pelvis_pos_w, pose(body, part, frames(legs, every), arms))
     deep = depth(body, pos, quat, obj, np.zeros(3), ("hand", "lower_arm", "upper_arm"))
     deep = np.maximum(deep, in_own_way(body, pos, quat)).reshape(len(detours), -1).max(-1)
-    found.append(int(np.argmax(deep < 0.0)) if (deep < 0.0).any() else int(np.argmin(deep + 0.003 * np.arange(len(deep)))))
+    found.append(
+        int(np.argmax(deep < 0.0)) if (deep < 0.0).any() else int(np.argmin(deep + 0.003 * np.arange(len(deep))))
+    )
     return follow(detours[found[0]], slice(None))[1]
 
 
 def lay_hands(body: Body, quat: np.ndarray, trunk: Trunk, normals: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Local rotations (T, J, 4) with wrists that bend with share (T,) until in the end the hands lie on surfaces with normals (2, 3)."""
+    """Local rotations (T, J, 4) with wrists that bend with share (T,) until in the end the hands lie on surfaces
+    with normals (2, 3).
+    """
     quat = quat.copy()
     for side, arm in enumerate(body.arms):
         forearm = rot.multiply(rot.multiply(trunk.chest_quat_w[-1], quat[-1, arm.root]), quat[-1, arm.middle])
@@ -150,7 +184,9 @@ def lay_hands(body: Body, quat: np.ndarray, trunk: Trunk, normals: np.ndarray, s
 
 
 def within_reach(body: Body, trunk: Trunk, wrists_w: np.ndarray) -> np.ndarray:
-    """Wrists (T, 2, 3) [m] that stay where they are up to STRETCH, and approach MOST_STRETCH beyond it, so that no elbow snaps straight."""
+    """Wrists (T, 2, 3) [m] that stay where they are up to STRETCH, and approach MOST_STRETCH beyond it, so that no
+    elbow snaps straight.
+    """
     roots, length = shoulders(body, trunk), sum(body.length(body.arms[0]))
     away = np.linalg.norm(wrists_w - roots, axis=-1, keepdims=True)
     room = (MOST_STRETCH - STRETCH) * length

@@ -1,4 +1,7 @@
-"""What a seat offers to a body: where to stand and sit, a back to lean against, and places for the hands. Found from boxes alone."""
+"""What a seat offers to a body: where to stand and sit, a back to lean against, and places for the hands.
+
+Found from boxes alone.
+"""
 
 from dataclasses import dataclass
 
@@ -66,9 +69,11 @@ def place_at(obj: SceneObject, body: Body, y: float, forward: float = 0.0) -> Pl
 
 
 def lean_against(obj: SceneObject, body: Body, place: Place, pitch: float, bend: float) -> Leaning | None:
-    """The way to lean at about `pitch` [rad] against what is behind a place, with the chest bent forward by `bend` [rad] over the pelvis.
+    """The way to lean at about `pitch` [rad] against what is behind a place, with the chest bent forward by `bend`
+    [rad] over the pelvis.
 
-    The pelvis goes back until the trunk bears, but not so far that the knees do not clear the seat's front edge; None if nothing is reached.
+    The pelvis goes back until the trunk bears, but not so far that the knees do not clear the seat's front edge; None
+    if nothing is reached.
     """
     back = np.arange(0.0, 0.5 * body.length(body.legs[0])[0], 0.01)[:, None] * [-1.0, 0.0, 0.0]
     back = back[: _knees_clear(obj, body, place, back)]
@@ -82,15 +87,21 @@ def lean_against(obj: SceneObject, body: Body, place: Place, pitch: float, bend:
 
 
 def feet_allowed(obj: SceneObject, body: Body, place: Place, leaning: Leaning | None, forward: float) -> float:
-    """Share of `forward` [m] by which a foot of who sits may come forward with the thigh above the seat's front edge."""
+    """Share of `forward` [m] by which a foot of who sits may come forward with the thigh above the seat's front
+    edge.
+    """
     seated = place.pelvis if leaning is None else leaning.pelvis
     shares = (1.0, 0.8, 0.6, 0.4, 0.2)
     there = (Place(place.ankles + [share * forward, 0.0], seated) for share in shares)
-    return next((share for share, at in zip(shares, there, strict=True) if _knees_clear(obj, body, at, np.zeros((1, 3)))), 0.0)
+    return next(
+        (share for share, at in zip(shares, there, strict=True) if _knees_clear(obj, body, at, np.zeros((1, 3)))), 0.0
+    )
 
 
 def _knees_clear(obj: SceneObject, body: Body, place: Place, back: np.ndarray) -> int:
-    """How many of these shifts (N, 3) [m] of the pelvis, ever farther back, leave the knees in front of the seat and the thighs above it."""
+    """How many of these shifts (N, 3) [m] of the pelvis, ever farther back, leave the knees in front of the seat and
+    the thighs above it.
+    """
     hips = place.pelvis + back + [0.0, 0.0, -body.hip_drop]
     ankles = np.broadcast_to([*place.ankles, body.sole], hips.shape)
     upper, lower = body.length(body.legs[0])
@@ -102,7 +113,9 @@ def _knees_clear(obj: SceneObject, body: Body, place: Place, back: np.ndarray) -
 
 
 def _trunk_points(body: Body, pitch: float, bend: float) -> tuple[np.ndarray, np.ndarray]:
-    """Points (S, 3) along the trunk of who sits, relative to the pelvis, and the trunk's radius (S,) around them [m]."""
+    """Points (S, 3) along the trunk of who sits, relative to the pelvis, and the trunk's radius (S,) around them
+    [m].
+    """
     quat = np.tile(rot.IDENTITY, (len(body.skeleton.joint_names), 1))
     quat[body.pelvis] = about_y(np.array(pitch))
     quat[list(body.spine)] = about_y(np.array(bend / len(body.spine)))
@@ -113,9 +126,11 @@ def _trunk_points(body: Body, pitch: float, bend: float) -> tuple[np.ndarray, np
 
 
 def armrest(obj: SceneObject, body: Body, pelvis: np.ndarray, shoulder: np.ndarray, side: int) -> np.ndarray | None:
-    """Where the wrist (3,) [m] of the left (0) or right (1) hand rests on an arm beside who sits with the pelvis at (3,); None without one in reach.
+    """Where the wrist (3,) [m] of the left (0) or right (1) hand rests on an arm beside who sits with the pelvis at
+    (3,); None without one in reach.
 
-    Looks straight down on a grid beside the body for what is between 6 and 28 cm above the seat and has nothing above it. `shoulder` is (3,).
+    Looks straight down on a grid beside the body for what is between 6 and 28 cm above the seat and has nothing above
+    it. `shoulder` is (3,).
     """
     height, sign = obj.require_seat(), 1.0 - 2.0 * side
     x = pelvis[0] + np.arange(0.04, 0.30, 0.04)
@@ -137,7 +152,13 @@ def armrest(obj: SceneObject, body: Body, pelvis: np.ndarray, shoulder: np.ndarr
     if not fits.any():
         return None
     # the most comfortable: the arm nearly straight, a little in front of the hips
-    cost = np.where(fits, np.abs(away / reach - 0.88) + np.abs(wrists[..., 0] - pelvis[0] - 0.20) + 0.5 * np.abs(wrists[..., 1] - shoulder[1]), np.inf)
+    cost = np.where(
+        fits,
+        np.abs(away / reach - 0.88)
+        + np.abs(wrists[..., 0] - pelvis[0] - 0.20)
+        + 0.5 * np.abs(wrists[..., 1] - shoulder[1]),
+        np.inf,
+    )
     return wrists[np.unravel_index(int(np.argmin(cost)), cost.shape)]
 
 

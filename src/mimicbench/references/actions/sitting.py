@@ -1,7 +1,9 @@
 """Sitting down: what a person who stands in front of a seat does from there on, in any of several styles.
 
-The trunk leans forward, the hips go back and down, the arms come forward for balance or reach for a support, the trunk comes up
-again; perhaps the pelvis slides back and the trunk leans against the back. Then the person rests: breathes, and looks around.
+The trunk leans forward, the hips go back and down, the arms come forward for balance or reach for a support, the trunk
+comes up
+again; perhaps the pelvis slides back and the trunk leans against the back. Then the person rests: breathes, and looks
+around.
 """
 
 from dataclasses import dataclass, replace
@@ -12,7 +14,15 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.curves import minimum_jerk
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.shape import SceneObject
-from mimicbench.references.actions.seats import Leaning, Place, armrest, beside_thigh, feet_allowed, lean_against, place_at
+from mimicbench.references.actions.seats import (
+    Leaning,
+    Place,
+    armrest,
+    beside_thigh,
+    feet_allowed,
+    lean_against,
+    place_at,
+)
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.hands import keep_off, lay_on_body
 from mimicbench.references.body.limbs import about_y
@@ -66,7 +76,8 @@ class SitStyle:
     duration: float = 0.0
     """Length of the clip, with a rest at its end, at least [s]."""
     on_thighs: float = -1.0
-    """Whether the hands push on the thighs on the way down. They end there unless they are on the seat or on its arms."""
+    """Whether the hands push on the thighs on the way down. They end there unless they are on the seat or on its
+    arms."""
     on_seat: float = -1.0
     """Whether the hands go to the seat beside the thighs."""
     on_arms: float = -1.0
@@ -85,7 +96,9 @@ class SitStyle:
 
 @dataclass(frozen=True)
 class LoungeStyle(SitStyle):
-    """Of who gets comfortable once the seat bears: the feet come out, one after the other, as far as the thighs clear the seat's edge."""
+    """Of who gets comfortable once the seat bears: the feet come out, one after the other, as far as the thighs
+    clear the seat's edge.
+    """
 
     left_foot: float = 0.0
     """How far the left foot goes forward [m], at most."""
@@ -98,27 +111,42 @@ class LoungeStyle(SitStyle):
 
 
 def sit_down(
-    clip_id: str, task: str, body: Body, obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: SitStyle, gait: Gait,
+    clip_id: str,
+    task: str,
+    body: Body,
+    obj: SceneObject,
+    start_xy: np.ndarray,
+    start_yaw: float,
+    style: SitStyle,
+    gait: Gait,
     clear: bool = False,
-) -> HumanMotion:  # fmt: skip
+) -> HumanMotion:
     """The clip that follows from a start, a seat and a style, in closed form. Raises BadObject if there is no seat.
 
-    The point between the ankles starts at `start_xy` (2,) [m] with heading `start_yaw` [rad]. A support that is out of reach is not
+    The point between the ankles starts at `start_xy` (2,) [m] with heading `start_yaw` [rad]. A support that is out of
+    reach is not
     used, and the style that is stored with the clip says so. Hands that keep `clear` never are in the thighs.
     """
     course = sit_course(task, body, obj, style, gait, clear)
-    way = walk(body, course.route(start_xy), start_yaw, course.stop_xy, 0.0, gait, course.after, style.duration, style.lead)
+    way = walk(
+        body, course.route(start_xy), start_yaw, course.stop_xy, 0.0, gait, course.after, style.duration, style.lead
+    )
     return course.act(clip_id, way)
 
 
 def sit_course(task: str, body: Body, obj: SceneObject, style: SitStyle, gait: Gait, clear: bool = False) -> Course:
-    """Where to stand before a seat, and how to sit down from there, perhaps with hands `clear` of the thighs. Raises BadObject if there is no seat."""
+    """Where to stand before a seat, and how to sit down from there, perhaps with hands `clear` of the thighs.
+
+    Raises BadObject if there is no seat.
+    """
     middle = float(obj.seat_polygon[:, 1].min() + obj.seat_polygon[:, 1].max()) / 2 if len(obj.seat_polygon) else 0.0
     place = place_at(obj, body, middle + style.seat_y, style.seat_x)
     leaning = lean_against(obj, body, place, style.lean_back, 0.05 + SLUMP) if style.against > 0 else None
     after = PAUSE + style.sit_duration + (0.5 + LEAN_BACK if leaning else 1.5)
 
-    supports: list[Supports] = []  # every walk ends in the same pose: the places for the hands that the first finds are good for all
+    supports: list[
+        Supports
+    ] = []  # every walk ends in the same pose: the places for the hands that the first finds are good for all
 
     def act(clip_id: str, way: Walk) -> HumanMotion:
         return _sit(clip_id, task, body, obj, place, leaning, style, way, supports, clear)
@@ -127,9 +155,17 @@ def sit_course(task: str, body: Body, obj: SceneObject, style: SitStyle, gait: G
 
 
 def _sit(
-    clip_id: str, task: str, body: Body, obj: SceneObject, place: Place, leaning: Leaning | None, style: SitStyle, way: Walk, supports: list[Supports],
+    clip_id: str,
+    task: str,
+    body: Body,
+    obj: SceneObject,
+    place: Place,
+    leaning: Leaning | None,
+    style: SitStyle,
+    way: Walk,
+    supports: list[Supports],
     clear: bool,
-) -> HumanMotion:  # fmt: skip
+) -> HumanMotion:
     """The clip that follows from a walk to in front of a place; finds `supports` unless they are known."""
     clock = way.time - way.end - PAUSE
     trunk = _trunk(way, clock, place, leaning, style)
@@ -147,12 +183,23 @@ def _sit(
     seated = clock >= 0.9 * style.sit_duration
     rests = clock >= style.sit_duration + 0.3 + 0.85 * LEAN_BACK
     at = _wrists(body, trunk, arms)
-    touching = [np.zeros_like(seated) if hand is None else np.linalg.norm(at[:, side] - hand, axis=-1) < NEAR for side, hand in enumerate(hands)]
+    touching = [
+        np.zeros_like(seated) if hand is None else np.linalg.norm(at[:, side] - hand, axis=-1) < NEAR
+        for side, hand in enumerate(hands)
+    ]
     contacts = np.stack([*stands.T, seated, rests & (leaning is not None), *touching], -1)
     return HumanMotion(
-        clip_id, task, body.skeleton, FPS, trunk.pelvis_pos_w, quat, obj.id, CONTACTS, contacts,
+        clip_id,
+        task,
+        body.skeleton,
+        FPS,
+        trunk.pelvis_pos_w,
+        quat,
+        obj.id,
+        CONTACTS,
+        contacts,
         {**{name: float(value) for name, value in vars(style).items()}, "turn": last_turn(way.steps)},
-    )  # fmt: skip
+    )
 
 
 def route_to(obj: SceneObject, start_xy: np.ndarray, place: Place) -> Route:
@@ -187,7 +234,11 @@ def _trunk(way: Walk, clock: np.ndarray, place: Place, leaning: Leaning | None, 
         at_rest = max(at_rest, style.sit_duration + 0.3 + LEAN_BACK)
     resting = clock - at_rest
     spine = spine + 0.010 * minimum_jerk(resting / 2) * np.sin(2 * np.pi * 0.25 * resting)
-    looks = minimum_jerk((resting - 0.3) / 1.4) - 1.5 * minimum_jerk((resting - 3.0) / 2.0) + 0.5 * minimum_jerk((resting - 6.5) / 1.6)
+    looks = (
+        minimum_jerk((resting - 0.3) / 1.4)
+        - 1.5 * minimum_jerk((resting - 3.0) / 2.0)
+        + 0.5 * minimum_jerk((resting - 6.5) / 1.6)
+    )
     pelvis = way.pelvis_quat(pitch)
     chest = rot.multiply(pelvis, way.chest_turn(spine))
     head = rot.multiply(chest, rot.multiply(rot.from_yaw(style.look * looks), way.head_turn(nod)))
@@ -196,7 +247,7 @@ def _trunk(way: Walk, clock: np.ndarray, place: Place, leaning: Leaning | None, 
 
 def _legs(
     body: Body, obj: SceneObject, way: Walk, clock: np.ndarray, place: Place, leaning: Leaning | None, style: SitStyle
-) -> tuple[Legs, np.ndarray]:  # fmt: skip
+) -> tuple[Legs, np.ndarray]:
     """The legs, and (T, 2) where each foot stands."""
     legs, stands = way.legs(), way.feet.contact
     if not isinstance(style, LoungeStyle):
@@ -213,7 +264,10 @@ def _legs(
 
 
 def _supports(obj: SceneObject, body: Body, trunk: Trunk, style: SitStyle) -> Supports:
-    """Where the wrists of both hands rest on the object [m], None for a hand that stays on the thigh; and the style as it can be done."""
+    """Where the wrists of both hands rest on the object [m], None for a hand that stays on the thigh.
+
+    And the style as it can be done.
+    """
     pelvis = trunk.pelvis_pos_w[-1]
     hands: tuple[np.ndarray | None, ...] = (None, None)
     if style.on_arms > 0:
@@ -226,12 +280,26 @@ def _supports(obj: SceneObject, body: Body, trunk: Trunk, style: SitStyle) -> Su
     return hands, style
 
 
-def _arms(body: Body, way: Walk, trunk: Trunk, legs: Legs, clock: np.ndarray, hands: tuple[np.ndarray | None, ...], style: SitStyle) -> tuple[Arms, np.ndarray]:
-    """Arms that swing while walking, come forward on the way down, and end on thighs, seat or its arms; and how much (T, 2) they bear on the object."""
+def _arms(
+    body: Body,
+    way: Walk,
+    trunk: Trunk,
+    legs: Legs,
+    clock: np.ndarray,
+    hands: tuple[np.ndarray | None, ...],
+    style: SitStyle,
+) -> tuple[Arms, np.ndarray]:
+    """Arms that swing while walking, come forward on the way down, and end on thighs, seat or its arms.
+
+    And how much (T, 2) they bear on the object.
+    """
     progress = clock / style.sit_duration
     forward = minimum_jerk(progress / 0.65)
     swinging = way.arms(body, style.arm_swing)
-    moving = Arms(rot.multiply(about_y(-1.15 * forward)[:, None], swinging.upper), rot.multiply(swinging.elbow, about_y(-0.25 * forward)[:, None]))
+    moving = Arms(
+        rot.multiply(about_y(-1.15 * forward)[:, None], swinging.upper),
+        rot.multiply(swinging.elbow, about_y(-0.25 * forward)[:, None]),
+    )
     free = _wrists(body, trunk, moving)
     goals = _on_thighs(body, trunk, legs, 0.69 - style.hands_back if isinstance(style, LoungeStyle) else 0.69)
     side_w = rot.rotate(trunk.chest_quat_w[:, None], np.array([[0.30, 1.0, 0.0], [-0.30, 1.0, 0.0]]))
@@ -244,7 +312,9 @@ def _arms(body: Body, way: Walk, trunk: Trunk, legs: Legs, clock: np.ndarray, ha
             goals[:, side] = free[:, side] + share[:, side, None] * (hand - free[:, side])
             goals[:, side, 2] += 0.10 * minimum_jerk(2 * arrives) * minimum_jerk(2 * (1 - arrives))
             # elbows stay behind and beside the hands, also while the chest is over them
-            side_w[:, side] = rot.rotate(rot.from_yaw(way.yaw), np.array([(1 - 2 * side) * (0.5 if style.on_arms > 0 else 0.2), 1.0, 0.0]))
+            side_w[:, side] = rot.rotate(
+                rot.from_yaw(way.yaw), np.array([(1 - 2 * side) * (0.5 if style.on_arms > 0 else 0.2), 1.0, 0.0])
+            )
     if style.on_thighs < 0 and all(hand is None for hand in hands):  # free hands come to where the thighs will be
         frames = np.maximum(np.arange(len(clock)), np.argmax(clock >= UPRIGHT * style.sit_duration))
         trunk, goals = Trunk(*(values[frames] for values in vars(trunk).values())), goals[frames]
@@ -257,11 +327,17 @@ def _wrists(body: Body, trunk: Trunk, arms: Arms) -> np.ndarray:
     upper = rot.multiply(trunk.chest_quat_w[:, None], arms.upper)
     lower = rot.multiply(upper, arms.elbow)
     over, under = body.length(body.arms[0])
-    return shoulders(body, trunk) + rot.rotate(upper, np.array([0.0, 0.0, -over])) + rot.rotate(lower, np.array([0.0, 0.0, -under]))
+    return (
+        shoulders(body, trunk)
+        + rot.rotate(upper, np.array([0.0, 0.0, -over]))
+        + rot.rotate(lower, np.array([0.0, 0.0, -under]))
+    )
 
 
 def _within_reach(body: Body, trunk: Trunk, wrists: np.ndarray) -> np.ndarray:
-    """Wrists (T, 2, 3) [m] drawn towards the shoulders where the arms would be nearly straight or longer, so gently that no elbow snaps straight."""
+    """Wrists (T, 2, 3) [m] drawn towards the shoulders where the arms would be nearly straight or longer, so gently
+    that no elbow snaps straight.
+    """
     at, whole = shoulders(body, trunk), sum(body.length(body.arms[0]))
     away = wrists - at
     length = np.linalg.norm(away, axis=-1, keepdims=True) / whole
@@ -270,9 +346,13 @@ def _within_reach(body: Body, trunk: Trunk, wrists: np.ndarray) -> np.ndarray:
 
 
 def _on_thighs(body: Body, trunk: Trunk, legs: Legs, farthest: float) -> np.ndarray:
-    """(T, 2, 3) wrists of hands that lie on the thighs [m], as far towards the knees, up to a share of the thigh, as the arms reach in the end."""
+    """(T, 2, 3) wrists of hands that lie on the thighs [m], as far towards the knees, up to a share of the thigh, as
+    the arms reach in the end.
+    """
     thigh = thigh_orientations(body, trunk, legs)
-    hips = trunk.pelvis_pos_w[:, None] + rot.rotate(trunk.pelvis_quat_w[:, None], body.skeleton.offsets[[leg.root for leg in body.legs]])
+    hips = trunk.pelvis_pos_w[:, None] + rot.rotate(
+        trunk.pelvis_quat_w[:, None], body.skeleton.offsets[[leg.root for leg in body.legs]]
+    )
     above = np.array([[0.09, 0.03, 0.0], [0.09, -0.03, 0.0]]) * body.size
     along = np.array([0.0, 0.0, -body.length(body.legs[0])[0]])
     last = shoulders(body, _last(trunk))[0]
@@ -283,8 +363,12 @@ def _on_thighs(body: Body, trunk: Trunk, legs: Legs, farthest: float) -> np.ndar
     return hips + rot.rotate(thigh, above + share * along)
 
 
-def _lay_hands(body: Body, quat: np.ndarray, trunk: Trunk, arms: Arms, hands: tuple[np.ndarray | None, ...], bears: np.ndarray) -> None:
-    """Turn the hands of local rotations (T, J, 4) flat, fingers forward, as far as `bears` (T, 2) says that they bear on something."""
+def _lay_hands(
+    body: Body, quat: np.ndarray, trunk: Trunk, arms: Arms, hands: tuple[np.ndarray | None, ...], bears: np.ndarray
+) -> None:
+    """Turn the hands of local rotations (T, J, 4) flat, fingers forward, as far as `bears` (T, 2) says that they
+    bear on something.
+    """
     for side, hand in enumerate(hands):
         if hand is not None:
             forearm = rot.multiply(rot.multiply(trunk.chest_quat_w, arms.upper[:, side]), arms.elbow[:, side])

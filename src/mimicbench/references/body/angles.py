@@ -12,7 +12,8 @@ Range = tuple[float, float]
 def joint_angles(body: Body, local_quat: np.ndarray) -> dict[str, np.ndarray]:
     """Angles (T, 2) of the limbs, left and right, and (T,) of spine and neck, from local rotations (T, J, 4) [rad].
 
-    All are zero in the rest pose. Flexion bends forward, of the knee backward; abduction leads away from the body, rotation and inversion
+    All are zero in the rest pose. Flexion bends forward, of the knee backward; abduction leads away from the body,
+    rotation and inversion
     turn towards the other side's.
     """
     angles: dict[str, np.ndarray] = {}
@@ -22,14 +23,22 @@ def joint_angles(body: Body, local_quat: np.ndarray) -> dict[str, np.ndarray]:
     knees = rot.to_rotvec(local_quat[:, [leg.middle for leg in body.legs]])
     angles["knee_flexion"], angles["knee_twist"] = knees[..., 1], np.linalg.norm(knees[..., [0, 2]], axis=-1)
     ankles = rot.to_rotvec(local_quat[:, [leg.end for leg in body.legs]])
-    angles["ankle_plantarflexion"], angles["ankle_inversion"], angles["ankle_rotation"] = ankles[..., 1], ankles[..., 0] * -sides, ankles[..., 2] * -sides
+    angles["ankle_plantarflexion"], angles["ankle_inversion"], angles["ankle_rotation"] = (
+        ankles[..., 1],
+        ankles[..., 0] * -sides,
+        ankles[..., 2] * -sides,
+    )
     elbows = rot.to_rotvec(local_quat[:, [arm.middle for arm in body.arms]])
     angles["elbow_flexion"], angles["elbow_twist"] = -elbows[..., 1], np.linalg.norm(elbows[..., [0, 2]], axis=-1)
     upper = local_quat[:, [_chest_to(body, arm)[-1] for arm in body.arms]]
     angles["shoulder_extension"] = np.arcsin(np.clip(-rot.rotate(upper, np.array([0.0, 0.0, -1.0]))[..., 0], -1, 1))
     for name, joints in (("spine", body.spine), ("neck", body.neck)):
         turn = rot.to_rotvec(_chain(local_quat, joints))
-        angles[f"{name}_flexion"], angles[f"{name}_bend"], angles[f"{name}_rotation"] = turn[..., 1], turn[..., 0], turn[..., 2]
+        angles[f"{name}_flexion"], angles[f"{name}_bend"], angles[f"{name}_rotation"] = (
+            turn[..., 1],
+            turn[..., 0],
+            turn[..., 2],
+        )
     return angles
 
 

@@ -1,7 +1,9 @@
 """What a skeleton's joints are to a body: trunk, limbs, soles, and the shapes that touch floor and furniture.
 
-Synthesis, contact detection, the quality gate and the drawings know bodies by these roles, never by a skeleton's joint names.
-Left is side 0 with sign +1, right is side 1 with sign -1. Lengths are for the skeleton as it is in `SKELETONS` (body size 1).
+Synthesis, contact detection, the quality gate and the drawings know bodies by these roles, never by a skeleton's joint
+names.
+Left is side 0 with sign +1, right is side 1 with sign -1. Lengths are for the skeleton as it is in `SKELETONS` (body
+size 1).
 """
 
 from dataclasses import dataclass, replace
@@ -46,7 +48,8 @@ class Body:
     size: float
     """How many times as long as in `SKELETONS` every bone is."""
     spine: tuple[int, ...]
-    """Joints above the pelvis that bend the trunk, the lowest first; the last one is the chest, which carries the arms."""
+    """Joints above the pelvis that bend the trunk, the lowest first; the last one is the chest, which carries the
+    arms."""
     neck: tuple[int, ...]
     """Joints that turn the head, the lowest first; the last one is the head."""
     arms: tuple[Limb, Limb]
@@ -64,7 +67,8 @@ class Body:
     buttock: float
     """Height of the pelvis joint over what it sits on [m]."""
     back: float
-    """From the chest's joint to the surface of the back [m]; the height of both spine and pelvis over what the body lies on."""
+    """From the chest's joint to the surface of the back [m]; the height of both spine and pelvis over what the body
+    lies on."""
     hand: float
     """From the wrist to the palm's middle, along the forearm [m]."""
     parts: tuple[Part, ...]
@@ -112,13 +116,21 @@ class Body:
 
         lengths = ("size", "sole", "toe", "heel", "foot_half_width", "buttock", "back", "hand")
         return replace(
-            self, skeleton=self.skeleton.scaled(factor), **{name: getattr(self, name) * factor for name in lengths},
-            parts=tuple(replace(part, start=grow(part.start), end=grow(part.end), radius=part.radius * factor) for part in self.parts),
-        )  # fmt: skip
+            self,
+            skeleton=self.skeleton.scaled(factor),
+            **{name: getattr(self, name) * factor for name in lengths},
+            parts=tuple(
+                replace(part, start=grow(part.start), end=grow(part.end), radius=part.radius * factor)
+                for part in self.parts
+            ),
+        )
 
 
 def body_of(skeleton: Skeleton) -> Body:
-    """The body of a skeleton in a clip: one of `SKELETONS` by name and joints, of the size that its legs tell. Raises UnknownName."""
+    """The body of a skeleton in a clip: one of `SKELETONS` by name and joints, of the size that its legs tell.
+
+    Raises UnknownName.
+    """
     standard = _standard(get_skeleton(skeleton.name).name)
     leg = standard.legs[0]
     size = np.linalg.norm(skeleton.offsets[[leg.middle, leg.end]], axis=-1).sum() / sum(standard.length(leg))
@@ -154,17 +166,25 @@ def _sides(skeleton: Skeleton, joints: tuple[str, str, str], left: str, right: s
     return tuple(_limb(skeleton, tuple(joint.format(side) for joint in joints)) for side in (left, right))  # type: ignore[return-value]
 
 
-def _limb_parts(skeleton: Skeleton, arms: tuple[Limb, Limb], legs: tuple[Limb, Limb], sole: float, toe: float, heel: float) -> list[Part]:
+def _limb_parts(
+    skeleton: Skeleton, arms: tuple[Limb, Limb], legs: tuple[Limb, Limb], sole: float, toe: float, heel: float
+) -> list[Part]:
     """Capsules in arms, legs and feet, thinner than the flesh: what they touch gives."""
     parts = []
-    for limb, names, radii in ((arms, ("upper_arm", "lower_arm"), (0.045, 0.04)), (legs, ("thigh", "shin"), (0.055, 0.05))):
+    for limb, names, radii in (
+        (arms, ("upper_arm", "lower_arm"), (0.045, 0.04)),
+        (legs, ("thigh", "shin"), (0.055, 0.05)),
+    ):
         for side in limb:
             for joint, child, role, radius in zip(side[:2], side[1:], names, radii, strict=True):
                 length = float(np.linalg.norm(skeleton.offsets[child]))
                 parts.append(Part(joint, (0, 0, -0.15 * length), (0, 0, -0.85 * length), radius, role))
     parts += [Part(arm.end, (0, 0, 0), (0, 0, 0), 0.04, "hand") for arm in arms]
     radius = 0.6 * sole
-    return parts + [Part(leg.end, (heel + radius, 0, radius - sole), (toe - radius, 0, radius - sole), radius, "foot") for leg in legs]
+    return parts + [
+        Part(leg.end, (heel + radius, 0, radius - sole), (toe - radius, 0, radius - sole), radius, "foot")
+        for leg in legs
+    ]
 
 
 def _unihsi() -> Body:
@@ -178,9 +198,22 @@ def _unihsi() -> Body:
         Part(index("head"), (0, 0, 0.175), (0, 0, 0.175), 0.095, "head"),
     ]
     return Body(
-        skeleton, 1.0, (index("torso"),), (index("head"),), arms, legs, None, sole, toe, heel, foot_half_width=0.045, buttock=buttock, back=0.10,
-        hand=0.06, parts=(*trunk, *_limb_parts(skeleton, arms, legs, sole, toe, heel)),
-    )  # fmt: skip
+        skeleton,
+        1.0,
+        (index("torso"),),
+        (index("head"),),
+        arms,
+        legs,
+        None,
+        sole,
+        toe,
+        heel,
+        foot_half_width=0.045,
+        buttock=buttock,
+        back=0.10,
+        hand=0.06,
+        parts=(*trunk, *_limb_parts(skeleton, arms, legs, sole, toe, heel)),
+    )
 
 
 def _roam() -> Body:
@@ -194,10 +227,22 @@ def _roam() -> Body:
         Part(index("Head"), (0.02, 0, 0.085), (0.02, 0, 0.085), 0.095, "head"),
     ]
     return Body(
-        skeleton, 1.0, tuple(index(name) for name in ("Spine", "Spine1", "Spine2", "Spine3")), tuple(index(name) for name in ("Spine4", "Neck", "Head")),
-        arms, legs, (index("LeftToeBase"), index("RightToeBase")), sole, toe, heel, foot_half_width=0.045, buttock=buttock, back=0.09, hand=0.07,
+        skeleton,
+        1.0,
+        tuple(index(name) for name in ("Spine", "Spine1", "Spine2", "Spine3")),
+        tuple(index(name) for name in ("Spine4", "Neck", "Head")),
+        arms,
+        legs,
+        (index("LeftToeBase"), index("RightToeBase")),
+        sole,
+        toe,
+        heel,
+        foot_half_width=0.045,
+        buttock=buttock,
+        back=0.09,
+        hand=0.07,
         parts=(*trunk, *_limb_parts(skeleton, arms, legs, sole, toe, heel)),
-    )  # fmt: skip
+    )
 
 
 def _core4d() -> Body:
@@ -211,7 +256,19 @@ def _core4d() -> Body:
         Part(index("head"), (0.02, 0, 0.075), (0.02, 0, 0.075), 0.10, "head"),
     ]
     return Body(
-        skeleton, 1.0, tuple(index(name) for name in ("spine1", "spine2", "spine3")), tuple(index(name) for name in ("neck", "head")),
-        arms, legs, (index("left_foot"), index("right_foot")), sole, toe, heel, foot_half_width=0.05, buttock=buttock, back=0.105, hand=0.08,
+        skeleton,
+        1.0,
+        tuple(index(name) for name in ("spine1", "spine2", "spine3")),
+        tuple(index(name) for name in ("neck", "head")),
+        arms,
+        legs,
+        (index("left_foot"), index("right_foot")),
+        sole,
+        toe,
+        heel,
+        foot_half_width=0.05,
+        buttock=buttock,
+        back=0.105,
+        hand=0.08,
         parts=(*trunk, *_limb_parts(skeleton, arms, legs, sole, toe, heel)),
-    )  # fmt: skip
+    )

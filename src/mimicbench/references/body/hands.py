@@ -19,7 +19,10 @@ HALF_WIDTH = 5
 
 
 def keep_off(body: Body, trunk: Trunk, legs: Legs, arms: Arms, share: np.ndarray | float = 1.0) -> Arms:
-    """Arms whose wrists are pushed out of the own trunk and legs, by a share (T, 2), or as far as that goes smoothly; elbows stay on their side."""
+    """Arms whose wrists are pushed out of the own trunk and legs, by a share (T, 2), or as far as that goes smoothly.
+
+    Elbows stay on their side.
+    """
     share = np.broadcast_to(share, arms.upper.shape[:2])[..., None]
     for _ in range(3):
         pos, quat = forward_kinematics(body.skeleton, trunk.pelvis_pos_w, pose(body, trunk, legs, arms))
@@ -32,7 +35,12 @@ def keep_off(body: Body, trunk: Trunk, legs: Legs, arms: Arms, share: np.ndarray
         way = np.take_along_axis(out.reshape(frames, sides, -1, 3), deepest[..., None], 2)[:, :, 0]
         push = 1.3 * share * np.maximum(np.take_along_axis(flat, deepest, -1) + MARGIN, 0.0) * way
         axis = rot.rotate(rot.multiply(trunk.chest_quat_w[:, None], arms.upper), np.array([0.0, 1.0, 0.0]))
-        arms = reach(body, trunk, wrists_of(body, trunk, arms) + smooth(push.reshape(frames, -1), HALF_WIDTH).reshape(push.shape), axis)
+        arms = reach(
+            body,
+            trunk,
+            wrists_of(body, trunk, arms) + smooth(push.reshape(frames, -1), HALF_WIDTH).reshape(push.shape),
+            axis,
+        )
     return arms
 
 
@@ -54,7 +62,9 @@ def lay_on_body(body: Body, trunk: Trunk, quat: np.ndarray) -> np.ndarray:
 
 
 def point_hands(body: Body, trunk: Trunk, quat: np.ndarray, fingers_w: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Local rotations (T, J, 4) with wrists that bend with share (T, 2) until the fingers point along (T, 2, 3) or (2, 3), as far as wrists bend."""
+    """Local rotations (T, J, 4) with wrists that bend with share (T, 2) until the fingers point along (T, 2, 3) or
+    (2, 3), as far as wrists bend.
+    """
     quat = quat.copy()
     fingers_w = np.broadcast_to(fingers_w, (len(quat), 2, 3))
     for side, arm in enumerate(body.arms):

@@ -6,7 +6,9 @@ from mimicbench.core import rotations as rot
 
 
 def glide(u: np.ndarray, start: float, end: float) -> np.ndarray:
-    """From 0 to 1 for u in [0, 1], constant outside: speed grows over a share `start` of the time, stays, and is lost over a share `end`."""
+    """From 0 to 1 for u in [0, 1], constant outside: speed grows over a share `start` of the time, stays, and is
+    lost over a share `end`.
+    """
     u = np.clip(u, 0.0, 1.0)
     first, last = np.minimum(u / start, 1.0), np.minimum((1.0 - u) / end, 1.0)
     gathered = start * (first**3 - first**4 / 2) + np.maximum(u - start, 0.0)  # both ramps of speed are 3 x^2 - 2 x^3
@@ -21,7 +23,10 @@ def about_x(angle: np.ndarray) -> np.ndarray:
 
 
 def about_y(angle: np.ndarray) -> np.ndarray:
-    """Quaternions (..., 4) that turn about y by angle (...) [rad]; positive bends forward, or a hanging limb backward."""
+    """Quaternions (..., 4) that turn about y by angle (...) [rad].
+
+    Positive bends forward, or a hanging limb backward.
+    """
     zero = np.zeros_like(angle)
     return np.stack([np.cos(0.5 * angle), zero, np.sin(0.5 * angle), zero], -1)
 
@@ -57,14 +62,25 @@ def two_link(
     return upper_quat, rot.multiply(upper_quat, about_y(sign * hinge)), sign * hinge
 
 
-def ease(values: np.ndarray, first: np.ndarray | float, rate: np.ndarray | float, fps: float, lasts: float, forward: bool = False) -> np.ndarray:
-    """(T, ...) values that begin at `first` and change by `rate` per second there, and join the given ones after `lasts` seconds.
+def ease(
+    values: np.ndarray,
+    first: np.ndarray | float,
+    rate: np.ndarray | float,
+    fps: float,
+    lasts: float,
+    forward: bool = False,
+) -> np.ndarray:
+    """(T, ...) values that begin at `first` and change by `rate` per second there, and join the given ones after
+    `lasts` seconds.
 
-    What is between them fades with a quintic that ends without speed and acceleration. `forward` says that `rate` is the difference
+    What is between them fades with a quintic that ends without speed and acceleration. `forward` says that `rate` is
+    the difference
     to the next frame; otherwise it is the derivative at the first one.
     """
     if len(values) < 3:
         return values
     u = np.clip(np.arange(len(values)) / (fps * lasts), 0.0, 1.0).reshape(-1, *[1] * (values.ndim - 1))
     own = values[1] - values[0] if forward else 2 * values[1] - 1.5 * values[0] - 0.5 * values[2]
-    return values + (1 - u) ** 3 * ((1 + 3 * u + 6 * u**2) * (first - values[0]) + u * (1 + 3 * u) * lasts * (rate - own * fps))
+    return values + (1 - u) ** 3 * (
+        (1 + 3 * u + 6 * u**2) * (first - values[0]) + u * (1 + 3 * u) * lasts * (rate - own * fps)
+    )

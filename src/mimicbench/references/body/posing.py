@@ -1,4 +1,6 @@
-"""From what a body does to what its joints do: trunk, head, ankles and wrists in, local rotations of every joint out, in closed form."""
+"""From what a body does to what its joints do: trunk, head, ankles and wrists in, local rotations of every joint
+out, in closed form.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -95,7 +97,8 @@ def shoulders(body: Body, trunk: Trunk) -> np.ndarray:
 def reach(body: Body, trunk: Trunk, wrist_pos_w: np.ndarray, elbow_axis_w: np.ndarray) -> Arms:
     """Arms whose wrists are at (T, 2, 3) [m], as far as they reach.
 
-    `elbow_axis_w` (T, 2, 3) is where each elbow's y axis should point: the body's left keeps the elbow below and behind a hand in
+    `elbow_axis_w` (T, 2, 3) is where each elbow's y axis should point: the body's left keeps the elbow below and behind
+    a hand in
     front; leaning it up or down swings the elbow outward or inward.
     """
     upper, elbow = [], []

@@ -1,4 +1,6 @@
-"""Contact labels from positions alone: a foot bears while its sole is low and still, other parts while they rest on the object."""
+"""Contact labels from positions alone: a foot bears while its sole is low and still, other parts while they rest on
+the object.
+"""
 
 import numpy as np
 
@@ -20,7 +22,13 @@ def detect_feet(motion: HumanMotion) -> np.ndarray:
     """(T, 2) whether the left and the right foot bear on the floor."""
     body = body_of(motion.skeleton)
     pos, quat = motion.forward_kinematics()
-    return np.stack([drop_short(_foot(motion, body, pos[:, leg.end], quat[:, leg.end]), _shortest(motion.fps)) for leg in body.legs], -1)
+    return np.stack(
+        [
+            drop_short(_foot(motion, body, pos[:, leg.end], quat[:, leg.end]), _shortest(motion.fps))
+            for leg in body.legs
+        ],
+        -1,
+    )
 
 
 def _shortest(fps: float) -> int:
@@ -52,20 +60,29 @@ def _foot(motion: HumanMotion, body: Body, pos: np.ndarray, quat: np.ndarray) ->
 
 
 def detect_bearing(motion: HumanMotion, obj: SceneObject) -> np.ndarray:
-    """(T, 6) which of BEARING_NAMES bears on the floor or on the object, which is at the origin or where the clip says."""
+    """(T, 6) which of BEARING_NAMES bears on the floor or on the object, which is at the origin or where the clip
+    says.
+    """
     body = body_of(motion.skeleton)
     pos, quat = motion.forward_kinematics()
     feet = detect_feet(motion)
     for side, leg in enumerate(body.legs):
         feet[:, side] |= _rests(motion, obj, sole_points(body, pos[:, leg.end], quat[:, leg.end]), np.zeros(2))
-    labels = [feet[:, 0], feet[:, 1], _part_rests(motion, obj, body, pos, quat, "pelvis"), _part_rests(motion, obj, body, pos, quat, "trunk")]
+    labels = [
+        feet[:, 0],
+        feet[:, 1],
+        _part_rests(motion, obj, body, pos, quat, "pelvis"),
+        _part_rests(motion, obj, body, pos, quat, "trunk"),
+    ]
     for arm in body.arms:
         palm = pos[:, arm.end] + rot.rotate(quat[:, arm.end], np.array([0.0, 0.0, -body.hand]))
         labels.append(_rests(motion, obj, np.stack([pos[:, arm.end], palm], 1), np.full(2, 0.04)))
     return np.stack([drop_short(label, _shortest(motion.fps)) for label in labels], -1)
 
 
-def _part_rests(motion: HumanMotion, obj: SceneObject, body: Body, pos: np.ndarray, quat: np.ndarray, role: str) -> np.ndarray:
+def _part_rests(
+    motion: HumanMotion, obj: SceneObject, body: Body, pos: np.ndarray, quat: np.ndarray, role: str
+) -> np.ndarray:
     """(T,) whether the body part of a role rests on the object anywhere along its axis."""
     part = next(part for part in body.parts if part.role == role)
     samples = np.linspace(part.start, part.end, 3)

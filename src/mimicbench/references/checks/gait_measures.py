@@ -1,7 +1,10 @@
-"""How people walk and sit down, in the figures of gait laboratories, measured on any clip: synthetic and real ones by the same rule.
+"""How people walk and sit down, in the figures of gait laboratories, measured on any clip: synthetic and real ones
+by the same rule.
 
-Events of the gait come from positions alone, so that labels cannot make a difference: a heel strikes where it is farthest in front of the
-pelvis, and toes leave the floor where they are farthest behind it (Zeni, Richards and Higginson, Gait & Posture 27, 2008).
+Events of the gait come from positions alone, so that labels cannot make a difference: a heel strikes where it is
+farthest in front of the
+pelvis, and toes leave the floor where they are farthest behind it (Zeni, Richards and Higginson, Gait & Posture 27,
+2008).
 """
 
 from collections.abc import Iterable, Mapping
@@ -80,25 +83,38 @@ def summarize(measures: Iterable[GaitMeasures]) -> dict[str, tuple[float, float,
     for name in (field.name for field in fields(GaitMeasures)):
         values = np.array([getattr(row, name) for row in rows], float)
         values = values[np.isfinite(values)]
-        summary[name] = (float(values.mean()), float(values.std()), len(values)) if len(values) else (float("nan"), float("nan"), 0)
+        summary[name] = (
+            (float(values.mean()), float(values.std()), len(values)) if len(values) else (float("nan"), float("nan"), 0)
+        )
     return summary
 
 
 def walking_model(speed: float, leg: float) -> Mapping[str, float]:
-    """Cadence [steps/min], step length [m] and double support of people at some speed [m/s] with legs (hip to ankle) of some length [m].
+    """Cadence [steps/min], step length [m] and double support of people at some speed [m/s] with legs (hip to ankle)
+    of some length [m].
 
-    The normalized relations that Boulic, Magnenat-Thalmann and Thalmann (The Visual Computer 6, 1990) fitted to experiments.
+    The normalized relations that Boulic, Magnenat-Thalmann and Thalmann (The Visual Computer 6, 1990) fitted to
+    experiments.
     """
     relative = speed / leg
     cycle_length = 1.346 * np.sqrt(relative)
     cycle = cycle_length / relative
-    return {"cadence": 120.0 / cycle, "step_length": 0.5 * cycle_length * leg, "double_support": 2 * (0.252 * cycle - 0.143) / cycle}
+    return {
+        "cadence": 120.0 / cycle,
+        "step_length": 0.5 * cycle_length * leg,
+        "double_support": 2 * (0.252 * cycle - 0.143) / cycle,
+    }
 
 
 def _trunk_lean(body: Body, pos: np.ndarray, yaw: np.ndarray) -> np.ndarray:
-    """Pitch (T,) of the line from pelvis to the middle of the shoulders towards where the pelvis faces [rad]; 0 in the rest pose."""
+    """Pitch (T,) of the line from pelvis to the middle of the shoulders towards where the pelvis faces [rad].
+
+    0 in the rest pose.
+    """
     shoulders = [arm.root for arm in body.arms]
-    rest, _ = forward_kinematics(body.skeleton, np.zeros((1, 3)), np.tile(rot.IDENTITY, (1, len(body.skeleton.joint_names), 1)))
+    rest, _ = forward_kinematics(
+        body.skeleton, np.zeros((1, 3)), np.tile(rot.IDENTITY, (1, len(body.skeleton.joint_names), 1))
+    )
     upright = rest[0, shoulders].mean(0)
     trunk = pos[:, shoulders].mean(1) - pos[:, body.pelvis]
     forward = trunk[:, 0] * np.cos(yaw) + trunk[:, 1] * np.sin(yaw)
@@ -125,7 +141,9 @@ def _events(motion: HumanMotion, body: Body, pos: np.ndarray, quat: np.ndarray) 
     return sorted(strikes, key=lambda event: event.frame), sorted(lifts, key=lambda event: event.frame)
 
 
-def _walking(motion: HumanMotion, body: Body, pos: np.ndarray, quat: np.ndarray, angles: dict[str, np.ndarray], lean: np.ndarray) -> dict[str, float]:
+def _walking(
+    motion: HumanMotion, body: Body, pos: np.ndarray, quat: np.ndarray, angles: dict[str, np.ndarray], lean: np.ndarray
+) -> dict[str, float]:
     ankles, pelvis = pos[:, [leg.end for leg in body.legs]], motion.root_pos_w
     facing = rot.yaw_of(quat[:, 0])
     strikes, lifts = _events(motion, body, pos, quat)
@@ -149,11 +167,16 @@ def _walking(motion: HumanMotion, body: Body, pos: np.ndarray, quat: np.ndarray,
             continue
         between = _place(ankles, second, motion.fps) - _place(ankles, first, motion.fps)
         height = pelvis[start : end + 1, 2]
-        steps.append({
-            "speed": gone / seconds, "cadence": 60 / seconds, "step_length": float(between @ along),
-            "step_width": float(abs(between @ np.array([-along[1], along[0]]))), "double_support": (lifted[0] - start) / (end - start),
-            "pelvis_rise": float(np.ptp(height - np.linspace(height[0], height[-1], len(height)))),
-        })  # fmt: skip
+        steps.append(
+            {
+                "speed": gone / seconds,
+                "cadence": 60 / seconds,
+                "step_length": float(between @ along),
+                "step_width": float(abs(between @ np.array([-along[1], along[0]]))),
+                "double_support": (lifted[0] - start) / (end - start),
+                "pelvis_rise": float(np.ptp(height - np.linspace(height[0], height[-1], len(height)))),
+            }
+        )
         spans.append((start, end))
     # starting and stopping are not walking
     steady = [i for i, step in enumerate(steps) if step["speed"] > STEADY * max(other["speed"] for other in steps)]
@@ -172,13 +195,17 @@ def _walking(motion: HumanMotion, body: Body, pos: np.ndarray, quat: np.ndarray,
 def _place(ankles: np.ndarray, strike: _Event, fps: float) -> np.ndarray:
     """(2,) where a foot stands after it has struck and come to rest [m], from both ankles (T, 2, 3)."""
     rests = slice(strike.frame + round(0.12 * fps), strike.frame + round(0.28 * fps) + 1)
-    return np.median(ankles[rests, strike.side, :2] if rests.start < len(ankles) else ankles[-1:, strike.side, :2], axis=0)
+    return np.median(
+        ankles[rests, strike.side, :2] if rests.start < len(ankles) else ankles[-1:, strike.side, :2], axis=0
+    )
 
 
 _JOINTS = {"hip_range": "hip_flexion", "knee_range": "knee_flexion", "ankle_range": "ankle_plantarflexion"}
 
 
-def _sitting(height: np.ndarray, fps: float, body: Body, angles: dict[str, np.ndarray], lean: np.ndarray) -> dict[str, float]:
+def _sitting(
+    height: np.ndarray, fps: float, body: Body, angles: dict[str, np.ndarray], lean: np.ndarray
+) -> dict[str, float]:
     """The last time that the pelvis comes down to the height of a seat and stays."""
     height = smooth(height, max(1, round(0.07 * fps)))
     standing, rest = body.standing_height, float(np.median(height[-max(1, round(0.5 * fps)) :]))
@@ -195,6 +222,9 @@ def _sitting(height: np.ndarray, fps: float, body: Body, angles: dict[str, np.nd
     last = slice(-max(1, round(0.5 * fps)), None)
     sits = abs(float(np.median(lean[last]))) < LYING
     return {
-        "sit_time": (end - start) / fps, "sit_speed": float(-np.gradient(height, 1 / fps)[down].min()), "sit_lean": float(lean[down].max()),
-        "sit_hip": float(angles["hip_flexion"][down].mean(-1).max()), "seated_knee": float(np.median(angles["knee_flexion"][last])) if sits else float("nan"),
-    }  # fmt: skip
+        "sit_time": (end - start) / fps,
+        "sit_speed": float(-np.gradient(height, 1 / fps)[down].min()),
+        "sit_lean": float(lean[down].max()),
+        "sit_hip": float(angles["hip_flexion"][down].mean(-1).max()),
+        "seated_knee": float(np.median(angles["knee_flexion"][last])) if sits else float("nan"),
+    }

@@ -1,4 +1,6 @@
-"""How deep a person is in an object: capsules against boxes, with bounding spheres first so that only what is near costs time."""
+"""How deep a person is in an object: capsules against boxes, with bounding spheres first so that only what is near
+costs time.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -38,7 +40,8 @@ class Depths:
 def soft_boxes(obj: SceneObject) -> np.ndarray:
     """(B,) which boxes of an object are mattress or upholstery.
 
-    Of beds it is what carries the surface to lie on or lies on it; of sofas everything but what stands on the floor below the seat.
+    Of beds it is what carries the surface to lie on or lies on it; of sofas everything but what stands on the floor
+    below the seat.
     """
     if obj.family not in SOFT or obj.seat_height is None:
         return np.zeros(len(obj.box_pos), bool)
@@ -70,16 +73,27 @@ def depths(motion: HumanMotion, obj: SceneObject, body: Body, pos: np.ndarray, q
     places = pos[frames[:, None], joints]
     segment = places[:, :, None] + rot.rotate(quat[frames[:, None], joints][:, :, None], ends)  # (T, P, 2, 3)
     if moving:
-        segment = rot.rotate_inverse(motion.object_quat_w[frames, None, None], segment - motion.object_pos_w[frames, None, None])
+        segment = rot.rotate_inverse(
+            motion.object_quat_w[frames, None, None], segment - motion.object_pos_w[frames, None, None]
+        )
     middle = 0.5 * (segment[:, :, 0] + segment[:, :, 1])
     around = ((middle > low - reach[:, None]) & (middle < high + reach[:, None])).all(-1)
     frame, part = np.nonzero(around)
     if not len(frame):
         return nothing
-    return _in_boxes(obj, segment[frame, part], radius[part], reach[part], np.array([p.role == "pelvis" for p in parts])[part], moving)
+    return _in_boxes(
+        obj,
+        segment[frame, part],
+        radius[part],
+        reach[part],
+        np.array([p.role == "pelvis" for p in parts])[part],
+        moving,
+    )
 
 
-def own_depth(body: Body, pos: np.ndarray, quat: np.ndarray, others: Sequence[str] = OWN, points: Sequence[str] = ARM) -> np.ndarray:
+def own_depth(
+    body: Body, pos: np.ndarray, quat: np.ndarray, others: Sequence[str] = OWN, points: Sequence[str] = ARM
+) -> np.ndarray:
     """(T, 2) how deep either arm is in the body's own parts of some roles [m], negative while it is clear of them.
 
     `pos` (T, J, 3) and `quat` (T, J, 4) are the joints'; `points` says which of forearm, palm and fingers count.
@@ -87,20 +101,34 @@ def own_depth(body: Body, pos: np.ndarray, quat: np.ndarray, others: Sequence[st
     return own_gaps(body, pos, quat, others, points)[0].max((2, 3))
 
 
-def own_gaps(body: Body, pos: np.ndarray, quat: np.ndarray, others: Sequence[str], points: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-    """(T, 2, parts, points) how deep points of both arms are in the body's own parts [m], and (..., 3) ways out from the parts' axes."""
+def own_gaps(
+    body: Body, pos: np.ndarray, quat: np.ndarray, others: Sequence[str], points: Sequence[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """(T, 2, parts, points) how deep points of both arms are in the body's own parts [m], and (..., 3) ways out from
+    the parts' axes.
+    """
     parts = [part for part in body.parts if part.role in others]
     joints = [part.joint for part in parts]
-    start, end = (pos[:, joints] + rot.rotate(quat[:, joints], np.array([getattr(part, side) for part in parts])) for side in ("start", "end"))
+    start, end = (
+        pos[:, joints] + rot.rotate(quat[:, joints], np.array([getattr(part, side) for part in parts]))
+        for side in ("start", "end")
+    )
     along = (end - start)[:, None, :, None]
     length, radius = np.maximum(_squared(along), 1e-12), np.array([part.radius for part in parts])[:, None]
-    fore, palm = ("forearm" in points) * (0.3, 0.55, 0.8), ("palm" in points) * (0.0, 1.0) + ("fingers" in points) * (1.6,)
+    fore, palm = (
+        ("forearm" in points) * (0.3, 0.55, 0.8),
+        ("palm" in points) * (0.0, 1.0) + ("fingers" in points) * (1.6,),
+    )
     thick = body.size * np.array([THICK[0]] * len(fore) + [THICK[1]] * len(palm))
     mine = []
     for arm in body.arms:
-        elbow, wrist = (rot.rotate(quat[:, joint, None], np.array(places).reshape(-1, 3)) + pos[:, joint, None] for joint, places in (
-            (arm.middle, [share * body.skeleton.offsets[arm.end] for share in fore]), (arm.end, [[0.0, 0.0, -share * body.hand] for share in palm]),
-        ))  # fmt: skip
+        elbow, wrist = (
+            rot.rotate(quat[:, joint, None], np.array(places).reshape(-1, 3)) + pos[:, joint, None]
+            for joint, places in (
+                (arm.middle, [share * body.skeleton.offsets[arm.end] for share in fore]),
+                (arm.end, [[0.0, 0.0, -share * body.hand] for share in palm]),
+            )
+        )
         mine.append(np.concatenate([elbow, wrist], 1))
     offset = np.stack(mine, 1)[:, :, None] - start[:, None, :, None]  # (T, 2, parts, points, 3)
     share = np.clip((offset * along).sum(-1) / length, 0.0, 1.0)
@@ -109,12 +137,20 @@ def own_gaps(body: Body, pos: np.ndarray, quat: np.ndarray, others: Sequence[str
     return radius + thick - gap, away / np.maximum(gap, 1e-9)[..., None]
 
 
-def _in_boxes(obj: SceneObject, segment: np.ndarray, radius: np.ndarray, reach: np.ndarray, pelvis: np.ndarray, moving: bool) -> Depths:
-    """The same for segments (N, 2, 3) in the object's frame, each with a radius, a bounding radius, and whether it is a pelvis (N,)."""
+def _in_boxes(
+    obj: SceneObject, segment: np.ndarray, radius: np.ndarray, reach: np.ndarray, pelvis: np.ndarray, moving: bool
+) -> Depths:
+    """The same for segments (N, 2, 3) in the object's frame, each with a radius, a bounding radius, and whether it
+    is a pelvis (N,).
+    """
     worst = {True: 0.0, False: 0.0}
     seat = 0.0
     middle, bound = 0.5 * (segment[:, 0] + segment[:, 1]), reach**2
-    matrices, shares, hulls = rot.to_matrix(obj.box_quat), np.linspace(0, 1, SAMPLES)[:, None], obj.hulls or (None,) * len(obj.box_pos)
+    matrices, shares, hulls = (
+        rot.to_matrix(obj.box_quat),
+        np.linspace(0, 1, SAMPLES)[:, None],
+        obj.hulls or (None,) * len(obj.box_pos),
+    )
     for center, turn, half, soft, hull in zip(obj.box_pos, matrices, obj.box_half, soft_boxes(obj), hulls, strict=True):
         around = np.maximum(np.abs((middle - center) @ turn) - half, 0.0)
         near = np.flatnonzero(_squared(around) < bound)

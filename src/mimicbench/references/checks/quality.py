@@ -1,4 +1,6 @@
-"""The gate that every clip must pass, synthetic or imported: what can be wrong with it, measured, and how much of that is too much."""
+"""The gate that every clip must pass, synthetic or imported: what can be wrong with it, measured, and how much of
+that is too much.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
@@ -76,30 +78,44 @@ class Limits:
     neck_rotation: Range = (-1.40, 1.40)
 
 
-def gate(motion: HumanMotion, obj: SceneObject, fulfils: Fulfils | None = None, limits: Limits | None = None) -> list[str]:
-    """Names of all that is wrong with a clip on an object; empty if it is good. `fulfils` is the task's K for a human body."""
+def gate(
+    motion: HumanMotion, obj: SceneObject, fulfils: Fulfils | None = None, limits: Limits | None = None
+) -> list[str]:
+    """Names of all that is wrong with a clip on an object; empty if it is good.
+
+    `fulfils` is the task's K for a human body.
+    """
     found = faults(check_clip(motion, obj), limits)
     return found if fulfils is None or fulfils(motion, obj) else [*found, METRIC]
 
 
 def check_clip(motion: HumanMotion, obj: SceneObject) -> dict[str, float]:
-    """What can be wrong with a clip on an object: worst values over all frames, in SI units. Keys are the fields of Limits.
+    """What can be wrong with a clip on an object: worst values over all frames, in SI units.
+
+    Keys are the fields of Limits.
 
     Of a range there are two, ending in `_least` and `_most`; the worst of both sides of the body counts.
     """
     body, fps = body_of(motion.skeleton), motion.fps
     pos, quat = motion.forward_kinematics()
     deep = depths(motion, obj, body, pos, quat)
-    measures = {"object_depth": deep.hard, "soft_depth": deep.soft, "seat_depth": deep.seat} | _own(body, pos, quat) | _feet(motion, obj, body, pos, quat, deep)
+    measures = (
+        {"object_depth": deep.hard, "soft_depth": deep.soft, "seat_depth": deep.seat}
+        | _own(body, pos, quat)
+        | _feet(motion, obj, body, pos, quat, deep)
+    )
     turn = rot.to_rotvec(rot.multiply(rot.conjugate(motion.local_quat[:-1]), motion.local_quat[1:])) * fps
     velocity = np.diff(pos, axis=0) * fps
     measures |= {
-        "joint_speed": _most(turn), "joint_acceleration": _most(np.diff(turn, axis=0)) * fps,
-        "root_acceleration": _most(np.diff(velocity[:, 0], axis=0)) * fps, "root_jerk": _most(np.diff(velocity[:, 0], 2, axis=0)) * fps**2,
-        "point_speed": _most(velocity), "jump": _most(np.diff(velocity, axis=0)),
+        "joint_speed": _most(turn),
+        "joint_acceleration": _most(np.diff(turn, axis=0)) * fps,
+        "root_acceleration": _most(np.diff(velocity[:, 0], axis=0)) * fps,
+        "root_jerk": _most(np.diff(velocity[:, 0], 2, axis=0)) * fps**2,
+        "point_speed": _most(velocity),
+        "jump": _most(np.diff(velocity, axis=0)),
         "object_jump": _most(np.diff(motion.object_pos_w, 2, axis=0)) * fps if len(motion.object_pos_w) else 0.0,
         "reach": _reach(motion, pos[:, [arm.end for arm in body.arms]]),
-    }  # fmt: skip
+    }
     for name, angle in joint_angles(body, motion.local_quat).items():
         measures[f"{name}_least"], measures[f"{name}_most"] = float(angle.min()), float(angle.max())
     return measures
@@ -128,7 +144,11 @@ def _own(body: Body, pos: np.ndarray, quat: np.ndarray) -> dict[str, float]:
     """How deep the arms are in the body itself [m]."""
     forearms, palms, lap = (
         max(0.0, float(own_depth(body, pos, quat, others, points).max()))
-        for others, points in ((OWN, ["forearm"]), ([role for role in OWN if role != "thigh"], ["palm"]), (["thigh"], ["palm"]))
+        for others, points in (
+            (OWN, ["forearm"]),
+            ([role for role in OWN if role != "thigh"], ["palm"]),
+            (["thigh"], ["palm"]),
+        )
     )
     return {"own_depth": max(forearms, palms), "lap_depth": lap}
 
@@ -138,7 +158,9 @@ def _most(vectors: np.ndarray) -> float:
     return float(np.sqrt((vectors**2).sum(-1).max(initial=0.0)))
 
 
-def _feet(motion: HumanMotion, obj: SceneObject, body: Body, pos: np.ndarray, quat: np.ndarray, deep: Depths) -> dict[str, float]:
+def _feet(
+    motion: HumanMotion, obj: SceneObject, body: Body, pos: np.ndarray, quat: np.ndarray, deep: Depths
+) -> dict[str, float]:
     """How far standing feet slide, how high they float, and how deep any foot is in the floor [m]."""
     skate = height = 0.0
     lowest = np.inf
@@ -163,7 +185,8 @@ def _feet(motion: HumanMotion, obj: SceneObject, body: Body, pos: np.ndarray, qu
 def bearing_points(body: Body, pos: np.ndarray, quat: np.ndarray, side: int) -> np.ndarray:
     """(T, P, 3) points of one foot's sole [m] from the joints' poses (T, J, 3), (T, J, 4).
 
-    They are both corners of the heel and of the toe end; where toes bend, those of the ball, and of the toes' end in the toes' own frame.
+    They are both corners of the heel and of the toe end; where toes bend, those of the ball, and of the toes' end in
+    the toes' own frame.
     """
     ankle, wide = body.legs[side].end, (body.foot_half_width, -body.foot_half_width)
     ends = [body.heel, body.toe] if body.toes is None else [body.heel, float(body.skeleton.offsets[body.toes[side], 0])]
@@ -178,9 +201,11 @@ def bearing_points(body: Body, pos: np.ndarray, quat: np.ndarray, side: int) -> 
 
 
 def stance_slides(points: np.ndarray, stands: np.ndarray) -> np.ndarray:
-    """(S,) how far a foot slides in each of its stances [m], from points of its sole (T, P, 3) and whether it stands (T,).
+    """(S,) how far a foot slides in each of its stances [m], from points of its sole (T, P, 3) and whether it stands
+    (T,).
 
-    What counts from one frame to the next is the stillest of the points that bear, which are those within 1 cm of the lowest: a foot
+    What counts from one frame to the next is the stillest of the points that bear, which are those within 1 cm of the
+    lowest: a foot
     that rolls over its heel or toes, or turns on one of them, does not slide.
     """
     moved = np.linalg.norm(np.diff(points, axis=0), axis=-1)

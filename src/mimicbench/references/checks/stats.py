@@ -1,4 +1,6 @@
-"""What a set of clips is: the paper's table of numbers, sizes and durations, and how much its clips differ from each other."""
+"""What a set of clips is: the paper's table of numbers, sizes and durations, and how much its clips differ from each
+other.
+"""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -41,7 +43,8 @@ class Variety:
     stature: Spread
     """From floor to the top of the head [m]."""
     final_pose: float
-    """Mean distance of the same joint in the last frames of two clips [m], relative to the pelvis's place and heading, at one body size."""
+    """Mean distance of the same joint in the last frames of two clips [m], relative to the pelvis's place and heading,
+    at one body size."""
     middle_pose: float
     """The same halfway through."""
     style: dict[str, Spread]
@@ -67,7 +70,10 @@ class SetStatistics:
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values, with the paper's beside them."""
         data = {name: value for name, value in vars(self).items() if name not in ("samples", "variety")}
-        return data | {"variety": asdict(self.variety), "paper": asdict(PAPER_SETS[self.task]) if self.task in PAPER_SETS else None}
+        return data | {
+            "variety": asdict(self.variety),
+            "paper": asdict(PAPER_SETS[self.task]) if self.task in PAPER_SETS else None,
+        }
 
 
 @dataclass(frozen=True)
@@ -106,11 +112,15 @@ def set_statistics(task: str, objects_folder: Path, references_folder: Path) -> 
     variety = _variety([HumanMotion.load(path) for path in shown], tracks, samples)
     length, width, height = (spread(sizes[:, axis]) for axis in range(3))
     space = float(np.mean([path.stat().st_size for path in paths]))
-    return SetStatistics(task, len(objects), length, width, height, len(paths), spread(duration), space, variety, samples)
+    return SetStatistics(
+        task, len(objects), length, width, height, len(paths), spread(duration), space, variety, samples
+    )
 
 
 def object_size(obj: SceneObject) -> tuple[float, float, float]:
-    """Length, width and height [cm] as the paper's table has them: the length of sofas and couches is their long side."""
+    """Length, width and height [cm] as the paper's table has them: the length of sofas and couches is their long
+    side.
+    """
     low, high = obj.bounds()
     x, y, z = (100 * (high - low)).tolist()
     return (y, x, z) if obj.family in ("sofa", "couch") else (x, y, z)
@@ -136,16 +146,29 @@ def _variety(motions: Sequence[HumanMotion], tracks: Sequence[np.ndarray], sampl
     bearing = np.exp(1j * np.arctan2(starts[:, 1], starts[:, 0]))
     headings = np.exp(1j * np.array([rot.yaw_of(motion.local_quat[0, 0]) for motion in motions]))
     shares = np.linspace(0, 1, 40)
-    paths = np.stack([[np.interp(shares, np.linspace(0, 1, len(track)), track[:, axis]) for axis in (0, 1)] for track in tracks[:: _every(tracks)]])
+    paths = np.stack(
+        [
+            [np.interp(shares, np.linspace(0, 1, len(track)), track[:, axis]) for axis in (0, 1)]
+            for track in tracks[:: _every(tracks)]
+        ]
+    )
     poses = [_poses(motion) for motion in motions]
     names = sorted({name for motion in motions for name in motion.style})
     return Variety(
-        spread(np.linalg.norm(starts, axis=-1)), float(np.degrees(np.sqrt(-2 * np.log(max(abs(bearing.mean()), 1e-12))))),
-        1 - float(abs(headings.mean())), spread(np.array([np.linalg.norm(np.diff(track, axis=0), axis=-1).sum() for track in tracks])),
-        pairwise(np.moveaxis(paths, 1, 2)), spread(samples.walking_speed), spread(np.array([_stature(motion) for motion in motions])),
-        pairwise(np.array([pose[1] for pose in poses])), pairwise(np.array([pose[0] for pose in poses])),
-        {name: spread(np.array([motion.style[name] for motion in motions if name in motion.style], float)) for name in names},
-    )  # fmt: skip
+        spread(np.linalg.norm(starts, axis=-1)),
+        float(np.degrees(np.sqrt(-2 * np.log(max(abs(bearing.mean()), 1e-12))))),
+        1 - float(abs(headings.mean())),
+        spread(np.array([np.linalg.norm(np.diff(track, axis=0), axis=-1).sum() for track in tracks])),
+        pairwise(np.moveaxis(paths, 1, 2)),
+        spread(samples.walking_speed),
+        spread(np.array([_stature(motion) for motion in motions])),
+        pairwise(np.array([pose[1] for pose in poses])),
+        pairwise(np.array([pose[0] for pose in poses])),
+        {
+            name: spread(np.array([motion.style[name] for motion in motions if name in motion.style], float))
+            for name in names
+        },
+    )
 
 
 def _every(tracks: Sequence[np.ndarray]) -> int:
@@ -153,7 +176,9 @@ def _every(tracks: Sequence[np.ndarray]) -> int:
 
 
 def _poses(motion: HumanMotion) -> np.ndarray:
-    """(2, J, 3) joints in the middle and in the last frame, seen from the pelvis's place and heading, at the standard body's size."""
+    """(2, J, 3) joints in the middle and in the last frame, seen from the pelvis's place and heading, at the
+    standard body's size.
+    """
     frames = [motion.frames // 2, motion.frames - 1]
     pos, quat = (values[frames] for values in motion.forward_kinematics())
     turn = rot.conjugate(rot.from_yaw(rot.yaw_of(quat[:, 0])))
@@ -161,7 +186,10 @@ def _poses(motion: HumanMotion) -> np.ndarray:
 
 
 def _stature(motion: HumanMotion) -> float:
-    """Of the person standing upright [m]; the head ends 0.27 m above the joint that carries the neck's last bone, times the size."""
+    """Of the person standing upright [m].
+
+    The head ends 0.27 m above the joint that carries the neck's last bone, times the size.
+    """
     body = body_of(motion.skeleton)
     top, joint = 0.0, body.head
     while joint != body.pelvis:

@@ -1,6 +1,8 @@
-"""Imports motions of SMPL, SMPL-H and SMPL-X as AMASS and many after it store them (`.npz`): rotation vectors, translation, shape.
+"""Imports motions of SMPL, SMPL-H and SMPL-X as AMASS and many after it store them (`.npz`): rotation vectors,
+translation, shape.
 
-Where the file has the joints' positions, these are the bones. Where it has not, no body model is asked for either: the bones are those of
+Where the file has the joints' positions, these are the bones. Where it has not, no body model is asked for either: the
+bones are those of
 our skeleton, scaled so that the pelvis is as high, or that standing feet stand still.
 """
 
@@ -15,7 +17,14 @@ from mimicbench.core.untrusted import load_npz
 from mimicbench.references.body.body import core4d_body
 from mimicbench.references.body.skeletons import CORE4D
 from mimicbench.references.importers.core4d import FEET, HEAD, check_joints, smpl_recording
-from mimicbench.references.importers.recording import MAX_BYTES, Recording, Wishes, check_array, check_rate, stride_scale
+from mimicbench.references.importers.recording import (
+    MAX_BYTES,
+    Recording,
+    Wishes,
+    check_array,
+    check_rate,
+    stride_scale,
+)
 from mimicbench.references.importers.rest_pose import axis_up, guess_up
 
 RATES = ("mocap_framerate", "mocap_frame_rate", "fps", "frame_rate")
@@ -28,7 +37,12 @@ SIZES = (0.75, 1.25)
 STANDING = core4d_body().standing_height
 """Of its pelvis [m]."""
 
-_KNEE, _ANKLE, _ELBOW, _WRIST = (0.0573, -0.4231, -0.0126), (-0.0392, -0.4470, -0.0307), (0.2753, -0.0765, -0.0368), (0.2776, 0.0204, -0.0050)
+_KNEE, _ANKLE, _ELBOW, _WRIST = (
+    (0.0573, -0.4231, -0.0126),
+    (-0.0392, -0.4470, -0.0307),
+    (0.2753, -0.0765, -0.0368),
+    (0.2776, 0.0204, -0.0050),
+)
 
 
 def _t_pose() -> Skeleton:
@@ -52,7 +66,9 @@ def import_amass(path: Path, wishes: Wishes) -> Recording:
         raise BadMotion(f"{path} has no {' or '.join(PLACES)}; without it nobody gets anywhere: leave it out")
     trans = check_array(path, "trans", place, (3,))
     if len(trans) != len(rotvec):
-        raise BadMotion(f"{path} has {len(rotvec)} frames of rotations and {len(trans)} of positions; it is damaged: get it again")
+        raise BadMotion(
+            f"{path} has {len(rotvec)} frames of rotations and {len(trans)} of positions; it is damaged: get it again"
+        )
     stored = next((data[name] for name in RATES if name in data), None)
     if stored is None and wishes.fps is None:
         raise BadMotion(f"{path} does not say its frame rate ({', '.join(RATES)}); say it (--fps)")
@@ -83,15 +99,28 @@ def _rotations(path: Path, data: dict) -> np.ndarray:
         poses = data["poses"]
         width = poses.shape[1] if isinstance(poses, np.ndarray) and poses.ndim == 2 else 0
         if width < 66 or width % 3:
-            raise BadMotion(f"{path}: poses has {width} numbers per frame, expected three for each of SMPL's 22 joints or more; it is in another format")
+            raise BadMotion(
+                f"{path}: poses has {width} numbers per frame, expected three for each of SMPL's 22 "
+                "joints or more; it is in another format"
+            )
         return check_array(path, "poses", poses, (width,), most=100.0)[:, :66].reshape(-1, 22, 3)
     root = next((data[name] for name in ROOTS if name in data), None)
     body = next((data[name] for name in BODIES if name in data), None)
-    if not isinstance(root, np.ndarray) or not isinstance(body, np.ndarray) or not len(root) == len(body) or not len(root):
-        raise BadMotion(f"{path} has no poses, and no {ROOTS[0]} with {BODIES[0]} of as many frames; it is no motion of SMPL")
+    if (
+        not isinstance(root, np.ndarray)
+        or not isinstance(body, np.ndarray)
+        or not len(root) == len(body)
+        or not len(root)
+    ):
+        raise BadMotion(
+            f"{path} has no poses, and no {ROOTS[0]} with {BODIES[0]} of as many frames; it is no motion of SMPL"
+        )
     body = body.reshape(len(body), -1)
     if body.shape[1] < 63:
-        raise BadMotion(f"{path}: {BODIES[0]} has {body.shape[1]} numbers per frame, expected three for each of 21 joints or more; it is in another format")
+        raise BadMotion(
+            f"{path}: {BODIES[0]} has {body.shape[1]} numbers per frame, expected three for each of "
+            "21 joints or more; it is in another format"
+        )
     whole = np.concatenate([root.reshape(len(root), -1)[:, :3], body[:, :63]], 1)
     return check_array(path, "the pose", whole, (66,), most=100.0).reshape(-1, 22, 3)
 
@@ -99,7 +128,8 @@ def _rotations(path: Path, data: dict) -> np.ndarray:
 def _size(trans: np.ndarray, bare: np.ndarray, up: str, fps: float) -> tuple[float, str]:
     """How tall the person is over our skeleton, from the pelvis's height or from the steps, and what to say about it.
 
-    The translation is a constant away from the pelvis: with z up by 1 to 3 cm of height only, with y up by about as much as a thigh's half.
+    The translation is a constant away from the pelvis: with z up by 1 to 3 cm of height only, with y up by about as
+    much as a thigh's half.
     """
     _, turn = axis_up(up)
     place, body = rot.rotate(turn, trans), rot.rotate(turn, bare)
@@ -110,5 +140,9 @@ def _size(trans: np.ndarray, bare: np.ndarray, up: str, fps: float) -> tuple[flo
     else:
         found = stride_scale(CORE4D, place[:, None] + body, fps)
         known = found is not None and SIZES[0] <= found <= SIZES[1]
-        size, how = (found or 1.0, "so that feet stand still in walking") if known else (1.0, "for want of anything to tell its size by")
+        size, how = (
+            (found or 1.0, "so that feet stand still in walking")
+            if known
+            else (1.0, "for want of anything to tell its size by")
+        )
     return size, f"no joints are stored: bones are {size:.3f} times those of our 1.80 m tall skeleton, {how}"

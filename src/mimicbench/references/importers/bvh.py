@@ -1,4 +1,6 @@
-"""Imports BVH files of any skeleton of a person onto ROAM's 27 joints; ROAM's own files (millimeters, 67 joints) are one case of it.
+"""Imports BVH files of any skeleton of a person onto ROAM's 27 joints.
+
+ROAM's own files (millimeters, 67 joints) are one case of it.
 
 Units and axes are guessed from how long the legs are and where heads are above feet; limbs are found by their names
 (joint_names.py), spine and neck as what lies between them.
@@ -61,14 +63,22 @@ def import_bvh(path: Path, wishes: Wishes) -> Recording:
     pos *= UNITS[unit]
     up, why = _up(pos, limbs, wishes)
     assumed = [said, why, f"{fps:.4g} frames per second, as {'told' if wishes.fps else 'the file says'}"]
-    assumed += [f"{ROAM.joint_names[j]} is missing and lies on the bone between its neighbors" for j in _between(sources)]
+    assumed += [
+        f"{ROAM.joint_names[j]} is missing and lies on the bone between its neighbors" for j in _between(sources)
+    ]
     _, turn = axis_up(up)
     pos, quat = rot.rotate(turn, pos), rot.multiply(turn, quat)
     adopted = adopt(ROAM, sources, pos, quat)
     if skipped:
-        assumed.append(f"{', '.join(skipped)}: our skeleton has no such joints; what is above them is up to {adopted.residual:.3f} m off")
+        assumed.append(
+            f"{', '.join(skipped)}: our skeleton has no such joints; what is above them is up to "
+            f"{adopted.residual:.3f} m off"
+        )
     if adopted.residual > SLACK:
-        raise BadMotion(f"{path}: {', '.join(skipped) or 'its joints'} move the joints below by {adopted.residual:.2g} m, which our skeleton cannot do")
+        raise BadMotion(
+            f"{path}: {', '.join(skipped) or 'its joints'} move the joints below by "
+            f"{adopted.residual:.2g} m, which our skeleton cannot do"
+        )
     turns, how = _turns(path, body, adopted)
     skeleton, local = into_our_rest(body, adopted, turns)
     recording = finish(path, Recording(path.stem, skeleton, fps, adopted.pos, local, (*assumed, *how), wishes=wishes))
@@ -83,7 +93,10 @@ def read_bvh(path: Path) -> Bvh:
     if not text.lstrip("\ufeff \r\n\t").startswith("HIERARCHY") or match is None:
         raise BadMotion(f"{path} has no HIERARCHY with a MOTION after it; it is cut off or no BVH file")
     if match.start() > MAX_HIERARCHY:
-        raise BadMotion(f"{path} has a HIERARCHY of {match.start() >> 10} KiB, more than any skeleton needs; it is damaged: get it again")
+        raise BadMotion(
+            f"{path} has a HIERARCHY of {match.start() >> 10} KiB, more than any skeleton needs; it "
+            "is damaged: get it again"
+        )
     names, parents, offsets, channels = _hierarchy(path, text[: match.start()])
     head = re.match(r"\s*Frames:\s*(\d{1,9})\s+Frame\s+Time:\s*(\S{1,40})[^\S\n]*\n?", text[match.end() :])
     try:
@@ -94,12 +107,20 @@ def read_bvh(path: Path) -> Bvh:
         raise BadMotion(f"{path} does not say its number of frames and its frame time; it is damaged: get it again")
     width = sum(map(len, channels))
     if frames * len(names) > MAX_POSES:
-        raise BadMotion(f"{path} has {frames} frames of {len(names)} joints, more than fit into memory; cut it into parts")
+        raise BadMotion(
+            f"{path} has {frames} frames of {len(names)} joints, more than fit into memory; cut it into parts"
+        )
     if not 2 <= frames <= MAX_FRAMES:
-        raise BadMotion(f"{path} has {frames} frame{'s' * (frames != 1)} of {width} numbers; a motion needs between 2 and {MAX_FRAMES} frames: leave it out")
+        raise BadMotion(
+            f"{path} has {frames} frame{'s' * (frames != 1)} of {width} numbers; a motion needs "
+            f"between 2 and {MAX_FRAMES} frames: leave it out"
+        )
     values = numbers(text[match.end() + head.end() :])
     if len(values) != frames * width:
-        raise BadMotion(f"{path} has {len(values)} numbers, but {frames} frames of {width} need {frames * width}; it is cut off or damaged: get it again")
+        raise BadMotion(
+            f"{path} has {len(values)} numbers, but {frames} frames of {width} need {frames * width}; "
+            "it is cut off or damaged: get it again"
+        )
     if not np.isfinite(values).all() or np.abs(values).max() > 1e6:
         raise BadMotion(f"{path} holds NaN, infinity, or numbers beyond a million; mend or drop the clip")
     return Bvh(names, parents, offsets, channels, frame_time, values.reshape(frames, width))
@@ -140,7 +161,9 @@ def world(bvh: Bvh) -> tuple[np.ndarray, np.ndarray]:
     return pos, quat
 
 
-def _hierarchy(path: Path, text: str) -> tuple[tuple[str, ...], tuple[int, ...], np.ndarray, tuple[tuple[str, ...], ...]]:
+def _hierarchy(
+    path: Path, text: str
+) -> tuple[tuple[str, ...], tuple[int, ...], np.ndarray, tuple[tuple[str, ...], ...]]:
     """Names, parents, offsets and channels of all joints and ends."""
     wrong = BadMotion(f"{path}: its HIERARCHY is not as BVH has it; it is damaged: get it again")
     tokens = text.split()
@@ -170,7 +193,11 @@ def _hierarchy(path: Path, text: str) -> tuple[tuple[str, ...], tuple[int, ...],
             elif word == "CHANNELS":
                 count = int(tokens[i + 1])
                 found = tuple(tokens[i + 2 : i + 2 + count])
-                if not 0 <= count <= 6 or len(found) != count or not all(re.fullmatch("[XYZ](position|rotation)", channel) for channel in found):
+                if (
+                    not 0 <= count <= 6
+                    or len(found) != count
+                    or not all(re.fullmatch("[XYZ](position|rotation)", channel) for channel in found)
+                ):
                     raise wrong
                 channels[open_joints[-1]] = found
                 i += 2 + count
@@ -195,7 +222,10 @@ def _unit(path: Path, bvh: Bvh, limbs: Limbs, wishes: Wishes) -> tuple[str, str]
     length = float(np.mean(legs))
     unit = min(UNITS, key=lambda name: abs(np.log(max(length * UNITS[name], 1e-9) / LEG_LENGTH)))
     if not LEG[0] <= length * UNITS[unit] <= LEG[1]:
-        raise BadMotion(f"{path}: its legs are {length:.3g} long, no person's in any of {', '.join(UNITS)}; scale it first, or say the unit (--unit)")
+        raise BadMotion(
+            f"{path}: its legs are {length:.3g} long, no person's in any of {', '.join(UNITS)}; scale "
+            "it first, or say the unit (--unit)"
+        )
     return unit, f"the unit is {unit}: so the legs are {length * UNITS[unit]:.2f} m long"
 
 
@@ -219,7 +249,8 @@ def _between(sources: list[int | None]) -> list[int]:
 def _turns(path: Path, body: Body, adopted: Adopted) -> tuple[np.ndarray, list[str]]:
     """The constant rotations into our rest pose (27, 4), and what to say about them.
 
-    Most files rest standing, with all rotations zero. In some the zero pose is of no use, as all bones lie along one axis; then the
+    Most files rest standing, with all rotations zero. In some the zero pose is of no use, as all bones lie along one
+    axis; then the
     person's most upright frame serves.
     """
     offsets, legs, arms = np.nan_to_num(adopted.offsets), body.legs, body.arms
@@ -232,7 +263,9 @@ def _turns(path: Path, body: Body, adopted: Adopted) -> tuple[np.ndarray, list[s
         pass
 
     def along(limb: tuple[int, int, int]) -> np.ndarray:
-        steps = [rot.rotate(adopted.quat[:, joint], offsets[child]) for joint, child in zip(limb[:2], limb[1:], strict=True)]
+        steps = [
+            rot.rotate(adopted.quat[:, joint], offsets[child]) for joint, child in zip(limb[:2], limb[1:], strict=True)
+        ]
         return np.min([step[:, 2] / max(float(np.linalg.norm(step[0])), 1e-9) * -1 for step in steps], 0)
 
     hanging = np.min([along(leg) for leg in legs], 0) + 0.2 * np.min([along(arm) for arm in arms], 0)
@@ -240,5 +273,11 @@ def _turns(path: Path, body: Body, adopted: Adopted) -> tuple[np.ndarray, list[s
     try:
         turns = hanging_turns(body, offsets, adopted.quat[best], np.array([0.0, 0.0, 1.0]))
     except BadMotion:
-        raise BadMotion(f"{path}: nobody stands in its rest pose, and nobody stands with straight legs in any frame; convert it to a T-pose first") from None
-    return turns, [f"nobody stands in the rest pose; twists of the joints count from frame {best}, in which the person stands most upright"]
+        raise BadMotion(
+            f"{path}: nobody stands in its rest pose, and nobody stands with straight legs in any "
+            "frame; convert it to a T-pose first"
+        ) from None
+    return turns, [
+        f"nobody stands in the rest pose; twists of the joints count from frame {best}, in which the "
+        "person stands most upright"
+    ]

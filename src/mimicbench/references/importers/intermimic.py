@@ -1,4 +1,6 @@
-"""Imports people who move objects as InterMimic stores them, mostly of OMOMO (`.pt`, 591 numbers per frame, z up, 30 fps)."""
+"""Imports people who move objects as InterMimic stores them, mostly of OMOMO (`.pt`, 591 numbers per frame, z up, 30
+fps).
+"""
 
 from pathlib import Path
 
@@ -9,17 +11,32 @@ from mimicbench.core.errors import BadMotion
 from mimicbench.core.untrusted import load_torch
 from mimicbench.references.body.body import core4d_body
 from mimicbench.references.body.skeletons import CORE4D
-from mimicbench.references.importers.recording import MAX_BYTES, ObjectTrack, Recording, Wishes, check_array, check_rate, check_unit_quat, finish
+from mimicbench.references.importers.recording import (
+    MAX_BYTES,
+    ObjectTrack,
+    Recording,
+    Wishes,
+    check_array,
+    check_rate,
+    check_unit_quat,
+    finish,
+)
 from mimicbench.references.importers.rest_pose import adopt, axis_up, hanging_turns, into_our_rest
 
 FPS = 30.0
 WIDTH, BODIES = 591, 52
 ROOT, ROOT_QUAT, BODY_POS, OBJECT_POS, OBJECT_QUAT, BODY_QUAT = (
-    slice(0, 3), slice(3, 7), slice(162, 318), slice(318, 321), slice(321, 325), slice(383, 591)
-)  # fmt: skip
+    slice(0, 3),
+    slice(3, 7),
+    slice(162, 318),
+    slice(318, 321),
+    slice(321, 325),
+    slice(383, 591),
+)
 """Columns; quaternions are xyzw."""
 SOURCES = (0, 1, 5, 9, 2, 6, 10, 3, 7, 11, 4, 8, 12, 14, 33, 13, 15, 34, 16, 35, 17, 36)
-"""Where CORE4D's joints are among the 52 bodies (pelvis, left leg, right leg, spine, left arm with fingers, right arm with fingers)."""
+"""Where CORE4D's joints are among the 52 bodies (pelvis, left leg, right leg, spine, left arm with fingers, right arm
+with fingers)."""
 SLACK = 0.02
 """[m] by which bodies may be off from bones of constant length."""
 
@@ -34,7 +51,8 @@ def import_intermimic(path: Path, wishes: Wishes) -> Recording:
     fps = check_rate(path, FPS, wishes)
     up, turn = axis_up(wishes.up or "z+")
     assumed = [
-        f"{wishes.up or 'z+'} is up{', as told' if wishes.up else ', and lengths are in meters, as in all of InterMimic'}",
+        f"{wishes.up or 'z+'} is "
+        f"up{', as told' if wishes.up else ', and lengths are in meters, as in all of InterMimic'}",
         f"{fps:g} frames per second, as {'told' if wishes.fps else 'in all of InterMimic'}",
     ]
     pos = rot.rotate(turn, table[:, BODY_POS].reshape(-1, BODIES, 3))
@@ -44,11 +62,16 @@ def import_intermimic(path: Path, wishes: Wishes) -> Recording:
     body = core4d_body()
     adopted = adopt(CORE4D, SOURCES, pos, rot.multiply(turn, own))
     if adopted.residual > SLACK:
-        raise BadMotion(f"{path}: its bodies and its rotations disagree by {adopted.residual:.2g} m; it is damaged or in another layout")
+        raise BadMotion(
+            f"{path}: its bodies and its rotations disagree by {adopted.residual:.2g} m; it is "
+            "damaged or in another layout"
+        )
     try:
         turns = hanging_turns(body, adopted.offsets, np.tile(rot.IDENTITY, (22, 1)), up)
     except BadMotion as error:
         raise BadMotion(f"{path}: {error}; it is damaged or in another layout") from None
     skeleton, local = into_our_rest(body, adopted, turns)
-    track = ObjectTrack(rot.rotate(turn, table[:, OBJECT_POS]), rot.multiply(turn, check_unit_quat(path, table[:, OBJECT_QUAT])))
+    track = ObjectTrack(
+        rot.rotate(turn, table[:, OBJECT_POS]), rot.multiply(turn, check_unit_quat(path, table[:, OBJECT_QUAT]))
+    )
     return finish(path, Recording(path.stem, skeleton, fps, adopted.pos, local, tuple(assumed), track, wishes))

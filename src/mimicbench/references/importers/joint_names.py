@@ -1,6 +1,7 @@
 """Finds a person's limbs in a skeleton by the joints' names, and what ROAM's joints are in it.
 
-Only arms, legs and head are looked for by name. Spine and neck are what lies between: the chest is where the ways to both arms part.
+Only arms, legs and head are looked for by name. Spine and neck are what lies between: the chest is where the ways to
+both arms part.
 """
 
 import re
@@ -24,7 +25,8 @@ _SYNONYMS = {
     "elbow": ("forearm", "lowarm", "lowerarm", "elbow", "armlower", "radius"),
     "wrist": ("hand", "wrist"),
 }
-"""What joints are called in ROAM, Mixamo, LAFAN, CMU, Rokoko, Xsens, 3ds Max, Unreal, Blender, SMPL and ASF, without side and prefix."""
+"""What joints are called in ROAM, Mixamo, LAFAN, CMU, Rokoko, Xsens, 3ds Max, Unreal, Blender, SMPL and ASF, without
+side and prefix."""
 _HEADS = ("head", "skull")
 _SIDES = {"left": "left", "l": "left", "lft": "left", "right": "right", "r": "right", "rgt": "right", "rt": "right"}
 
@@ -58,29 +60,44 @@ def find_limbs(path: Path, names: Sequence[str], parents: Sequence[int]) -> Limb
         end = find(side, roles[2], None)
         if end is None and roles[2] == "wrist":  # some forearms just end
             middle = find(side, roles[1], None)
-            end = next((j for j, parent in enumerate(parents) if parent == middle and names[j].endswith(END)), None) if middle is not None else None
+            end = (
+                next((j for j, parent in enumerate(parents) if parent == middle and names[j].endswith(END)), None)
+                if middle is not None
+                else None
+            )
         above = ancestors(parents, end) if end is not None else []
         middle = next((j for j in above if parts[j][0] == side and parts[j][1] in _SYNONYMS[roles[1]]), None)
         rest = ancestors(parents, middle) if middle is not None else []
         root = next((j for j in rest if parts[j][0] == side and parts[j][1] in _SYNONYMS[roles[0]]), None)
         for role, joint in zip(roles, (root, middle, end), strict=True):
             if joint is None:
-                raise BadMotion(f"{path}: no joint could be taken for the {side} {role}; it has {', '.join(names)[:300]}: rename its joints")
+                raise BadMotion(
+                    f"{path}: no joint could be taken for the {side} {role}; it has "
+                    f"{', '.join(names)[:300]}: rename its joints"
+                )
         return root, middle, end  # type: ignore[return-value]
 
     arms = (limb("left", ("shoulder", "elbow", "wrist")), limb("right", ("shoulder", "elbow", "wrist")))
     legs = (limb("left", ("hip", "knee", "ankle")), limb("right", ("hip", "knee", "ankle")))
-    collars = tuple(next((j for j in ancestors(parents, arm[0]) if parts[j] in [(side, name) for name in _SYNONYMS["collar"]]), None)
-                    for side, arm in zip(("left", "right"), arms, strict=True))  # fmt: skip
+    collars = tuple(
+        next(
+            (j for j in ancestors(parents, arm[0]) if parts[j] in [(side, name) for name in _SYNONYMS["collar"]]), None
+        )
+        for side, arm in zip(("left", "right"), arms, strict=True)
+    )
     toes = tuple(find(side, "toe", leg[2]) for side, leg in zip(("left", "right"), legs, strict=True))
     head = next((j for j, part in enumerate(parts) if part[0] == "" and part[1] in _HEADS), None)
     if head is None:
-        raise BadMotion(f"{path}: no joint could be taken for the head; it has {', '.join(names)[:300]}: rename its joints")
+        raise BadMotion(
+            f"{path}: no joint could be taken for the head; it has {', '.join(names)[:300]}: rename its joints"
+        )
     return Limbs(collars, arms, legs, toes, head)  # type: ignore[arg-type]
 
 
 def split_name(name: str) -> tuple[str, str]:
-    """(side, what) of a joint's name in small letters: `mixamorig:LeftUpLeg`, `lThigh`, `thigh_l` and `Bip01 L Thigh` are of the left."""
+    """(side, what) of a joint's name in small letters: `mixamorig:LeftUpLeg`, `lThigh`, `thigh_l` and `Bip01 L
+    Thigh` are of the left.
+    """
     name = re.sub(r"^(mixamorig\d*|bip\w*?\d+|character\w*|\w+)[:|]", "", name)
     name = re.sub(r"^(Bip\d+|mixamorig\d*|DEF|ORG)(?=[\s_\-A-Z])", "", name)
     words = [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", name)]
@@ -107,7 +124,9 @@ def ancestors(parents: Sequence[int], joint: int) -> list[int]:
 
 
 def onto_roam(names: Sequence[str], parents: Sequence[int], limbs: Limbs) -> tuple[list[int | None], list[str]]:
-    """For each of ROAM's joints the source's (None if it has none), and the names of the joints between them that ROAM does not have."""
+    """For each of ROAM's joints the source's (None if it has none), and the names of the joints between them that
+    ROAM does not have.
+    """
     index = ROAM.index
     found: list[int | None] = [None] * len(ROAM.joint_names)
     chest = next(j for j in ancestors(parents, limbs.arms[0][0]) if j in ancestors(parents, limbs.arms[1][0]))
@@ -129,14 +148,18 @@ def onto_roam(names: Sequence[str], parents: Sequence[int], limbs: Limbs) -> tup
     for name, joint in zip(("Neck", "Spine4"), reversed(kept), strict=False):
         found[index(name)] = joint
     found[index("HeadSite")] = _end(names, parents, limbs.head)
-    for side, collar, arm, leg, toe in zip(("Left", "Right"), limbs.collars, limbs.arms, limbs.legs, limbs.toes, strict=True):
+    for side, collar, arm, leg, toe in zip(
+        ("Left", "Right"), limbs.collars, limbs.arms, limbs.legs, limbs.toes, strict=True
+    ):
         for name, joint in zip(("Arm", "ForeArm", "Hand", "UpLeg", "Leg", "Foot"), (*arm, *leg), strict=True):
             found[index(side + name)] = joint
         found[index(f"{side}Shoulder")] = collar
         found[index(f"{side}ToeBase")] = toe
         found[index(f"{side}ToeBaseSite")] = _end(names, parents, toe) if toe is not None else None
     used = set(found)
-    ways = [(limb[i + 1], limb[i]) for limb in (*limbs.arms, *limbs.legs) for i in range(2)] + [(leg[0], pelvis) for leg in limbs.legs]
+    ways = [(limb[i + 1], limb[i]) for limb in (*limbs.arms, *limbs.legs) for i in range(2)] + [
+        (leg[0], pelvis) for leg in limbs.legs
+    ]
     ways += [(arm[0], chest) for arm in limbs.arms]
     skipped += [j for end, start in ways for j in _between(parents, end, start) if j not in used]
     return found, [names[j] for j in dict.fromkeys(skipped)]
@@ -151,4 +174,6 @@ def _between(parents: Sequence[int], end: int, start: int) -> list[int]:
 def _end(names: Sequence[str], parents: Sequence[int], joint: int) -> int | None:
     """The tip of a joint: its child without a name, or one that is called an end."""
     children = [j for j, parent in enumerate(parents) if parent == joint]
-    return next((j for j in children if names[j].endswith(END) or re.search(r"end|nub|tip|site", names[j], re.IGNORECASE)), None)
+    return next(
+        (j for j in children if names[j].endswith(END) or re.search(r"end|nub|tip|site", names[j], re.IGNORECASE)), None
+    )

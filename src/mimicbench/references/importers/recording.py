@@ -1,4 +1,6 @@
-"""A recording of a person as imported, not yet a clip of any task, and the checks that recordings of all formats go through."""
+"""A recording of a person as imported, not yet a clip of any task, and the checks that recordings of all formats go
+through.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -91,7 +93,10 @@ def finish(path: Path, recording: Recording, stands: bool = True) -> Recording:
         check_upright(path, recording.root_pos_w, recording.local_quat)
     speed = np.linalg.norm(np.diff(recording.root_pos_w, axis=0), axis=-1) * recording.fps
     if np.quantile(speed, 0.98) > FASTEST:
-        raise BadMotion(f"{path}: the pelvis moves at {np.quantile(speed, 0.98):.3g} m/s; say the unit of length or the frame rate (--unit, --fps)")
+        raise BadMotion(
+            f"{path}: the pelvis moves at {np.quantile(speed, 0.98):.3g} m/s; say the unit of length "
+            "or the frame rate (--unit, --fps)"
+        )
     pos, quat = recording.forward_kinematics()
     if recording.wishes.floor is None:
         floor = floor_height(recording.skeleton, pos, quat)
@@ -110,21 +115,34 @@ def check_person(path: Path, skeleton: Skeleton) -> None:
     for side, leg, sign in zip(("left", "right"), body.legs, (1, -1), strict=True):
         length = sum(body.length(leg))
         if not LEG[0] <= length <= LEG[1]:
-            raise BadMotion(f"{path}: its {side} leg is {length:.3g} m long without the foot, no person's; say the unit of length (--unit)")
+            raise BadMotion(
+                f"{path}: its {side} leg is {length:.3g} m long without the foot, no person's; say "
+                "the unit of length (--unit)"
+            )
         if skeleton.offsets[leg.root, 1] * sign <= 0.01:
-            raise BadMotion(f"{path}: its {side} hip is not on the {side}; it is mirrored, or in left-handed coordinates: convert it first")
+            raise BadMotion(
+                f"{path}: its {side} hip is not on the {side}; it is mirrored, or in left-handed "
+                "coordinates: convert it first"
+            )
     longest = np.linalg.norm(skeleton.offsets, axis=-1).max()
     if longest > 1.0:
         raise BadMotion(f"{path} has a bone of {longest:.3g} m, no person's; it is damaged, or mixes units of length")
 
 
 def check_upright(path: Path, root: np.ndarray, quat: np.ndarray) -> None:
-    """Somebody whose pelvis is at its highest stands; if only another order of the quaternion says so, the file is mixed up."""
+    """Somebody whose pelvis is at its highest stands.
+
+    If only another order of the quaternion says so, the file is mixed up.
+    """
     high = root[:, 2] >= np.quantile(root[:, 2], 0.8)
     as_read, swapped = quat[high, 0], quat[high, 0][:, [1, 2, 3, 0]]
     up = [float(rot.rotate(q, np.array([0.0, 0.0, 1.0]))[:, 2].mean()) for q in (as_read, swapped)]
     if up[0] < 0.5:
-        hint = "its quaternions seem to be wxyz where this format has xyzw" if up[1] > 0.7 else "nobody stands upright in it, or z is not up"
+        hint = (
+            "its quaternions seem to be wxyz where this format has xyzw"
+            if up[1] > 0.7
+            else "nobody stands upright in it, or z is not up"
+        )
         raise BadMotion(f"{path}: {hint}; convert it first, or say which axis is up (--up)")
 
 
@@ -144,12 +162,22 @@ def floor_height(skeleton: Skeleton, pos: np.ndarray, quat: np.ndarray) -> float
 
 def check_array(path: Path, name: str, value: object, shape: tuple[int, ...], most: float = 1e4) -> np.ndarray:
     """Numbers of shape (T, *shape), finite and not beyond `most`, in double precision. Raises BadMotion."""
-    if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiu" or value.shape[1:] != shape or value.ndim != len(shape) + 1:
+    if (
+        not isinstance(value, np.ndarray)
+        or value.dtype.kind not in "fiu"
+        or value.shape[1:] != shape
+        or value.ndim != len(shape) + 1
+    ):
         found = f"an array of shape {value.shape}" if isinstance(value, np.ndarray) else type(value).__name__
         expected = ", ".join(map(str, ("frames", *shape)))
-        raise BadMotion(f"{path}: {name} is {found}, expected numbers of shape ({expected}); it is damaged or in another format")
+        raise BadMotion(
+            f"{path}: {name} is {found}, expected numbers of shape ({expected}); it is damaged or in another format"
+        )
     if not 2 <= len(value) <= MAX_FRAMES:
-        raise BadMotion(f"{path} has {len(value)} frame{'s' * (len(value) != 1)}; a motion needs between 2 and {MAX_FRAMES}: leave it out")
+        raise BadMotion(
+            f"{path} has {len(value)} frame{'s' * (len(value) != 1)}; a motion needs between 2 and "
+            f"{MAX_FRAMES}: leave it out"
+        )
     if not np.isfinite(value).all():
         raise BadMotion(f"{path}: {name} holds NaN or infinity; mend or drop the clip")
     largest = np.abs(value).max()
@@ -169,10 +197,16 @@ def check_rate(path: Path, fps: object, wishes: Wishes) -> float:
 
 
 def check_unit_quat(path: Path, quat: np.ndarray, order: str = "xyzw") -> np.ndarray:
-    """Quaternions (..., 4) in the file's order, made wxyz and exactly of unit length. Raises BadMotion if they are far from it."""
+    """Quaternions (..., 4) in the file's order, made wxyz and exactly of unit length.
+
+    Raises BadMotion if they are far from it.
+    """
     norm = np.linalg.norm(quat, axis=-1)
     if np.abs(norm - 1).max() > 1e-2:
-        raise BadMotion(f"{path} has quaternions that are not of unit length (off by {np.abs(norm - 1).max():.2g}); it is damaged or in another format")
+        raise BadMotion(
+            f"{path} has quaternions that are not of unit length (off by "
+            f"{np.abs(norm - 1).max():.2g}); it is damaged or in another format"
+        )
     return rot.normalize(quat[..., [order.index(letter) for letter in "wxyz"]])
 
 
@@ -181,20 +215,31 @@ def check_velocity(path: Path, pos: np.ndarray, stored: np.ndarray, fps: float) 
     speed = np.linalg.norm(np.gradient(pos, 1 / fps, axis=0), axis=-1).mean()
     told = np.linalg.norm(stored, axis=-1).mean()
     if max(speed, told) > 0.05 and not 0.7 < speed / max(told, 1e-6) < 1.4:
-        raise BadMotion(f"{path} says {fps:g} frames per second, but its stored velocities fit {fps * told / max(speed, 1e-6):.0f}; mend its fps (--fps)")
+        raise BadMotion(
+            f"{path} says {fps:g} frames per second, but its stored velocities fit "
+            f"{fps * told / max(speed, 1e-6):.0f}; mend its fps (--fps)"
+        )
 
 
 def check_stride(path: Path, skeleton: Skeleton, pos: np.ndarray, fps: float) -> None:
-    """Legs that walk must move the pelvis as far as their steps are long: otherwise positions and bones are in different units. Raises BadMotion."""
+    """Legs that walk must move the pelvis as far as their steps are long: otherwise positions and bones are in
+    different units. Raises BadMotion.
+    """
     scale = stride_scale(skeleton, pos, fps)
     if scale is not None and not 1 / 3 < scale < 3:
-        raise BadMotion(f"{path} mixes units of length, or is from a treadmill: its pelvis moves {scale:.3g} times as far as its steps are long; mend it")
+        raise BadMotion(
+            f"{path} mixes units of length, or is from a treadmill: its pelvis moves {scale:.3g} "
+            "times as far as its steps are long; mend it"
+        )
 
 
 def stride_scale(skeleton: Skeleton, pos: np.ndarray, fps: float) -> float | None:
-    """How many times as long as they are the legs would have to be, so that standing feet stand still; None if nobody walks.
+    """How many times as long as they are the legs would have to be, so that standing feet stand still.
 
-    The pelvis moves as the lower foot moves the other way, relative to it; the median over the frames in which that foot is flat. For the
+    None if nobody walks.
+
+    The pelvis moves as the lower foot moves the other way, relative to it; the median over the frames in which that
+    foot is flat. For the
     real recordings that we know it is 1 within 8 %, mostly within 3 %.
     """
     body = body_of(skeleton)

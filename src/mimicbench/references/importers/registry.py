@@ -29,7 +29,10 @@ FORMATS: dict[str, Callable[[Path, Wishes], Recording]] = {
 
 
 def import_recording(path: Path, form: str = "auto", wishes: Wishes | None = None) -> Recording:
-    """Read one recording in a format of FORMATS, or in the one that it seems to be in. Raises BadFile, BadMotion or UnknownName."""
+    """Read one recording in a format of FORMATS, or in the one that it seems to be in.
+
+    Raises BadFile, BadMotion or UnknownName.
+    """
     if form != "auto" and form not in FORMATS:
         raise UnknownName("format", form, ["auto", *FORMATS])
     return FORMATS[detect_format(path) if form == "auto" else form](path, wishes or Wishes())
@@ -81,4 +84,7 @@ def _archive(path: Path, raw: bytes) -> str:
         return "unihsi-states"
     if found & {"poses", *ROOTS, *BODIES}:
         return "amass"
-    raise BadFile(f"{path} is an archive of {', '.join(sorted(names))[:100] or 'nothing'}, no known motion; say its format (--format)")
+    raise BadFile(
+        f"{path} is an archive of {', '.join(sorted(names))[:100] or 'nothing'}, no known motion; say "
+        "its format (--format)"
+    )

@@ -1,6 +1,8 @@
-"""From any source's rest pose and joints into ours: standing, legs straight down, arms hanging, x forward, y left, z up.
+"""From any source's rest pose and joints into ours: standing, legs straight down, arms hanging, x forward, y left, z
+up.
 
-What a joint's rotation means depends on the pose in which all rotations are zero. Sources rest in a T-pose, an A-pose, or along
+What a joint's rotation means depends on the pose in which all rotations are zero. Sources rest in a T-pose, an A-pose,
+or along
 their bones. For every joint j there is one constant rotation A_j, the same in every frame, with
 
     G_j (ours) = G_j (theirs) A_j        offset_j (ours) = A_parent^-1 offset_j (theirs)
@@ -43,8 +45,10 @@ def adopt(standard: Skeleton, sources: Sequence[int | None], pos: np.ndarray, qu
 
     Args:
         standard: the skeleton that is wanted.
-        sources: for each of its joints the source's, or None where there is none. A joint that is missing between two others lies on
-            the bone between them, evenly spaced, and does not turn. Source joints that are not asked for are skipped: the bone across them
+        sources: for each of its joints the source's, or None where there is none. A joint that is missing between
+            two others lies on
+            the bone between them, evenly spaced, and does not turn. Source joints that are not asked for are skipped:
+            the bone across them
             has the length that it has on average.
         pos: all of the source's positions [m].
         quat: all of its orientations.
@@ -78,7 +82,8 @@ def adopt(standard: Skeleton, sources: Sequence[int | None], pos: np.ndarray, qu
 
 
 def axis_up(axis: str) -> tuple[np.ndarray, np.ndarray]:
-    """What the axis that points up (such as `y+`) says: its unit vector (3,), and the rotation (4,) that makes the source's world z up.
+    """What the axis that points up (such as `y+`) says: its unit vector (3,), and the rotation (4,) that makes the
+    source's world z up.
 
     With y up, (x, y, z) becomes (z, x, y): who faces +z faces +x then, with left still on the left.
     """
@@ -89,7 +94,10 @@ def axis_up(axis: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def guess_up(feet_to_head: np.ndarray, usual: str) -> tuple[str, str]:
-    """The axis that points up, and why, from vectors (T, 3) from the feet to the head; who lies all the time leaves it to what is usual."""
+    """The axis that points up, and why, from vectors (T, 3) from the feet to the head.
+
+    Who lies all the time leaves it to what is usual.
+    """
     mean = (feet_to_head / np.maximum(np.linalg.norm(feet_to_head, axis=-1, keepdims=True), 1e-9)).mean(0)
     number = int(np.abs(mean).argmax())
     if abs(mean[number]) < 0.6:
@@ -114,7 +122,8 @@ def upright_turn(up: np.ndarray, left: np.ndarray) -> np.ndarray:
 def hanging_turns(body: Body, offsets: np.ndarray, rest_quat: np.ndarray, up: np.ndarray) -> np.ndarray:
     """A_j (J, 4) of every joint, from a pose in which the person stands, with the arms anywhere.
 
-    The trunk, the shoulders' girdle and the feet keep their frames, turned to x forward and z up; legs and arms are swung, the shorter way,
+    The trunk, the shoulders' girdle and the feet keep their frames, turned to x forward and z up; legs and arms are
+    swung, the shorter way,
     until they hang straight down, and hands go with the forearms.
 
     Args:
@@ -127,7 +136,9 @@ def hanging_turns(body: Body, offsets: np.ndarray, rest_quat: np.ndarray, up: np
         BadMotion: Nobody stands in that pose.
     """
     parents, legs = body.skeleton.parents, body.legs
-    step = np.array([np.zeros(3) if parent < 0 else rot.rotate(rest_quat[parent], offsets[j]) for j, parent in enumerate(parents)])
+    step = np.array(
+        [np.zeros(3) if parent < 0 else rot.rotate(rest_quat[parent], offsets[j]) for j, parent in enumerate(parents)]
+    )
     turn = upright_turn(up, step[legs[0].root] - step[legs[1].root])
     for leg in legs:
         along = rot.rotate(turn, step[leg.middle] + step[leg.end])
@@ -159,7 +170,9 @@ def into_our_rest(body: Body, adopted: Adopted, turns: np.ndarray) -> tuple[Skel
     return Skeleton(standard.name, standard.joint_names, standard.parents, offsets), local
 
 
-def turned(parents: Sequence[int], offsets: np.ndarray, world_quat: np.ndarray, turns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def turned(
+    parents: Sequence[int], offsets: np.ndarray, world_quat: np.ndarray, turns: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Offsets (J, 3) and local rotations (T, J, 4) when every joint's frame is turned by its constant A_j, (J, 4)."""
     ours = rot.normalize(rot.multiply(world_quat, turns))
     local, moved = ours.copy(), offsets.copy()

@@ -1,6 +1,7 @@
 """Imports what ROAM's Unity project shows: its actor's 27 bones per frame (text or `.npy`), and goal poses (27 places).
 
-A bone is position (3), forward (3), up (3) and perhaps velocity (3), in meters, y up. ROAM's motion capture is BVH (bvh.py).
+A bone is position (3), forward (3), up (3) and perhaps velocity (3), in meters, y up. ROAM's motion capture is BVH
+(bvh.py).
 """
 
 from pathlib import Path
@@ -14,7 +15,16 @@ from mimicbench.core.untrusted import NPY, load_restricted, read_bytes
 from mimicbench.references.body.body import roam_body
 from mimicbench.references.body.skeletons import ROAM
 from mimicbench.references.importers.bvh import numbers
-from mimicbench.references.importers.recording import MAX_BYTES, UNITS, Recording, Wishes, check_array, check_rate, check_velocity, finish
+from mimicbench.references.importers.recording import (
+    MAX_BYTES,
+    UNITS,
+    Recording,
+    Wishes,
+    check_array,
+    check_rate,
+    check_velocity,
+    finish,
+)
 from mimicbench.references.importers.rest_pose import Adopted, adopt, axis_up, hanging_turns, into_our_rest
 
 FPS = 25.0
@@ -28,7 +38,10 @@ def import_roam(path: Path, wishes: Wishes) -> Recording:
     """Read the actor's bones in all frames. Raises BadFile or BadMotion, for a single pose too."""
     table = read_table(path)
     if table.shape[-1] == 3:
-        raise BadMotion(f"{path} is a static goal pose (27 places), no motion; a clip needs at least two frames of bones: leave it out")
+        raise BadMotion(
+            f"{path} is a static goal pose (27 places), no motion; a clip needs at least two frames "
+            "of bones: leave it out"
+        )
     bones = check_array(path, "the bones", table, table.shape[1:])
     fps = check_rate(path, FPS, wishes)
     _, turn = axis_up(wishes.up or "y+")
@@ -42,7 +55,10 @@ def import_roam(path: Path, wishes: Wishes) -> Recording:
     pos, own = rot.rotate(turn, meters * bones[..., :3]), _orientations(path, bones)
     body, adopted = roam_body(), adopt(ROAM, range(BONES), pos, rot.multiply(turn, own))
     if adopted.residual > SLACK:
-        raise BadMotion(f"{path}: its bones and their directions disagree by {adopted.residual:.2g} m; it is damaged or in another order")
+        raise BadMotion(
+            f"{path}: its bones and their directions disagree by {adopted.residual:.2g} m; it is "
+            "damaged or in another order"
+        )
     if table.shape[-1] == BONE_AND_VELOCITY:
         check_velocity(path, bones[..., :3], bones[..., 9:], fps)
     skeleton, local = into_our_rest(body, adopted, _turns(path, adopted))
@@ -50,7 +66,10 @@ def import_roam(path: Path, wishes: Wishes) -> Recording:
 
 
 def read_pose(path: Path) -> np.ndarray:
-    """(27, 3) places of ROAM's joints [m], z up, of a goal pose or of the first frame of a motion. Raises BadFile or BadMotion."""
+    """(27, 3) places of ROAM's joints [m], z up, of a goal pose or of the first frame of a motion.
+
+    Raises BadFile or BadMotion.
+    """
     table = read_table(path)[0]
     if not np.isfinite(table).all() or np.abs(table).max() > 1e4:
         raise BadMotion(f"{path} holds NaN, infinity, or places far away; it is damaged or not in meters")
@@ -67,7 +86,9 @@ def read_table(path: Path) -> np.ndarray:
         table = table.astype(float)
     else:
         if raw.count(b"\n") > MAX_FRAMES:
-            raise BadMotion(f"{path} has more than {MAX_FRAMES} lines; it is no file of ROAM's bones, or must be cut into parts")
+            raise BadMotion(
+                f"{path} has more than {MAX_FRAMES} lines; it is no file of ROAM's bones, or must be cut into parts"
+            )
         lines = raw.decode("utf-8", "replace").splitlines()
         rows = [found for line in lines if len(found := numbers(line.replace(",", " ")))]
         if len({len(row) for row in rows}) == 1:
@@ -75,7 +96,9 @@ def read_table(path: Path) -> np.ndarray:
         elif rows and len(lines) == BONES:
             table = np.concatenate(rows)
         else:
-            raise BadMotion(f"{path} has rows of different lengths or none; it is cut off or no file of ROAM's bones: get it again")
+            raise BadMotion(
+                f"{path} has rows of different lengths or none; it is cut off or no file of ROAM's bones: get it again"
+            )
     width = BONES * BONE_AND_VELOCITY
     if table.ndim == 3 and table.shape[1] == BONES and table.shape[2] in (3, BONE, BONE_AND_VELOCITY):
         return table
@@ -84,8 +107,13 @@ def read_table(path: Path) -> np.ndarray:
     if table.ndim == 2 and table.shape[1] in (BONES * BONE, width):
         return table.reshape(len(table), BONES, -1)
     if table.ndim in (1, 2) and table.size and table.shape[-1] >= width and len(np.atleast_2d(table)) == 1:
-        return table.reshape(-1)[:width].reshape(1, BONES, BONE_AND_VELOCITY)  # a frame of training data begins with the bones
-    raise BadMotion(f"{path} has numbers of shape {table.shape}, expected 27 bones of {BONE} or {BONE_AND_VELOCITY} numbers per frame, or one pose of 27 x 3")
+        return table.reshape(-1)[:width].reshape(
+            1, BONES, BONE_AND_VELOCITY
+        )  # a frame of training data begins with the bones
+    raise BadMotion(
+        f"{path} has numbers of shape {table.shape}, expected 27 bones of {BONE} or "
+        f"{BONE_AND_VELOCITY} numbers per frame, or one pose of 27 x 3"
+    )
 
 
 def _orientations(path: Path, bones: np.ndarray) -> np.ndarray:
@@ -93,7 +121,10 @@ def _orientations(path: Path, bones: np.ndarray) -> np.ndarray:
     forward, up = bones[..., 3:6], bones[..., 6:9]
     lengths = np.linalg.norm(forward, axis=-1), np.linalg.norm(up, axis=-1)
     if max(np.abs(length - 1).max() for length in lengths) > 0.02 or np.abs((forward * up).sum(-1)).max() > 0.02:
-        raise BadMotion(f"{path}: forward and up of its bones are not of unit length and perpendicular; it is damaged or in another order")
+        raise BadMotion(
+            f"{path}: forward and up of its bones are not of unit length and perpendicular; it is "
+            "damaged or in another order"
+        )
     up = up / lengths[1][..., None]
     forward = forward - (forward * up).sum(-1, keepdims=True) * up
     forward = forward / np.linalg.norm(forward, axis=-1, keepdims=True)
@@ -101,7 +132,9 @@ def _orientations(path: Path, bones: np.ndarray) -> np.ndarray:
 
 
 def _turns(path: Path, adopted: Adopted) -> np.ndarray:
-    """The constant rotations from the actor's rest pose into ours: its frames are those of a T-pose, turned half round about the vertical."""
+    """The constant rotations from the actor's rest pose into ours: its frames are those of a T-pose, turned half
+    round about the vertical.
+    """
     try:
         return hanging_turns(roam_body(), adopted.offsets, np.tile(rot.IDENTITY, (BONES, 1)), np.array([0.0, 1.0, 0.0]))
     except BadMotion as error:

@@ -1,4 +1,6 @@
-"""Imports people of UniHSI and ASE (15 bodies, z up): `SkeletonMotion` files (`.npy`), and rigid-body states recorded from Isaac Gym."""
+"""Imports people of UniHSI and ASE (15 bodies, z up): `SkeletonMotion` files (`.npy`), and rigid-body states
+recorded from Isaac Gym.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -22,7 +24,7 @@ from mimicbench.references.importers.recording import (
     check_upright,
     check_velocity,
     finish,
-)  # fmt: skip
+)
 from mimicbench.references.importers.rest_pose import adopt, axis_up, into_our_rest
 
 STATES_FPS = 30.0
@@ -47,21 +49,40 @@ def import_skeleton_motion(path: Path, wishes: Wishes | None = None) -> Recordin
     quat = check_array(path, "rotation", _content(data, "rotation"), (len(skeleton.joint_names), 4))
     root = check_array(path, "root_translation", _content(data, "root_translation"), (3,))
     if len(quat) != len(root):
-        raise BadMotion(f"{path} has {len(quat)} frames of rotations and {len(root)} of positions; it is damaged: get it again")
+        raise BadMotion(
+            f"{path} has {len(quat)} frames of rotations and {len(root)} of positions; it is damaged: get it again"
+        )
     fps = check_rate(path, data.get("fps"), wishes)
     quat = check_unit_quat(path, quat)
-    assumed = ["quaternions are xyzw, as in every SkeletonMotion", f"{wishes.up or 'z'} is up and lengths are in meters"]
+    assumed = [
+        "quaternions are xyzw, as in every SkeletonMotion",
+        f"{wishes.up or 'z'} is up and lengths are in meters",
+    ]
     is_local = data.get("is_local")
     if not isinstance(is_local, bool):
-        raise BadMotion(f"{path} does not say whether its rotations are local (is_local is {is_local!r:.40}); it is damaged: get it again")
+        raise BadMotion(
+            f"{path} does not say whether its rotations are local (is_local is {is_local!r:.40}); it "
+            "is damaged: get it again"
+        )
     if not is_local:
-        quat = np.stack([quat[:, i] if p < 0 else rot.multiply(rot.conjugate(quat[:, p]), quat[:, i]) for i, p in enumerate(skeleton.parents)], 1)
+        quat = np.stack(
+            [
+                quat[:, i] if p < 0 else rot.multiply(rot.conjugate(quat[:, p]), quat[:, i])
+                for i, p in enumerate(skeleton.parents)
+            ],
+            1,
+        )
         assumed.append("rotations were relative to the world and were made relative to the parents")
     _, turn = axis_up(wishes.up or "z+")
     root, quat[:, 0] = rot.rotate(turn, root), rot.multiply(turn, quat[:, 0])
     check_upright(path, root, quat)
     stored = _content(data, "global_velocity")
-    if isinstance(stored, np.ndarray) and stored.shape == quat.shape[:2] + (3,) and stored.dtype.kind == "f" and np.isfinite(stored).all():
+    if (
+        isinstance(stored, np.ndarray)
+        and stored.shape == quat.shape[:2] + (3,)
+        and stored.dtype.kind == "f"
+        and np.isfinite(stored).all()
+    ):
         check_velocity(path, forward_kinematics(skeleton, root, quat)[0], stored.astype(float), fps)
     return finish(path, Recording(path.stem, skeleton, fps, root, quat, tuple(assumed), wishes=wishes))
 
@@ -73,13 +94,17 @@ def import_rigid_bodies(path: Path, wishes: Wishes) -> Recording:
     _, turn = axis_up(wishes.up or "z+")
     quat = rot.multiply(turn, check_unit_quat(path, states[..., 3:7]))
     assumed = [
-        "bodies are in UniHSI's order, quaternions xyzw", f"{wishes.up or 'z'} is up and lengths are in meters",
+        "bodies are in UniHSI's order, quaternions xyzw",
+        f"{wishes.up or 'z'} is up and lengths are in meters",
         f"{fps:g} frames per second, as {'told' if wishes.fps else 'UniHSI controls its humanoid'}",
-    ]  # fmt: skip
+    ]
     pos = rot.rotate(turn, states[..., :3])
     adopted = adopt(UNIHSI, range(BODIES), pos, quat)
     if adopted.residual > SLACK:
-        raise BadMotion(f"{path}: its bodies and their rotations disagree by {adopted.residual:.2g} m; it is damaged or in another order")
+        raise BadMotion(
+            f"{path}: its bodies and their rotations disagree by {adopted.residual:.2g} m; it is "
+            "damaged or in another order"
+        )
     check_velocity(path, states[..., :3], states[..., 7:10], fps)
     skeleton, local = into_our_rest(unihsi_body(), adopted, np.tile(rot.IDENTITY, (BODIES, 1)))
     recording = finish(path, Recording(path.stem, skeleton, fps, adopted.pos, local, tuple(assumed), wishes=wishes))
@@ -111,14 +136,26 @@ def _skeleton(path: Path, tree: Any) -> Skeleton:
     """The file's skeleton, which must be UniHSI's but may have other bone lengths."""
     names = tree.get("node_names") if isinstance(tree, dict) else None
     if not isinstance(names, list) or tuple(map(str, names)) != UNIHSI.joint_names:
-        raise BadMotion(f"{path} has another skeleton ({names!r:.80}); expected the joints {', '.join(UNIHSI.joint_names)}")
-    arrays = [value.get("arr") if isinstance(value, dict) else None for value in (tree.get("parent_indices"), tree.get("local_translation"))]
+        raise BadMotion(
+            f"{path} has another skeleton ({names!r:.80}); expected the joints {', '.join(UNIHSI.joint_names)}"
+        )
+    arrays = [
+        value.get("arr") if isinstance(value, dict) else None
+        for value in (tree.get("parent_indices"), tree.get("local_translation"))
+    ]
     parents, offsets = arrays
     if not isinstance(parents, np.ndarray) or parents.shape != (15,) or tuple(parents.tolist()) != UNIHSI.parents:
         raise BadMotion(f"{path}: its joints hang together in another way than UniHSI's; it cannot be imported")
-    if not isinstance(offsets, np.ndarray) or offsets.shape != (15, 3) or offsets.dtype.kind != "f" or not np.isfinite(offsets).all():
+    if (
+        not isinstance(offsets, np.ndarray)
+        or offsets.shape != (15, 3)
+        or offsets.dtype.kind != "f"
+        or not np.isfinite(offsets).all()
+    ):
         raise BadMotion(f"{path}: its bones have no lengths; it is damaged: get it again")
     worst = np.abs(offsets[1:] - UNIHSI.offsets[1:]).max()
     if worst > 0.02:
-        raise BadMotion(f"{path}: its bones differ from UniHSI's by up to {worst:.2g} m; scale it to that skeleton first")
+        raise BadMotion(
+            f"{path}: its bones differ from UniHSI's by up to {worst:.2g} m; scale it to that skeleton first"
+        )
     return UNIHSI

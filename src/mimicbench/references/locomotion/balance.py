@@ -9,11 +9,15 @@ from mimicbench.references.locomotion.gait import Footsteps, Gait, left_of
 GRAVITY = 9.81
 
 
-def balance(steps: Footsteps, time: np.ndarray, gait: Gait, scale: float, height: float, start: np.ndarray | None = None) -> np.ndarray:
+def balance(
+    steps: Footsteps, time: np.ndarray, gait: Gait, scale: float, height: float, start: np.ndarray | None = None
+) -> np.ndarray:
     """Floor position (T, 2) [m] of a pendulum of some height [m] that is in balance over the feet.
 
-    Solves c - (height / g) c'' = support(t), at rest over both feet at either end (Kajita et al. 2001; the two-point form, so
-    nothing can run away), or from `start` (2,) [m] on. The support point is the stance foot during a swing and moves over during
+    Solves c - (height / g) c'' = support(t), at rest over both feet at either end (Kajita et al. 2001; the two-point
+    form, so
+    nothing can run away), or from `start` (2,) [m] on. The support point is the stance foot during a swing and moves
+    over during
     double support.
     """
     support = support_point(steps, time, gait, scale)
@@ -30,9 +34,13 @@ def support_point(steps: Footsteps, time: np.ndarray, gait: Gait, scale: float) 
     """Center of pressure (T, 2) [m] that the plan intends."""
 
     def under(xy: np.ndarray, yaw: float, side: int) -> np.ndarray:
-        return xy + scale * (gait.forefoot * np.array([np.cos(yaw), np.sin(yaw)]) + (1 - 2 * side) * gait.outward * left_of(yaw))
+        return xy + scale * (
+            gait.forefoot * np.array([np.cos(yaw), np.sin(yaw)]) + (1 - 2 * side) * gait.outward * left_of(yaw)
+        )
 
-    feet = [under(xy, yaw, side) for side, (xy, yaw) in enumerate(zip(steps.first_xy, steps.first_foot_yaw, strict=True))]
+    feet = [
+        under(xy, yaw, side) for side, (xy, yaw) in enumerate(zip(steps.first_xy, steps.first_foot_yaw, strict=True))
+    ]
     support = np.broadcast_to(0.5 * (feet[0] + feet[1]), (len(time), 2)).copy()
     # not quicker at higher speeds, for smoothness: it begins while the foot that is about to land is still in the air
     shift = gait.double_support * gait.period

@@ -41,7 +41,9 @@ class Course:
 
     @cached_property
     def action(self) -> HumanMotion:
-        """What somebody does who stands at the stop already: the first frame is BEFORE seconds before the last touch-down, the end rests."""
+        """What somebody does who stands at the stop already: the first frame is BEFORE seconds before the last
+        touch-down, the end rests.
+        """
         none = np.zeros(0)
         steps = Footsteps(self.feet_xy, self.stop_yaw, np.zeros(0, int), np.zeros((0, 2)), none, none, none)
         way = follow(self.body, steps, self.gait, BEFORE + self.after + REST)
@@ -61,5 +63,7 @@ class Course:
 
 
 def landmarks(pos: np.ndarray, quat: np.ndarray) -> np.ndarray:
-    """(T, J + 2, 3) joints at (T, J, 3) [m] with orientations (T, J, 4), and two points that tell how the pelvis is turned."""
+    """(T, J + 2, 3) joints at (T, J, 3) [m] with orientations (T, J, 4), and two points that tell how the pelvis is
+    turned.
+    """
     return np.concatenate([pos, pos[:, :1] + rot.rotate(quat[:, :1], AXES)], 1)

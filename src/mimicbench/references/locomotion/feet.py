@@ -1,4 +1,6 @@
-"""Feet that never skate: flat and still in stance, or rolling from the heel over the flat sole to the toes, about a point that stays."""
+"""Feet that never skate: flat and still in stance, or rolling from the heel over the flat sole to the toes, about a
+point that stays.
+"""
 
 from dataclasses import dataclass
 
@@ -10,17 +12,21 @@ from mimicbench.references.body.limbs import ease, glide
 from mimicbench.references.locomotion.gait import Footsteps, Gait, left_of
 
 LONG = 0.95
-"""A stride for which the feet roll by `Gait.heel_strike` and `Gait.heel_off` [m at size 1]; in proportion for others, up to 1.15 times."""
+"""A stride for which the feet roll by `Gait.heel_strike` and `Gait.heel_off` [m at size 1]; in proportion for others,
+up to 1.15 times."""
 LOADING = 0.12
 """The foot is flat after this share of the gait cycle (loading response, Perry & Burnfield 2010)."""
 RISING = 0.05
-"""The heel leaves the floor this share of the cycle before the other foot lands, at 40 % of the cycle when walking slowly (ibid.)."""
+"""The heel leaves the floor this share of the cycle before the other foot lands, at 40 % of the cycle when walking
+slowly (ibid.)."""
 
 GATHERS, BRAKES = 0.26, 0.22
-"""Shares of a swing in which a rolling foot gathers speed and loses it, up to 0.8 m/s; more of the shorter swings of who walks faster."""
+"""Shares of a swing in which a rolling foot gathers speed and loses it, up to 0.8 m/s; more of the shorter swings of
+who walks faster."""
 
 EARLY = 0.8
-"""A rolling foot is highest before the middle of its swing, as the knee bends most at 72 % of the cycle (ibid.): at 0.5 to the power of 1 / EARLY."""
+"""A rolling foot is highest before the middle of its swing, as the knee bends most at 72 % of the cycle (ibid.): at 0.5
+to the power of 1 / EARLY."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +66,9 @@ class FeetStart:
 
 
 def swing_feet(steps: Footsteps, time: np.ndarray, gait: Gait, body: Body, start: FeetStart | None = None) -> Feet:
-    """Both feet at times (T,): what bears is exactly still; in swing minimum jerk over the floor, on an arc, heel off first and down first.
+    """Both feet at times (T,): what bears is exactly still.
+
+    In swing minimum jerk over the floor, on an arc, heel off first and down first.
 
     With `start` they go on from that, exactly, and join the plan until they land or, if they stand, within a moment.
     """
@@ -72,7 +80,9 @@ def swing_feet(steps: Footsteps, time: np.ndarray, gait: Gait, body: Body, start
     contact = np.ones((len(time), 2), bool)
     foot_xy, foot_yaw = steps.first_xy.copy(), steps.first_foot_yaw.copy()
     loose = np.zeros((len(time), 2))
-    for side, xy, heading, lift, land in zip(steps.side, steps.xy, steps.yaw, steps.lift_off, steps.touch_down, strict=True):
+    for side, xy, heading, lift, land in zip(
+        steps.side, steps.xy, steps.yaw, steps.lift_off, steps.touch_down, strict=True
+    ):
         u = (time - lift) / (land - lift)
         swinging, after = (u > 0) & (u < 1), u >= 1
         share = swing_share(u[swinging], gait)
@@ -81,9 +91,14 @@ def swing_feet(steps: Footsteps, time: np.ndarray, gait: Gait, body: Body, start
         path = foot_xy[side] + share[:, None] * (xy - foot_xy[side])
         # swing around the stance foot, not through it
         middle = sign * (0.5 * (foot_xy[side] + xy) - foot_xy[1 - side]) @ sideways
-        path = path + sign * max(0.0, min(0.20, 0.9 * gait.width) * scale - middle) * _bump(u[swinging])[:, None] * sideways
+        path = (
+            path
+            + sign * max(0.0, min(0.20, 0.9 * gait.width) * scale - middle) * _bump(u[swinging])[:, None] * sideways
+        )
         base[swinging, side, :2], base[after, side, :2] = path, xy
-        base[swinging, side, 2] = body.sole + gait.clearance * scale * _bump(u[swinging] ** EARLY if gait.rolls else u[swinging])
+        base[swinging, side, 2] = body.sole + gait.clearance * scale * _bump(
+            u[swinging] ** EARLY if gait.rolls else u[swinging]
+        )
         yaw[swinging, side] = foot_yaw[side] + share * (heading - foot_yaw[side])
         yaw[after, side] = heading
         if gait.rolls:
@@ -114,7 +129,8 @@ def swing_feet(steps: Footsteps, time: np.ndarray, gait: Gait, body: Body, start
 def swing_share(u: np.ndarray | float, gait: Gait) -> np.ndarray:
     """How much of its way a foot has gone after a share u of its swing.
 
-    Feet that roll gather speed as they leave the floor and lose it as they land, so they are no faster than they must be, and strike
+    Feet that roll gather speed as they leave the floor and lose it as they land, so they are no faster than they must
+    be, and strike
     while they are in front of the body as far as they come.
     """
     if not gait.rolls:
@@ -124,9 +140,11 @@ def swing_share(u: np.ndarray | float, gait: Gait) -> np.ndarray:
 
 
 def rolled(body: Body, pitch: np.ndarray, yaw: np.ndarray, pivot: np.ndarray) -> np.ndarray:
-    """How far the ankle (..., 3) moves [m] when a flat foot with some heading (...) pitches (...) [rad] about a point that stays.
+    """How far the ankle (..., 3) moves [m] when a flat foot with some heading (...) pitches (...) [rad] about a
+    point that stays.
 
-    The point is the front of the sole (or the joint in which the toes bend) where `pivot` (...) is 0, and the heel's end where it is 1.
+    The point is the front of the sole (or the joint in which the toes bend) where `pivot` (...) is 0, and the heel's
+    end where it is 1.
     """
     front = np.array([body.toe, -body.sole]) if body.toes is None else body.skeleton.offsets[body.toes[0], [0, 2]]
     x = front[0] + pivot * (body.heel - front[0])
@@ -147,21 +165,35 @@ def stride_difference(feet: Feet, yaw: np.ndarray, fps: float) -> np.ndarray:
 
 
 def _roll(time: np.ndarray, lift: float, land: float, gait: Gait) -> np.ndarray:
-    """Pitch (T,) [rad] of a foot around one of its swings: the heel rises before, lands first, and the sole lies down after it."""
+    """Pitch (T,) [rad] of a foot around one of its swings: the heel rises before, lands first, and the sole lies
+    down after it.
+    """
     swing, cycle = land - lift, 2.0 * gait.period
     peak = lift + 0.12 * swing
     rises = lift - gait.overlap * gait.period - RISING * cycle
     off = minimum_jerk((time - rises) / (peak - rises)) * (1.0 - minimum_jerk((time - peak) / (0.64 * swing)))
     turns = land - 0.05 * swing
-    strike = minimum_jerk((time - turns) / (0.50 * swing) + 1.0) * (1.0 - minimum_jerk((time - turns) / (land + LOADING * cycle - turns)))
+    strike = minimum_jerk((time - turns) / (0.50 * swing) + 1.0) * (
+        1.0 - minimum_jerk((time - turns) / (land + LOADING * cycle - turns))
+    )
     return gait.heel_off * off - gait.heel_strike * strike
 
 
 def _go_on(
-    start: FeetStart, steps: Footsteps, time: np.ndarray, fps: float, body: Body,
-    base: np.ndarray, yaw: np.ndarray, pitch: np.ndarray, pivot: np.ndarray, contact: np.ndarray,
-) -> None:  # fmt: skip
-    """Make the planned feet begin as they are: in place, what does not bear until it lands, the pitch of what bears within a moment."""
+    start: FeetStart,
+    steps: Footsteps,
+    time: np.ndarray,
+    fps: float,
+    body: Body,
+    base: np.ndarray,
+    yaw: np.ndarray,
+    pitch: np.ndarray,
+    pivot: np.ndarray,
+    contact: np.ndarray,
+) -> None:
+    """Make the planned feet begin as they are: in place, what does not bear until it lands, the pitch of what bears
+    within a moment.
+    """
     for side in (0, 1):
         landing = steps.touch_down[(steps.side == side) & (steps.touch_down > 0)]
         lasts = float(landing[0]) if len(landing) and not start.bears[side] else 0.15

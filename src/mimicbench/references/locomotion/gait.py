@@ -1,4 +1,6 @@
-"""Where a walk leads and where its feet stand: a route around the object, and footsteps on it with a bounded step and turn."""
+"""Where a walk leads and where its feet stand: a route around the object, and footsteps on it with a bounded step
+and turn.
+"""
 
 from dataclasses import dataclass
 
@@ -27,35 +29,43 @@ class Gait:
     first_step: float = 0.75
     """Length of the first step, as a share of the usual."""
     stretch: float = 0.05
-    """The steps to the end of the way may all be longer than usual, to be one fewer, if the last would be shorter than this share of one."""
+    """The steps to the end of the way may all be longer than usual, to be one fewer, if the last would be shorter than
+    this share of one."""
     clearance: float = 0.075
     """Height of the sole at mid swing [m]."""
     forefoot: float = 0.035
     """The support point lies this far in front of the ankle [m]."""
     outward: float = 0.06
-    """And this far outside of it while it bears the weight [m]: a careful walk that carries the hips well over the standing leg, which
+    """And this far outside of it while it bears the weight [m]: a careful walk that carries the hips well over the
+    standing leg, which
     a body with wide hips needs."""
     stand: float = 0.8
     """Time before the first swing, in which the weight shifts [s]."""
     heel_strike: float = 0.30
-    """Pitch of the foot as its heel lands after a long stride [rad]. Without heel_strike and heel_off the feet stay flat in stance."""
+    """Pitch of the foot as its heel lands after a long stride [rad]. Without heel_strike and heel_off the feet stay
+    flat in stance."""
     heel_off: float = 0.85
     """Pitch of the foot as its toes leave the floor before a long stride [rad]."""
     sway: float = 1.0
-    """Share of the usual lean and list of the trunk while walking, beyond what balance asks for, and of the head's steadiness."""
+    """Share of the usual lean and list of the trunk while walking, beyond what balance asks for, and of the head's
+    steadiness."""
 
     @property
     def period(self) -> float:
-        """From one touch-down to the next [s]: at higher speeds cadence and step length both grow with the root of the speed.
+        """From one touch-down to the next [s]: at higher speeds cadence and step length both grow with the root of
+        the speed.
 
-        That is 0.55 s at 1.3 m/s (Boulic et al. 1990 with a leg of 0.8 m: 0.53 s; Perry & Burnfield 2010: 0.51 to 0.57 s), and 0.78 s
+        That is 0.55 s at 1.3 m/s (Boulic et al. 1990 with a leg of 0.8 m: 0.53 s; Perry & Burnfield 2010: 0.51 to 0.57
+        s), and 0.78 s
         at 0.65 m/s (seven people on their way to a seat or bed: 0.81 s).
         """
         return min(self.step_time, 0.55 * (1.3 / max(self.speed, 1e-3)) ** 0.5)
 
     @property
     def overlap(self) -> float:
-        """Share of the step time with both feet on the floor: less at higher speeds, 20 % at 1.3 m/s (Perry & Burnfield 2010)."""
+        """Share of the step time with both feet on the floor: less at higher speeds, 20 % at 1.3 m/s (Perry &
+        Burnfield 2010).
+        """
         return self.double_support - max(self.double_support - 0.20, 0.0) * min(max(self.speed - 0.7, 0.0), 0.6) / 0.6
 
     @property
@@ -130,11 +140,19 @@ class Footsteps:
 
 
 def around_box(
-    start: np.ndarray, goal: np.ndarray, low: np.ndarray, high: np.ndarray, margin: float, start_yaw: float | None = None, goal_yaw: float | None = None
+    start: np.ndarray,
+    goal: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    margin: float,
+    start_yaw: float | None = None,
+    goal_yaw: float | None = None,
 ) -> Route:
-    """The shortest way (2,) to (2,) that stays `margin` [m] away from the rectangle low..high, past one of its front (+x) corners.
+    """The shortest way (2,) to (2,) that stays `margin` [m] away from the rectangle low..high, past one of its front
+    (+x) corners.
 
-    Both ends must be outside of the rounded rectangle, and the goal in front of it. With `start_yaw` or `goal_yaw` [rad] the way
+    Both ends must be outside of the rounded rectangle, and the goal in front of it. With `start_yaw` or `goal_yaw`
+    [rad] the way
     leaves or arrives on a curve that is tangent to that heading, as far as the rectangle allows it.
     """
     points = _shortest(start, goal, low, high, margin)
@@ -167,7 +185,8 @@ def _shortest(start: np.ndarray, goal: np.ndarray, low: np.ndarray, high: np.nda
 
 
 def _bent(points: np.ndarray, yaw: float, low: np.ndarray, high: np.ndarray, margin: float) -> np.ndarray:
-    """The same way, its beginning replaced by a cubic that leaves in direction `yaw` [rad], if one stays clear of the rectangle.
+    """The same way, its beginning replaced by a cubic that leaves in direction `yaw` [rad], if one stays clear of
+    the rectangle.
 
     Who would have to leave at more than 1.9 rad from the way turns on the spot instead.
     """
@@ -182,15 +201,20 @@ def _bent(points: np.ndarray, yaw: float, low: np.ndarray, high: np.ndarray, mar
     u = np.linspace(0.0, 1.0, 13)[:, None]
     for handle in (0.45 * joins, 0.25 * joins):
         knots = points[0], points[0] + handle * ahead_of(leave), join - handle * ahead_of(onward), join
-        curve = (1 - u) ** 3 * knots[0] + 3 * u * (1 - u) ** 2 * knots[1] + 3 * u**2 * (1 - u) * knots[2] + u**3 * knots[3]
+        curve = (
+            (1 - u) ** 3 * knots[0] + 3 * u * (1 - u) ** 2 * knots[1] + 3 * u**2 * (1 - u) * knots[2] + u**3 * knots[3]
+        )
         gap = np.linalg.norm(np.maximum(np.maximum(low - curve, curve - high), 0), axis=-1)
         if gap.min() >= min(margin, float(gap[0]), float(gap[-1])) - 1e-9:
             return np.concatenate([curve, route.after(joins)[1:]])
     return points
 
 
-def plan_footsteps(start_yaw: float, route: Route, goal_xy: np.ndarray, goal_yaw: float, gait: Gait, scale: float) -> Footsteps:
-    """Steps along the route, then a stepping turn that backs from its end to the goal, then a step that closes the feet.
+def plan_footsteps(
+    start_yaw: float, route: Route, goal_xy: np.ndarray, goal_yaw: float, gait: Gait, scale: float
+) -> Footsteps:
+    """Steps along the route, then a stepping turn that backs from its end to the goal, then a step that closes the
+    feet.
 
     Args:
         start_yaw: Heading at the start [rad]; the start's place is the route's.
@@ -216,9 +240,16 @@ def first_side(start_yaw: float, yaws: list[float]) -> int:
 
 
 def place_feet(
-    foot_xy: np.ndarray, foot_yaw: list[float], centers: list[np.ndarray], yaws: list[float], side: int, gait: Gait, scale: float
+    foot_xy: np.ndarray,
+    foot_yaw: list[float],
+    centers: list[np.ndarray],
+    yaws: list[float],
+    side: int,
+    gait: Gait,
+    scale: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Sides (N,) and ankles (N, 2) [m] of the steps that carry the body from place to place, the first with foot `side`.
+    """Sides (N,) and ankles (N, 2) [m] of the steps that carry the body from place to place, the first with foot
+    `side`.
 
     Args:
         foot_xy: (2, 2) where both ankles are before [m].
@@ -252,7 +283,9 @@ def place_feet(
 
 
 def last_turn(steps: Footsteps) -> float:
-    """1 if the last turn is to the left, -1 if it is to the right: a choice that flips where the way leads straight ahead."""
+    """1 if the last turn is to the left, -1 if it is to the right: a choice that flips where the way leads straight
+    ahead.
+    """
     turns = np.diff(np.concatenate([[steps.first_yaw], steps.yaw]))
     turns = turns[np.abs(turns) > 1e-6]
     return 1.0 if not len(turns) or turns[-1] > 0 else -1.0
@@ -260,8 +293,10 @@ def last_turn(steps: Footsteps) -> float:
 
 def body_places(
     start_yaw: float, route: Route, goal_xy: np.ndarray, goal_yaw: float, gait: Gait, pace: float | None = None
-) -> tuple[list[np.ndarray], list[float]]:  # fmt: skip
-    """Place and heading of the body at every touch-down, at first with steps `pace` times as long as later, or `gait.first_step` times."""
+) -> tuple[list[np.ndarray], list[float]]:
+    """Place and heading of the body at every touch-down, at first with steps `pace` times as long as later, or
+    `gait.first_step` times.
+    """
     pace = gait.first_step if pace is None else pace
     centers: list[np.ndarray] = []
     yaws: list[float] = []
@@ -277,7 +312,9 @@ def body_places(
             gone += (total - gone) / max(1.0, np.ceil((total - gone) / step - gait.stretch))
             pace = min(1.0, pace + 0.25)
         if total - gone <= 0.05:  # begin to turn while arriving
-            yaw += float(np.clip(rot.wrap_angle(goal_yaw - yaw), -0.5 * gait.max_turn, 0.5 * gait.max_turn)) * (abs(turn) < 0.5 * gait.max_turn)
+            yaw += float(np.clip(rot.wrap_angle(goal_yaw - yaw), -0.5 * gait.max_turn, 0.5 * gait.max_turn)) * (
+                abs(turn) < 0.5 * gait.max_turn
+            )
         centers.append(route.at(gone)[0])
         yaws.append(yaw)
     here = route.at(total)[0]

@@ -1,4 +1,6 @@
-"""Joining a planned clip from the midst of a motion: what differs at first fades, and the feet that stand stay where they are."""
+"""Joining a planned clip from the midst of a motion: what differs at first fades, and the feet that stand stay where
+they are.
+"""
 
 from dataclasses import replace
 
@@ -38,7 +40,13 @@ def join(body: Body, plan: HumanMotion, state: BodyState, feet_go_on: bool) -> H
         for side, toe in enumerate(body.toes or ()):  # they lie on the floor while their foot is pitched
             lands = int(np.argmax(stands[:, side])) / fps
             if pose.known[toe]:
-                quat[:some, toe] = turned(plan.local_quat[:some, toe], pose.local_quat[toe], pose.rate[toe], fps, max(2 / fps, lands) if lands else FLAT)
+                quat[:some, toe] = turned(
+                    plan.local_quat[:some, toe],
+                    pose.local_quat[toe],
+                    pose.rate[toe],
+                    fps,
+                    max(2 / fps, lands) if lands else FLAT,
+                )
     ankle, foot = feet_of(body, plan.root_pos_w, plan.local_quat)
     planned = ankle
     if feet_go_on:
@@ -58,11 +66,20 @@ def join(body: Body, plan: HumanMotion, state: BodyState, feet_go_on: bool) -> H
     if state.box is not None and len(box_pos):
         box_pos = ease(box_pos, state.box.pos_w, state.box.vel_w, fps, JOINS)
         box_quat = turned(box_quat, state.box.quat_w, state.box.rate, fps, JOINS)
-    return replace(plan, root_pos_w=root, local_quat=rot.normalize(quat), contacts=contacts, object_pos_w=box_pos, object_quat_w=box_quat)
+    return replace(
+        plan,
+        root_pos_w=root,
+        local_quat=rot.normalize(quat),
+        contacts=contacts,
+        object_pos_w=box_pos,
+        object_quat_w=box_quat,
+    )
 
 
 def turned(quat: np.ndarray, first: np.ndarray, rate: np.ndarray, fps: float, lasts: float) -> np.ndarray:
-    """Rotations (T, ..., 4) that begin at `first` (..., 4), turn by `rate` (..., 3) [rad/s] in their own frame there, and join the given ones."""
+    """Rotations (T, ..., 4) that begin at `first` (..., 4), turn by `rate` (..., 3) [rad/s] in their own frame
+    there, and join the given ones.
+    """
     if len(quat) < 3:
         return quat
     away = [rot.to_rotvec(rot.multiply(rot.conjugate(quat[0]), quat[i])) for i in (1, 2)]
@@ -70,7 +87,9 @@ def turned(quat: np.ndarray, first: np.ndarray, rate: np.ndarray, fps: float, la
     now = rot.to_rotvec(rot.multiply(rot.conjugate(quat[0]), first))
     ahead = rot.multiply(first, rot.from_rotvec(rate / fps))
     soon = rot.to_rotvec(rot.multiply(rot.conjugate(rot.multiply(quat[0], rot.from_rotvec(own))), ahead))
-    return rot.multiply(quat, rot.from_rotvec(ease(np.zeros((*quat.shape[:-1], 3)), now, (soon - now) * fps, fps, lasts)))
+    return rot.multiply(
+        quat, rot.from_rotvec(ease(np.zeros((*quat.shape[:-1], 3)), now, (soon - now) * fps, fps, lasts))
+    )
 
 
 def feet_of(body: Body, root_pos_w: np.ndarray, local_quat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -103,18 +122,26 @@ def _foot(state: BodyState, body: Body, side: int) -> tuple[np.ndarray, np.ndarr
         first, then = (feet_of(body, state.pelvis_pos_w, quat)[1][side] for quat in (pose.local_quat, soon))
         return first, rot.to_rotvec(rot.multiply(rot.conjugate(first), then)) / moment
     quat = rot.multiply(rot.from_yaw(feet.yaw[side]), about_y(feet.pitch[side]))
-    return quat, np.array([0.0, feet.pitch_rate[side], 0.0]) + rot.rotate_inverse(quat, np.array([0.0, 0.0, feet.yaw_rate[side]]))
+    return quat, np.array([0.0, feet.pitch_rate[side], 0.0]) + rot.rotate_inverse(
+        quat, np.array([0.0, 0.0, feet.yaw_rate[side]])
+    )
 
 
-def _fade(state: BodyState, body: Body, ankle: np.ndarray, foot: np.ndarray, side: int, fps: float, lasts: float) -> None:
+def _fade(
+    state: BodyState, body: Body, ankle: np.ndarray, foot: np.ndarray, side: int, fps: float, lasts: float
+) -> None:
     """Let one foot of ankles (T, 2, 3) and feet (T, 2, 4) begin as it is and join the plan within some time [s]."""
     feet = state.feet
     ankle[:, side] = ease(ankle[:, side], feet.pos_w[side], feet.vel_w[side], fps, lasts)
     foot[:, side] = turned(foot[:, side], *_foot(state, body, side), fps, lasts)
 
 
-def _keep_feet(body: Body, plan: HumanMotion, state: BodyState, ankle: np.ndarray, foot: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Ankles (T, 2, 3), feet (T, 2, 4) and whether they stand (T, 2), given those of the plan: what stands stays until the plan lifts it."""
+def _keep_feet(
+    body: Body, plan: HumanMotion, state: BodyState, ankle: np.ndarray, foot: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Ankles (T, 2, 3), feet (T, 2, 4) and whether they stand (T, 2), given those of the plan: what stands stays
+    until the plan lifts it.
+    """
     ankle, foot, stands, fps, start = ankle.copy(), foot.copy(), _stands(plan), plan.fps, state.feet
     for side in (0, 1):
         if not (start.bears[side] and stands[0, side]):
@@ -141,7 +168,9 @@ def _keep_feet(body: Body, plan: HumanMotion, state: BodyState, ankle: np.ndarra
     return ankle, foot, stands
 
 
-def _sunk(body: Body, root: np.ndarray, quat: np.ndarray, ankle: np.ndarray, stands: np.ndarray, fps: float, frames: int) -> np.ndarray:
+def _sunk(
+    body: Body, root: np.ndarray, quat: np.ndarray, ankle: np.ndarray, stands: np.ndarray, fps: float, frames: int
+) -> np.ndarray:
     """(frames,) how much the pelvis sinks [m], from none, so that the legs reach the feet that stand."""
     spare, most = np.zeros(len(root)), FARTHEST * sum(body.length(body.legs[0]))
     for side, leg in enumerate(body.legs):
@@ -156,7 +185,10 @@ def _sunk(body: Body, root: np.ndarray, quat: np.ndarray, ankle: np.ndarray, sta
 
 
 def _solve_legs(body: Body, root: np.ndarray, quat: np.ndarray, ankle: np.ndarray, foot: np.ndarray, some: int) -> None:
-    """Turn hips, knees and ankles of the first frames so that the feet are where they should; knees keep the plane that they are in."""
+    """Turn hips, knees and ankles of the first frames so that the feet are where they should.
+
+    Knees keep the plane that they are in.
+    """
     pelvis = quat[:some, body.pelvis]
     for side, leg in enumerate(body.legs):
         hip = root[:some] + rot.rotate(pelvis, body.skeleton.offsets[leg.root])

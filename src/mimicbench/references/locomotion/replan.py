@@ -36,7 +36,16 @@ def in_stride(body: Body, xy: np.ndarray, yaw: float, gait: Gait, phase: float) 
     return state_of_walk(way, round(float(strike + (phase % 1.0) * 2 * gait.period) * FPS)).moved(xy, yaw)
 
 
-def walk_from(body: Body, state: BodyState, route: Route, stop_xy: np.ndarray, stop_yaw: float, gait: Gait, after: float, duration: float = 0.0) -> Walk:
+def walk_from(
+    body: Body,
+    state: BodyState,
+    route: Route,
+    stop_xy: np.ndarray,
+    stop_yaw: float,
+    gait: Gait,
+    after: float,
+    duration: float = 0.0,
+) -> Walk:
     """As `walking.walk`, but from the midst of a motion: the first frame is the state, and goes on with its velocity.
 
     The route begins at the state's `place`. Who moves fast goes on for a step before a sharp turn.
@@ -47,18 +56,31 @@ def walk_from(body: Body, state: BodyState, route: Route, stop_xy: np.ndarray, s
     pelvis = way.pelvis_pos_w.copy()
     pelvis[:, :2] = ease(pelvis[:, :2], state.pelvis_pos_w[:2], state.pelvis_vel_w[:2], FPS, JOINS)
     turned = yaw + way.twist
-    height = ease(standing_height(body, pelvis[:, :2], turned, way.feet, gait.rolls), state.pelvis_pos_w[2], state.pelvis_vel_w[2], FPS, JOINS)
+    height = ease(
+        standing_height(body, pelvis[:, :2], turned, way.feet, gait.rolls),
+        state.pelvis_pos_w[2],
+        state.pelvis_vel_w[2],
+        FPS,
+        JOINS,
+    )
     # where the pelvis is carried farther than was planned, it sinks as much as the legs need
     spare = highest_pelvis(body, pelvis[:, :2], turned, way.feet, FARTHEST) + body.hip_drop - height
     pelvis[:, 2] = height + minimum_jerk(way.time * FPS / 4) * smooth_below(np.minimum(spare, 0.0), 3)
     return replace(
-        way, yaw=yaw, pelvis_pos_w=pelvis,
-        list=ease(way.list, state.roll, state.roll_rate, FPS, JOINS), look=ease(way.look, state.look, state.look_rate, FPS, JOINS),
-    )  # fmt: skip
+        way,
+        yaw=yaw,
+        pelvis_pos_w=pelvis,
+        list=ease(way.list, state.roll, state.roll_rate, FPS, JOINS),
+        look=ease(way.look, state.look, state.look_rate, FPS, JOINS),
+    )
 
 
-def continue_footsteps(body: Body, state: BodyState, route: Route, stop_xy: np.ndarray, stop_yaw: float, gait: Gait) -> Footsteps:
-    """Footsteps from a state on: first those that brought the feet here, at negative times, then those that are to come."""
+def continue_footsteps(
+    body: Body, state: BodyState, route: Route, stop_xy: np.ndarray, stop_yaw: float, gait: Gait
+) -> Footsteps:
+    """Footsteps from a state on: first those that brought the feet here, at negative times, then those that are to
+    come.
+    """
     state = _since_when(body, state, gait)
     feet, swing, scale = state.feet, gait.swing_time, body.size
     forward = ahead_of(state.yaw)
@@ -84,7 +106,9 @@ def continue_footsteps(body: Body, state: BodyState, route: Route, stop_xy: np.n
     touch_down = lift + swing + gait.period * np.arange(count)
     # where the feet came from, so that they roll now as they would have
     first, stride = flat[:, :2].copy(), 2 * gait.period * max(speed, 0.0) * forward
-    past = sorted((float(state.since[foot]), foot) for foot in (0, 1) if feet.bears[foot] and state.since[foot] < 2 * gait.period)[::-1]
+    past = sorted(
+        (float(state.since[foot]), foot) for foot in (0, 1) if feet.bears[foot] and state.since[foot] < 2 * gait.period
+    )[::-1]
     for _, foot in past:
         first[foot] -= stride
     if not feet.bears[side] and count:
@@ -93,13 +117,21 @@ def continue_footsteps(body: Body, state: BodyState, route: Route, stop_xy: np.n
     came = np.array([foot for _, foot in past], int)
     landed = -np.array([since for since, _ in past])
     return Footsteps(
-        first, state.yaw, np.concatenate([came, sides[:count]]), np.concatenate([flat[came, :2], xy[:count]]),
-        np.concatenate([heading[came], yaws[:count]]), np.concatenate([landed - swing, touch_down - swing]), np.concatenate([landed, touch_down]), heading,
-    )  # fmt: skip
+        first,
+        state.yaw,
+        np.concatenate([came, sides[:count]]),
+        np.concatenate([flat[came, :2], xy[:count]]),
+        np.concatenate([heading[came], yaws[:count]]),
+        np.concatenate([landed - swing, touch_down - swing]),
+        np.concatenate([landed, touch_down]),
+        heading,
+    )
 
 
 def _since_when(body: Body, state: BodyState, gait: Gait) -> BodyState:
-    """The state with what a single moment tells of feet that nobody saw lift off or land: of those that swing their height, else which is in front."""
+    """The state with what a single moment tells of feet that nobody saw lift off or land: of those that swing their
+    height, else which is in front.
+    """
     feet, since = state.feet, state.since.copy()
     flat = feet.pos_w - rolled(body, feet.pitch, feet.yaw, (feet.pitch < 0).astype(float))
     for side in np.flatnonzero(~feet.bears & (since >= LONG_AGO)):
@@ -109,7 +141,9 @@ def _since_when(body: Body, state: BodyState, gait: Gait) -> BodyState:
         since[side] = gait.swing_time * (0.5 - away if feet.vel_w[side, 2] > 0 else 0.5 + away)
     forward = ahead_of(state.yaw)
     if feet.bears.all() and (since >= LONG_AGO).all() and abs(state.pelvis_vel_w[:2] @ forward) > MOVES:
-        since[int(np.argmax(feet.pos_w[:, :2] @ forward * np.sign(state.pelvis_vel_w[:2] @ forward)))] = 0.5 * gait.overlap * gait.period
+        since[int(np.argmax(feet.pos_w[:, :2] @ forward * np.sign(state.pelvis_vel_w[:2] @ forward)))] = (
+            0.5 * gait.overlap * gait.period
+        )
     return replace(state, since=since)
 
 
@@ -129,7 +163,10 @@ def _next_swing(state: BodyState, gait: Gait, speed: float) -> tuple[bool, int, 
 def _catch(
     state: BodyState, route: Route, lands: float, speed: float, stop_xy: np.ndarray, stop_yaw: float, gait: Gait
 ) -> tuple[list[np.ndarray], list[float]]:
-    """Places and headings of the body at the touch-downs; the first, in `lands` seconds, is where its speed carries it."""
+    """Places and headings of the body at the touch-downs.
+
+    The first, in `lands` seconds, is where its speed carries it.
+    """
     total, most = route.length, gait.max_turn * min(1.0, lands / gait.period)
     if total <= 0.05:  # what is left is a turn on the spot
         return body_places(state.yaw, route, stop_xy, stop_yaw, gait)
@@ -145,7 +182,9 @@ def _catch(
     return [center, *centers], [yaw, *yaws]
 
 
-def _needed(foot_xy: np.ndarray, foot_yaw: np.ndarray, sides: np.ndarray, xy: np.ndarray, yaws: list[float], least: int) -> int:
+def _needed(
+    foot_xy: np.ndarray, foot_yaw: np.ndarray, sides: np.ndarray, xy: np.ndarray, yaws: list[float], least: int
+) -> int:
     """How many of the steps are needed: the last ones may leave the feet where they already are."""
     places, turns = [foot_xy[0], foot_xy[1]], [float(foot_yaw[0]), float(foot_yaw[1])]
     needed = least

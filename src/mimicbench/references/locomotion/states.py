@@ -1,4 +1,6 @@
-"""What a body does at one moment: where its feet and its pelvis are and how they move, and as far as it is known the whole pose."""
+"""What a body does at one moment: where its feet and its pelvis are and how they move, and as far as it is known the
+whole pose.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -84,14 +86,21 @@ class BodyState:
         def put(points: np.ndarray) -> np.ndarray:
             return rot.rotate(turn, points - here) + np.append(xy, 0.0)
 
-        feet = replace(self.feet, pos_w=put(self.feet.pos_w), vel_w=rot.rotate(turn, self.feet.vel_w), yaw=self.feet.yaw + yaw - self.yaw)
+        feet = replace(
+            self.feet,
+            pos_w=put(self.feet.pos_w),
+            vel_w=rot.rotate(turn, self.feet.vel_w),
+            yaw=self.feet.yaw + yaw - self.yaw,
+        )
         pose, box = self.pose, self.box
         if pose is not None:
             quat = pose.local_quat.copy()
             quat[0] = rot.multiply(turn, quat[0])
             pose = replace(pose, local_quat=quat)
         if box is not None:
-            box = replace(box, pos_w=put(box.pos_w), quat_w=rot.multiply(turn, box.quat_w), vel_w=rot.rotate(turn, box.vel_w))
+            box = replace(
+                box, pos_w=put(box.pos_w), quat_w=rot.multiply(turn, box.quat_w), vel_w=rot.rotate(turn, box.vel_w)
+            )
         pelvis, velocity = put(self.pelvis_pos_w), rot.rotate(turn, self.pelvis_vel_w)
         return replace(self, feet=feet, pelvis_pos_w=pelvis, pelvis_vel_w=velocity, yaw=yaw, pose=pose, box=box)
 
@@ -105,15 +114,23 @@ def state_of_walk(way: Walk, frame: int) -> BodyState:
         past = now - events[events <= now + 1e-9]
         since[side] = past.min(initial=LONG_AGO)
     feet = way.feet
-    tracks = _rates((feet.pos_w, feet.yaw, feet.pitch, way.pelvis_pos_w, way.yaw + way.twist, way.list, way.look), frame, FPS)
+    tracks = _rates(
+        (feet.pos_w, feet.yaw, feet.pitch, way.pelvis_pos_w, way.yaw + way.twist, way.list, way.look), frame, FPS
+    )
     return _state(tracks, feet.contact[frame], since)
 
 
 def state_of_motion(motion: HumanMotion, frame: int) -> BodyState:
-    """What the body does at a frame of any clip whose feet have contact labels. Raises BadMotion without labels or with a single frame."""
+    """What the body does at a frame of any clip whose feet have contact labels.
+
+    Raises BadMotion without labels or with a single frame.
+    """
     names = [name for name in ("left_foot", "right_foot") if name in motion.contact_names]
     if len(names) < 2 or motion.frames < 2:
-        raise BadMotion(f"{motion.id}: planning from a frame needs two frames or more and contact labels of both feet; detect contacts first")
+        raise BadMotion(
+            f"{motion.id}: planning from a frame needs two frames or more and contact labels of both "
+            "feet; detect contacts first"
+        )
     body = body_of(motion.skeleton)
     first = max(0, frame - 1)
     near = slice(first, frame + 2)
@@ -122,7 +139,9 @@ def state_of_motion(motion: HumanMotion, frame: int) -> BodyState:
     pelvis = quat[:, body.pelvis]
     yaw, heading, pitch = _headings(pelvis, quat[:, ankles])
     look = rot.wrap_angle(rot.yaw_of(quat[:, body.head]) - yaw)
-    tracks = _rates((pos[:, ankles], heading, pitch, pos[:, body.pelvis], yaw, _roll(pelvis), look), frame - first, motion.fps)
+    tracks = _rates(
+        (pos[:, ankles], heading, pitch, pos[:, body.pelvis], yaw, _roll(pelvis), look), frame - first, motion.fps
+    )
     bears = motion.contacts[:, [motion.contact_names.index(name) for name in names]].astype(bool)
     since = np.full(2, LONG_AGO)
     for side in (0, 1):
@@ -133,10 +152,18 @@ def state_of_motion(motion: HumanMotion, frame: int) -> BodyState:
 
 
 def state_of_points(
-    body: Body, pelvis_pos_w: np.ndarray, pelvis_quat_w: np.ndarray, pelvis_vel_w: np.ndarray, pelvis_rate: np.ndarray,
-    ankle_pos_w: np.ndarray, ankle_vel_w: np.ndarray, foot_quat_w: np.ndarray, bears: np.ndarray,
-    since: np.ndarray | None = None, box: BoxState | None = None,
-) -> BodyState:  # fmt: skip
+    body: Body,
+    pelvis_pos_w: np.ndarray,
+    pelvis_quat_w: np.ndarray,
+    pelvis_vel_w: np.ndarray,
+    pelvis_rate: np.ndarray,
+    ankle_pos_w: np.ndarray,
+    ankle_vel_w: np.ndarray,
+    foot_quat_w: np.ndarray,
+    bears: np.ndarray,
+    since: np.ndarray | None = None,
+    box: BoxState | None = None,
+) -> BodyState:
     """The state of who is only known by pelvis and feet, such as a robot; trunk, head and arms begin as a plan does.
 
     Args:
@@ -149,19 +176,24 @@ def state_of_points(
         ankle_vel_w: (2, 3) [m/s].
         foot_quat_w: (2, 4), level on the floor at yaw 0 when it is the identity.
         bears: (2,) whether each foot bears.
-        since: (2,) for how long it has borne or swung [s]; if not given, long ago, and what swings has done so as its height tells.
+        since: (2,) for how long it has borne or swung [s]; if not given, long ago, and what swings has done so as
+            its height tells.
         box: The movable object, if there is one.
     """
     yaw = float(rot.yaw_of(pelvis_quat_w))
     _, heading, pitch = _headings(pelvis_quat_w[None], foot_quat_w[None])
-    feet = FeetStart(ankle_pos_w, np.where(bears[:, None], 0.0, ankle_vel_w), heading[0], np.zeros(2), pitch[0], np.zeros(2), bears)
+    feet = FeetStart(
+        ankle_pos_w, np.where(bears[:, None], 0.0, ankle_vel_w), heading[0], np.zeros(2), pitch[0], np.zeros(2), bears
+    )
     joints = len(body.skeleton.joint_names)
     quat, rate = np.tile(rot.IDENTITY, (joints, 1)), np.zeros((joints, 3))
     quat[body.pelvis], rate[body.pelvis] = pelvis_quat_w, pelvis_rate
     turning = float(rot.rotate(pelvis_quat_w, pelvis_rate)[2])
     since = np.full(2, LONG_AGO) if since is None else since
     pose = Pose(quat, rate, np.arange(joints) == body.pelvis)
-    return BodyState(feet, since, pelvis_pos_w, pelvis_vel_w, yaw, turning, float(_roll(pelvis_quat_w)), 0.0, 0.0, 0.0, pose, box)
+    return BodyState(
+        feet, since, pelvis_pos_w, pelvis_vel_w, yaw, turning, float(_roll(pelvis_quat_w)), 0.0, 0.0, 0.0, pose, box
+    )
 
 
 def _headings(pelvis: np.ndarray, foot: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -207,4 +239,14 @@ def _state(tracks: list[tuple[np.ndarray, np.ndarray]], bears: np.ndarray, since
     ankles, foot_yaw, foot_pitch, pelvis, yaw, roll, look = tracks
     # what bears is still, whatever the differences across its landing say
     feet = FeetStart(*ankles, *foot_yaw, *foot_pitch, bears)
-    return BodyState(feet, since, *pelvis, float(yaw[0]), float(yaw[1]), float(roll[0]), float(roll[1]), float(look[0]), float(look[1]))
+    return BodyState(
+        feet,
+        since,
+        *pelvis,
+        float(yaw[0]),
+        float(yaw[1]),
+        float(roll[0]),
+        float(roll[1]),
+        float(look[0]),
+        float(look[1]),
+    )

@@ -25,7 +25,8 @@ USUAL_PITCH = 0.03
 STRAIGHTEST = 0.9972
 """The same where the pelvis lists and leans in a quick turn: the knee stays bent by 8 degrees."""
 SOFT = 0.15
-"""The pelvis follows the arcs of the legs smoothed over so many seconds to either side: 2 to 5 cm up and down (Perry & Burnfield 2010)."""
+"""The pelvis follows the arcs of the legs smoothed over so many seconds to either side: 2 to 5 cm up and down (Perry &
+Burnfield 2010)."""
 
 
 @dataclass(frozen=True)
@@ -66,20 +67,27 @@ class Walk:
 
     def pelvis_quat(self, pitch: np.ndarray) -> np.ndarray:
         """(T, 4) the pelvis with the walk's heading, twist and list, bent forward by pitch (T,) [rad]."""
-        return rot.multiply(rot.from_yaw(self.yaw + self.twist), rot.multiply(about_y(pitch + self.bend), about_x(self.list)))
+        return rot.multiply(
+            rot.from_yaw(self.yaw + self.twist), rot.multiply(about_y(pitch + self.bend), about_x(self.list))
+        )
 
     def chest_turn(self, spine: np.ndarray) -> np.ndarray:
-        """(T, 4) the chest relative to the pelvis: it counters twist and list, and bends forward by spine (T,) [rad]."""
+        """(T, 4) the chest relative to the pelvis: it counters twist and list, and bends forward by spine (T,)
+        [rad].
+        """
         return rot.multiply(rot.from_yaw(-1.6 * self.twist), rot.multiply(about_y(spine), about_x(-self.list)))
 
     def head_turn(self, nod: np.ndarray) -> np.ndarray:
         """(T, 4) the head relative to the chest: it looks where the way leads, steadily, and nods by (T,) [rad]."""
-        return rot.multiply(rot.from_yaw(self.look + self.calm * 0.6 * self.twist), about_y(nod - self.calm * self.bend))
+        return rot.multiply(
+            rot.from_yaw(self.look + self.calm * 0.6 * self.twist), about_y(nod - self.calm * self.bend)
+        )
 
     def arms(self, body: Body, amount: float) -> Arms:
         """Arms that swing against the legs, `amount` times as much as usual.
 
-        That is 29 degrees from back to front at 0.65 m/s and 39 at 1.3 m/s (Perry & Burnfield 2010: 32 at the usual speed, 8 of them forward).
+        That is 29 degrees from back to front at 0.65 m/s and 39 at 1.3 m/s (Perry & Burnfield 2010: 32 at the usual
+        speed, 8 of them forward).
         """
         upper, elbow = [], []
         for sign in (1.0, -1.0):
@@ -92,7 +100,9 @@ class Walk:
 
 
 def draw_start(random: np.random.Generator, obj: SceneObject) -> tuple[np.ndarray, float]:
-    """A place (2,) [m] 1 to 2 m from the origin, within 100 degrees of the front and 0.45 m clear of the object, and any heading [rad]."""
+    """A place (2,) [m] 1 to 2 m from the origin, within 100 degrees of the front and 0.45 m clear of the object, and
+    any heading [rad].
+    """
     low, high = obj.bounds()
     azimuth = np.deg2rad(random.uniform(-100, 100))
     ray = np.array([np.cos(azimuth), np.sin(azimuth)])
@@ -103,14 +113,25 @@ def draw_start(random: np.random.Generator, obj: SceneObject) -> tuple[np.ndarra
 
 
 def walk(
-    body: Body, route: Route, start_yaw: float, stop_xy: np.ndarray, stop_yaw: float, gait: Gait, after: float, duration: float = 0.0, lead: float = 0.0
+    body: Body,
+    route: Route,
+    start_yaw: float,
+    stop_xy: np.ndarray,
+    stop_yaw: float,
+    gait: Gait,
+    after: float,
+    duration: float = 0.0,
+    lead: float = 0.0,
 ) -> Walk:
-    """Walk along a route, turn and back up to the stop, and stand there at least `after` seconds after the last foot has landed.
+    """Walk along a route, turn and back up to the stop, and stand there at least `after` seconds after the last foot
+    has landed.
 
-    The whole has at least `duration` seconds. The first `lead` seconds are left out, so that it begins in the midst of the motion;
+    The whole has at least `duration` seconds. The first `lead` seconds are left out, so that it begins in the midst of
+    the motion;
     a person stands for `gait.stand` seconds before the first foot lifts.
 
-    The point between the ankles starts at the route's first point with heading `start_yaw` [rad] and ends at `stop_xy` (2,) [m]
+    The point between the ankles starts at the route's first point with heading `start_yaw` [rad] and ends at `stop_xy`
+    (2,) [m]
     with heading `stop_yaw` [rad].
     """
     steps = plan_footsteps(start_yaw, route, stop_xy, stop_yaw, gait, body.size)
@@ -120,10 +141,17 @@ def walk(
 
 
 def follow(
-    body: Body, steps: Footsteps, gait: Gait, after: float, duration: float = 0.0,
-    feet_start: FeetStart | None = None, pelvis_start: np.ndarray | None = None,
-) -> Walk:  # fmt: skip
-    """The walk over given footsteps, and at least `after` seconds of standing on the last ones; at least `duration` seconds in all.
+    body: Body,
+    steps: Footsteps,
+    gait: Gait,
+    after: float,
+    duration: float = 0.0,
+    feet_start: FeetStart | None = None,
+    pelvis_start: np.ndarray | None = None,
+) -> Walk:
+    """The walk over given footsteps, and at least `after` seconds of standing on the last ones.
+
+    At least `duration` seconds in all.
 
     It may go on from feet in motion and from where the pelvis is first (2,) [m].
     """
@@ -146,7 +174,9 @@ def follow(
 
 
 def standing_height(body: Body, pelvis_xy: np.ndarray, yaw: np.ndarray, feet: Feet, rolls: bool = False) -> np.ndarray:
-    """A high and smooth pelvis path (T,) [m] from which both legs reach their feet: lower in double support, as people walk."""
+    """A high and smooth pelvis path (T,) [m] from which both legs reach their feet: lower in double support, as
+    people walk.
+    """
     limits = highest_pelvis(body, pelvis_xy, yaw, feet, ROLLING_REACH if rolls else REACH)
     if not rolls:
         return smooth_below(limits, round(0.2 * FPS)) - 0.006 + body.hip_drop
@@ -156,12 +186,16 @@ def standing_height(body: Body, pelvis_xy: np.ndarray, yaw: np.ndarray, feet: Fe
 
 
 def _too_straight(body: Body, pelvis: np.ndarray, turn: np.ndarray, feet: Feet) -> np.ndarray:
-    """How much too high a pelvis (T, 3) [m] turned by `turn` (T, 4) is for one leg or the other to keep a bent knee (T,) [m]; 0 nearly always."""
+    """How much too high a pelvis (T, 3) [m] turned by `turn` (T, 4) is for one leg or the other to keep a bent knee
+    (T,) [m]; 0 nearly always.
+    """
     leg, above = STRAIGHTEST * sum(body.length(body.legs[0])), np.zeros(len(pelvis))
     for side, limb in enumerate(body.legs):
         hip = pelvis + rot.rotate(turn, body.skeleton.offsets[limb.root])
         away = ((hip - feet.pos_w[:, side])[:, :2] ** 2).sum(-1)
-        above = np.maximum(above, hip[:, 2] - feet.pos_w[:, side, 2] - np.sqrt(np.maximum(leg**2 - away, 0.25 * leg**2)))
+        above = np.maximum(
+            above, hip[:, 2] - feet.pos_w[:, side, 2] - np.sqrt(np.maximum(leg**2 - away, 0.25 * leg**2))
+        )
     return above
 
 
@@ -171,7 +205,11 @@ def highest_pelvis(body: Body, pelvis_xy: np.ndarray, yaw: np.ndarray, feet: Fee
     limits = np.full(len(yaw), leg + body.sole)
     for side, limb in enumerate(body.legs):
         forward, left, _ = body.skeleton.offsets[limb.root]
-        hip = pelvis_xy + forward * np.stack([np.cos(yaw), np.sin(yaw)], -1) + left * np.stack([-np.sin(yaw), np.cos(yaw)], -1)
+        hip = (
+            pelvis_xy
+            + forward * np.stack([np.cos(yaw), np.sin(yaw)], -1)
+            + left * np.stack([-np.sin(yaw), np.cos(yaw)], -1)
+        )
         away = ((hip - feet.pos_w[:, side, :2]) ** 2).sum(-1)
         limits = np.minimum(limits, feet.pos_w[:, side, 2] + np.sqrt(np.maximum(leg**2 - away, 0.25 * leg**2)))
     return limits
@@ -184,7 +222,8 @@ def _sideways(pelvis: np.ndarray, feet: Feet, yaw: np.ndarray) -> np.ndarray:
 
 
 def _lean(pelvis: np.ndarray, yaw: np.ndarray, ahead: np.ndarray) -> np.ndarray:
-    """Forward lean of the trunk (T,) [rad]: with the speed, 3 degrees at 1.3 m/s, and most while both feet bear, twice a cycle.
+    """Forward lean of the trunk (T,) [rad]: with the speed, 3 degrees at 1.3 m/s, and most while both feet bear,
+    twice a cycle.
 
     Perry & Burnfield 2010: 5 +- 2 degrees, the task's own upright lean of 2 degrees included; pelvic tilt +- 2 degrees.
     """
@@ -199,5 +238,7 @@ def _begin_at(way: Walk, frame: int) -> Walk:
     bend = None if feet.toe_bend is None else feet.toe_bend[frame:]
     cut = Feet(feet.pos_w[frame:], feet.yaw[frame:], feet.pitch[frame:], feet.contact[frame:], bend)
     shifted = replace(steps, lift_off=steps.lift_off - moment, touch_down=steps.touch_down - moment)
-    tracks = {name: getattr(way, name)[frame:] for name in ("yaw", "pelvis_pos_w", "ahead", "twist", "list", "look", "bend")}
+    tracks = {
+        name: getattr(way, name)[frame:] for name in ("yaw", "pelvis_pos_w", "ahead", "twist", "list", "look", "bend")
+    }
     return replace(way, steps=shifted, time=way.time[: len(way.time) - frame], feet=cut, **tracks)

@@ -20,7 +20,8 @@ HEIGHTS = (0.12, 0.75)
 FLAT = 0.36
 """[m]; below it only beds without frame and headboard can be built."""
 DEEPEST = 0.16
-"""A bed in which a body part is deeper than this does not fit [m]. Mattresses, which these beds are not, give by a third of it."""
+"""A bed in which a body part is deeper than this does not fit [m]. Mattresses, which these beds are not, give by a
+third of it."""
 
 
 @dataclass(frozen=True)
@@ -54,14 +55,19 @@ def lying_frame(motion: HumanMotion, lying: slice, couch: bool) -> tuple[np.ndar
 def fit_bed(object_id: str, motion: HumanMotion, lying: slice, couch: bool = False, candidates: int = 40) -> BedFit:
     """The bed (or couch) that suits a person best who lies at the origin, as `lying_frame` says, in the frames `lying`.
 
-    Beds of all kinds are drawn (by the object's id), given the height that the pelvis implies, and slid under the person: the whole body
-    must be on the mattress, the head near the pillow, and nobody should walk through the bed on the way. Raises BadMotion if none suits.
+    Beds of all kinds are drawn (by the object's id), given the height that the pelvis implies, and slid under the
+    person: the whole body
+    must be on the mattress, the head near the pillow, and nobody should walk through the bed on the way. Raises
+    BadMotion if none suits.
     """
     pos, quat = motion.forward_kinematics()
     person = body_of(motion.skeleton)
     height = float(np.median(pos[lying, person.pelvis, 2])) - person.back
     if not HEIGHTS[0] <= height <= HEIGHTS[1]:
-        raise BadMotion(f"clip {motion.id}: the bed would be {height:.2f} m high, no bed's height ({HEIGHTS[0]} to {HEIGHTS[1]}); is the floor at z = 0?")
+        raise BadMotion(
+            f"clip {motion.id}: the bed would be {height:.2f} m high, no bed's height ({HEIGHTS[0]} "
+            f"to {HEIGHTS[1]}); is the floor at z = 0?"
+        )
     body = sample_body(pos, quat, motion)
     head = pos[lying, person.head, :2].mean(0)
     before, lies = np.arange(0, lying.start, 6), np.arange(motion.frames)[lying][::10]
@@ -77,11 +83,15 @@ def fit_bed(object_id: str, motion: HumanMotion, lying: slice, couch: bool = Fal
     _, _, x, y, obj = min(again, key=lambda entry: entry[:4])
     depth = _depth(obj, x, y, body, np.arange(0, motion.frames, 2))
     if depth > DEEPEST:
-        raise BadMotion(f"clip {motion.id}: in every bed some body part would be {depth:.2f} m deep; leave the clip out")
+        raise BadMotion(
+            f"clip {motion.id}: in every bed some body part would be {depth:.2f} m deep; leave the clip out"
+        )
     return BedFit(obj, np.array([x, y]), depth)
 
 
-def _candidates(object_id: str, height: float, couch: bool, head_side: float, count: int) -> Iterator[tuple[int, SceneObject]]:
+def _candidates(
+    object_id: str, height: float, couch: bool, head_side: float, count: int
+) -> Iterator[tuple[int, SceneObject]]:
     """Beds or couches of the family with the given height."""
     for number in range(count):
         random = rng(0, "fitted", object_id, number)
@@ -97,7 +107,10 @@ def _candidates(object_id: str, height: float, couch: bool, head_side: float, co
                 bed = draw_bed(random, kind)
                 mattress = min(bed.mattress, max(0.06, height - 0.12))
                 over = 0.0 if kind == "platform" else bed.height - bed.seat_height
-                yield number, build_bed(object_id, replace(bed, seat_height=height, height=height + over, mattress=mattress))
+                yield (
+                    number,
+                    build_bed(object_id, replace(bed, seat_height=height, height=height + over, mattress=mattress)),
+                )
         except BadObject:
             continue
 
@@ -124,4 +137,9 @@ def _cost(obj: SceneObject, x: float, y: float, body: Samples, frames: np.ndarra
     beyond = np.maximum(np.maximum(low - lies[:, :2], lies[:, :2] - high), 0.0).max(-1)
     depth = _depth(obj, x, y, body, frames)
     away = np.linalg.norm(head - obj.head_xy - (x, y))
-    return float(3 * np.where(lies[:, 2] > obj.require_seat() - 0.1, beyond, 0.0).mean() + 2 * beyond.max() + 10 * max(0.0, depth - 0.05) + 0.3 * away)
+    return float(
+        3 * np.where(lies[:, 2] > obj.require_seat() - 0.1, beyond, 0.0).mean()
+        + 2 * beyond.max()
+        + 10 * max(0.0, depth - 0.05)
+        + 0.3 * away
+    )

@@ -27,7 +27,9 @@ MASS_PER_VOLUME = 12.0
 
 @dataclass(frozen=True)
 class BoxTrack:
-    """A box and where it is: its origin is on its lower side, in the middle, its x axis points to the person at first."""
+    """A box and where it is: its origin is on its lower side, in the middle, its x axis points to the person at
+    first.
+    """
 
     obj: SceneObject
     pos_w: np.ndarray
@@ -39,14 +41,18 @@ class BoxTrack:
 
 
 def boxed(mesh: Path, track: ObjectTrack) -> tuple[ObjectTrack, np.ndarray]:
-    """The track of the middle of the smallest box around a tracked mesh, turned as that box is, and the box's sides (3,) [m].
+    """The track of the middle of the smallest box around a tracked mesh, turned as that box is, and the box's sides
+    (3,) [m].
 
     Raises BadFile or BadMotion.
     """
     corners = read_mesh(mesh).vertices
     sides = np.ptp(corners, axis=0)
     if not ((sides >= 0.01) & (sides <= SIZES[1])).all():
-        raise BadMotion(f"{mesh} is {' x '.join(f'{side:.3g}' for side in sides)} large; a tracked mesh is in meters: scale it first")
+        raise BadMotion(
+            f"{mesh} is {' x '.join(f'{side:.3g}' for side in sides)} large; a tracked mesh is in "
+            "meters: scale it first"
+        )
     middle, quat, half = box_around(corners[ConvexHull(corners).vertices])
     return ObjectTrack(track.pos_w + rot.rotate(track.quat_w, middle), rot.multiply(track.quat_w, quat)), 2 * half
 
@@ -74,8 +80,11 @@ def box_of_mesh(object_id: str, track: ObjectTrack, sides: np.ndarray, person_xy
     return _level(object_id, size, pos, rot.multiply(track.quat_w, turn), 0)
 
 
-def box_between(object_id: str, wrists: np.ndarray, pelvis: np.ndarray, clasp: int, track: ObjectTrack | None) -> BoxTrack:
-    """A box between the hands, standing on the floor until the frame `clasp`, from wrists (T, 2, 3) and pelvis (T, 3) [m].
+def box_between(
+    object_id: str, wrists: np.ndarray, pelvis: np.ndarray, clasp: int, track: ObjectTrack | None
+) -> BoxTrack:
+    """A box between the hands, standing on the floor until the frame `clasp`, from wrists (T, 2, 3) and pelvis (T,
+    3) [m].
 
     After that it goes with the track of what was recorded, or with the hands.
     """
@@ -85,7 +94,9 @@ def box_between(object_id: str, wrists: np.ndarray, pelvis: np.ndarray, clasp: i
     height = max(float(middle[2]) / GRIP, 0.12)
     size = np.array([min(max(0.8 * width, 0.25), 0.6), width, height])
     if not (SIZES[0] <= width <= SIZES[1] and height <= SIZES[1]):
-        raise BadMotion(f"no box fits between hands that are {width:.2f} m apart and {middle[2]:.2f} m high; leave the clip out")
+        raise BadMotion(
+            f"no box fits between hands that are {width:.2f} m apart and {middle[2]:.2f} m high; leave the clip out"
+        )
     facing = _headings(wrists)
     to_person = pelvis[clasp, :2] - middle[:2]
     if np.cos(facing[clasp]) * to_person[0] + np.sin(facing[clasp]) * to_person[1] < 0:
@@ -101,7 +112,10 @@ def box_between(object_id: str, wrists: np.ndarray, pelvis: np.ndarray, clasp: i
 
 
 def touched_box(object_id: str, palms: np.ndarray, pelvis: np.ndarray) -> tuple[SceneObject, np.ndarray, float]:
-    """A cabinet behind what hands (2, 3) reach for, seen from the pelvis (3,) [m]; and where (2,) it stands, and its heading [rad] to the person."""
+    """A cabinet behind what hands (2, 3) reach for, seen from the pelvis (3,) [m].
+
+    And where (2,) it stands, and its heading [rad] to the person.
+    """
     out = palms[:, :2] - pelvis[:2]
     far = int(np.linalg.norm(out, axis=-1).argmax())
     away = float(np.linalg.norm(out[far]))
@@ -122,8 +136,13 @@ def _headings(wrists: np.ndarray) -> np.ndarray:
 def _level(object_id: str, size: np.ndarray, pos: np.ndarray, quat: np.ndarray, rests: int) -> BoxTrack:
     """The box with that size, on the floor while it rests."""
     if not ((size >= SIZES[0]) & (size <= SIZES[1])).all():
-        raise BadMotion(f"the object would be {' x '.join(f'{side:.2f}' for side in size)} m large; that is nothing to lift with both arms")
+        raise BadMotion(
+            f"the object would be {' x '.join(f'{side:.2f}' for side in size)} m large; that is "
+            "nothing to lift with both arms"
+        )
     sunk = float(pos[rests, 2])
     mass = float(np.clip(MASS_PER_VOLUME * np.prod(size), 1.0, 4.0))
-    obj = build_box(object_id, KINDS[0], (float(size[0]), float(size[1]), float(size[2])), mass, rng(0, "fitted", object_id))
+    obj = build_box(
+        object_id, KINDS[0], (float(size[0]), float(size[1]), float(size[2])), mass, rng(0, "fitted", object_id)
+    )
     return BoxTrack(obj, pos - np.array([0.0, 0.0, sunk]), rot.normalize(quat), -sunk)

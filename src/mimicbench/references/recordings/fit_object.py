@@ -66,18 +66,23 @@ def seated_frame(motion: HumanMotion, seated: slice) -> tuple[np.ndarray, float,
 
 
 def fit_seat(object_id: str, motion: HumanMotion, seated: slice, sofa: bool = False, candidates: int = 96) -> ChairFit:
-    """The chair (or sofa) of the family that suits a person best who sits at the origin facing +x in the frames `seated`.
+    """The chair (or sofa) of the family that suits a person best who sits at the origin facing +x in the frames
+    `seated`.
 
     Seats of all kinds are drawn (by the object's id), given the seat height that the pelvis implies, and slid back and
     forth under the person. Judged are how deep any body part enters the chair at any time, walking included, how close
-    the back is to the trunk, whether the seat carries the pelvis, and whether hands held still at the sides have something
+    the back is to the trunk, whether the seat carries the pelvis, and whether hands held still at the sides have
+    something
     to rest on. Raises BadMotion if no chair suits.
     """
     pos, quat = motion.forward_kinematics()
     person = body_of(motion.skeleton)
     seat_height = float(np.median(pos[seated, person.pelvis, 2])) - person.buttock
     if not 0.25 <= seat_height <= 0.65:
-        raise BadMotion(f"clip {motion.id}: the seat would be {seat_height:.2f} m high, no chair's height (0.25 to 0.65); is the floor at z = 0?")
+        raise BadMotion(
+            f"clip {motion.id}: the seat would be {seat_height:.2f} m high, no chair's height (0.25 "
+            "to 0.65); is the floor at z = 0?"
+        )
     body = sample_body(pos, quat, motion)
     index = np.arange(motion.frames)[seated]
     ranked = []
@@ -87,27 +92,43 @@ def fit_seat(object_id: str, motion: HumanMotion, seated: slice, sofa: bool = Fa
     ranked.sort(key=lambda entry: entry[:3])
     # the few that suit the seated pose are judged over the whole clip
     whole = np.arange(0, motion.frames, 2)
-    again = [(_judge(obj, np.array([slide]), body, whole, index)[0][0], number, slide, obj) for _, number, slide, obj in ranked[:24]]
+    again = [
+        (_judge(obj, np.array([slide]), body, whole, index)[0][0], number, slide, obj)
+        for _, number, slide, obj in ranked[:24]
+    ]
     if not again:
         raise BadMotion(f"clip {motion.id}: no chair fits under this person; leave the clip out")
     _, _, slide, obj = min(again, key=lambda entry: entry[:3])
     _, (depth,), (gap,) = _judge(obj, np.array([slide]), body, np.arange(motion.frames), index)
     if depth > DEEPEST:
-        raise BadMotion(f"clip {motion.id}: in every chair some body part would be {depth:.2f} m deep; leave the clip out")
+        raise BadMotion(
+            f"clip {motion.id}: in every chair some body part would be {depth:.2f} m deep; leave the clip out"
+        )
     return ChairFit(obj, np.array([slide, 0.0]), float(depth), float(gap))
 
 
-def _candidates(object_id: str, seat_height: float, sofa: bool, count: int) -> Iterator[tuple[int, SceneObject, np.ndarray]]:
-    """Seats of the family with the given height, and where (K,) each may stand in x under a pelvis at the origin [m]."""
+def _candidates(
+    object_id: str, seat_height: float, sofa: bool, count: int
+) -> Iterator[tuple[int, SceneObject, np.ndarray]]:
+    """Seats of the family with the given height, and where (K,) each may stand in x under a pelvis at the origin
+    [m].
+    """
     for number in range(count):
         random = rng(0, "fitted", object_id, number)
         try:
             if sofa:
                 wide = draw_sofa(random)
-                obj = build_sofa(object_id, "sofa", replace(wide, seat_height=seat_height, height=wide.height - wide.seat_height + seat_height))
+                obj = build_sofa(
+                    object_id,
+                    "sofa",
+                    replace(wide, seat_height=seat_height, height=wide.height - wide.seat_height + seat_height),
+                )
             else:
                 shape = draw_shape(random, KINDS[number % len(KINDS)])
-                obj = build_chair(object_id, replace(shape, seat_height=seat_height, height=shape.height - shape.seat_height + seat_height))
+                obj = build_chair(
+                    object_id,
+                    replace(shape, seat_height=seat_height, height=shape.height - shape.seat_height + seat_height),
+                )
         except BadObject:
             continue
         back, front = obj.seat_polygon[:, 0].min(), obj.seat_polygon[:, 0].max()
@@ -130,7 +151,9 @@ def sample_body(pos: np.ndarray, quat: np.ndarray, motion: HumanMotion) -> Sampl
     return Samples(path, np.array(radii), np.isin(roles, trunk), resting, np.isin(roles, shins), np.isin(roles, arms))
 
 
-def _judge(obj: SceneObject, slides: np.ndarray, body: Samples, frames: np.ndarray, seated: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _judge(
+    obj: SceneObject, slides: np.ndarray, body: Samples, frames: np.ndarray, seated: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """How badly a chair suits the given frames, standing at each x of slides (K,).
 
     Returns:

@@ -1,4 +1,6 @@
-"""Clips of the tasks, cut out of recordings of real people, each beside an object: the recorded one, or one fitted to the person."""
+"""Clips of the tasks, cut out of recordings of real people, each beside an object: the recorded one, or one fitted
+to the person.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -31,11 +33,13 @@ from mimicbench.references.recordings.segments import (
 FPS = 30.0
 """Frame rate of the clips that are made."""
 JUMP, BRIDGE = 12.0, 0.17
-"""A joint that turns faster than JUMP [rad/s] is taken for a fault of the recording and bridged over BRIDGE [s] before and after."""
+"""A joint that turns faster than JUMP [rad/s] is taken for a fault of the recording and bridged over BRIDGE [s] before
+and after."""
 DEEPEST = 0.15
 """Deepest that trunk and legs of who lifts a fitted box may be in it [m]; people do press boxes against themselves."""
 SLOWDOWN, HELD = 0.3, 1.1
-"""The last SLOWDOWN [s] of a reach are stretched to twice as long, in which it comes to rest; then it is held for HELD [s]."""
+"""The last SLOWDOWN [s] of a reach are stretched to twice as long, in which it comes to rest; then it is held for HELD
+[s]."""
 
 Clip = tuple[HumanMotion, SceneObject]
 
@@ -43,7 +47,8 @@ Clip = tuple[HumanMotion, SceneObject]
 def find_clips(recording: Recording, task: str) -> list[Clip]:
     """Every part of a recording in which somebody does a task, each with its object at the origin facing +x.
 
-    Ids are `real-<file>-<n>` and `fitted-<file>-<n>`. Raises BadMotion if the task is not in it, UnknownName if there is no such task.
+    Ids are `real-<file>-<n>` and `fitted-<file>-<n>`. Raises BadMotion if the task is not in it, UnknownName if there
+    is no such task.
     """
     if task not in TASKS:
         raise UnknownName("task", task, list(TASKS))
@@ -51,25 +56,38 @@ def find_clips(recording: Recording, task: str) -> list[Clip]:
 
 
 def sitting_clips(recording: Recording, task: str, rules: SittingRules | None = None) -> list[Clip]:
-    """Walk-to-seated parts, each with a chair or sofa fitted under the person. Raises BadMotion if there is none, or none can be fitted."""
+    """Walk-to-seated parts, each with a chair or sofa fitted under the person.
+
+    Raises BadMotion if there is none, or none can be fitted.
+    """
     pos, _ = recording.forward_kinematics()
     found = find_sittings(recording.skeleton, pos, recording.fps, rules)
     if not found:
-        raise BadMotion(f"{recording.name} has no part in which somebody walks up and sits down ({_heights(pos)}); leave it out")
+        raise BadMotion(
+            f"{recording.name} has no part in which somebody walks up and sits down ({_heights(pos)}); leave it out"
+        )
     return _each(recording, found, lambda part, number: _sitting_clip(recording, part, number, task))
 
 
 def lying_clips(recording: Recording, task: str) -> list[Clip]:
-    """Walk-to-lying parts, each with a bed or couch fitted under the person. Raises BadMotion if there is none, or none can be fitted."""
+    """Walk-to-lying parts, each with a bed or couch fitted under the person.
+
+    Raises BadMotion if there is none, or none can be fitted.
+    """
     pos, _ = recording.forward_kinematics()
     found = find_lyings(recording.skeleton, pos, recording.fps)
     if not found:
-        raise BadMotion(f"{recording.name} has no part in which somebody walks up and lies down ({_heights(pos)}); leave it out")
+        raise BadMotion(
+            f"{recording.name} has no part in which somebody walks up and lies down ({_heights(pos)}); leave it out"
+        )
     return _each(recording, found, lambda part, number: _lying_clip(recording, part, number, task))
 
 
 def lifting_clips(recording: Recording) -> list[Clip]:
-    """Reaches that end with a box lifted, the box that was recorded or one fitted between the hands. Raises BadMotion if there is none."""
+    """Reaches that end with a box lifted, the box that was recorded or one fitted between the hands.
+
+    Raises BadMotion if there is none.
+    """
     wrists, (track, sides) = _wrists(recording), _tracked(recording)
     if track is not None:
         handling = find_handling(_away(track, sides, wrists), track.pos_w[:, 2], recording.fps)
@@ -77,12 +95,18 @@ def lifting_clips(recording: Recording) -> list[Clip]:
     else:
         found = find_clasps(wrists, recording.fps)
     if not found:
-        raise BadMotion(f"{recording.name} has no part in which both hands lift something by {HandlingRules().lift:.2f} m; leave it out")
+        raise BadMotion(
+            f"{recording.name} has no part in which both hands lift something by "
+            f"{HandlingRules().lift:.2f} m; leave it out"
+        )
     return _each(recording, found, lambda part, number: _lifting_clip(recording, part, number, track, sides))
 
 
 def touching_clips(recording: Recording) -> list[Clip]:
-    """Reaches until just before the hands touch the recorded object, or until they are out farthest. Raises BadMotion if there is none."""
+    """Reaches until just before the hands touch the recorded object, or until they are out farthest.
+
+    Raises BadMotion if there is none.
+    """
     return [_touching_clip(recording)]
 
 
@@ -114,9 +138,16 @@ def _cut(recording: Recording, start: int, end: int, number: int, task: str) -> 
     part = slice(start, end)
     local_quat = smooth_jumps(rot.normalize(rot.resample_quat(recording.local_quat[part], recording.fps, FPS)), FPS)
     return HumanMotion(
-        f"real-{recording.name}-{number}", task, recording.skeleton, FPS, rot.resample(recording.root_pos_w[part], recording.fps, FPS), local_quat,
-        f"fitted-{recording.name}-{number}", source=recording.name, style={"body_scale": body_of(recording.skeleton).size},
-    )  # fmt: skip
+        f"real-{recording.name}-{number}",
+        task,
+        recording.skeleton,
+        FPS,
+        rot.resample(recording.root_pos_w[part], recording.fps, FPS),
+        local_quat,
+        f"fitted-{recording.name}-{number}",
+        source=recording.name,
+        style={"body_scale": body_of(recording.skeleton).size},
+    )
 
 
 def _with_contacts(motion: HumanMotion, obj: SceneObject) -> Clip:
@@ -144,26 +175,39 @@ def _lying_clip(recording: Recording, lying: Sitting, number: int, task: str) ->
     return _with_contacts(_moved(motion, fit.offset, 0.0), fit.obj)
 
 
-def _lifting_clip(recording: Recording, handling: Handling, number: int, whole: ObjectTrack | None, sides: np.ndarray | None) -> Clip:
-    """From before the hands touch until the height is reached; the box is at the origin facing +x in the first frame."""
+def _lifting_clip(
+    recording: Recording, handling: Handling, number: int, whole: ObjectTrack | None, sides: np.ndarray | None
+) -> Clip:
+    """From before the hands touch until the height is reached.
+
+    The box is at the origin facing +x in the first frame.
+    """
     assert handling.end is not None
     motion = _cut(recording, handling.start, handling.end, number, "lift-box")
     rate = FPS / recording.fps
     clasp = min(motion.frames - 2, round((handling.touch - handling.start) * rate))
-    wrists, pelvis = _wrists(recording)[handling.start : handling.end], recording.root_pos_w[handling.start : handling.end]
+    wrists, pelvis = (
+        _wrists(recording)[handling.start : handling.end],
+        recording.root_pos_w[handling.start : handling.end],
+    )
     wrists, pelvis = rot.resample(wrists, recording.fps, FPS), rot.resample(pelvis, recording.fps, FPS)
     track = None
     if whole is not None:
         part = slice(handling.start, handling.end)
         pos, quat = whole.pos_w[part], whole.quat_w[part]
-        track = ObjectTrack(rot.resample(pos, recording.fps, FPS), rot.normalize(rot.resample_quat(quat, recording.fps, FPS)))
+        track = ObjectTrack(
+            rot.resample(pos, recording.fps, FPS), rot.normalize(rot.resample_quat(quat, recording.fps, FPS))
+        )
     if track is not None and sides is not None:
         box = box_of_mesh(motion.object_id, track, sides, pelvis[clasp, :2])
     else:
         box = box_between(motion.object_id, wrists, pelvis, clasp, track)
     motion, obj = _beside(motion, box)
     if (depth := body_depth(motion, obj)) > DEEPEST:
-        raise BadMotion(f"{motion.id}: the box that would fit between the hands is {depth:.2f} m deep in the body; leave the clip out")
+        raise BadMotion(
+            f"{motion.id}: the box that would fit between the hands is {depth:.2f} m deep in the "
+            "body; leave the clip out"
+        )
     return _with_contacts(motion, obj)
 
 
@@ -180,7 +224,10 @@ def _touching_clip(recording: Recording) -> Clip:
     else:
         reach = find_reach(wrists, recording.root_pos_w, recording.fps)
         if reach is None:
-            raise BadMotion(f"{recording.name} has no part in which somebody stands and holds a hand out ({rules.reach:.2f} m or more); leave it out")
+            raise BadMotion(
+                f"{recording.name} has no part in which somebody stands and holds a hand out "
+                f"({rules.reach:.2f} m or more); leave it out"
+            )
         end = reach + 1
         start = max(0, end - round(rules.before * recording.fps))
     if (end - start) / recording.fps < rules.shortest:
@@ -202,15 +249,23 @@ def _touching_clip(recording: Recording) -> Clip:
 
 
 def _settled(motion: HumanMotion) -> HumanMotion:
-    """The motion with its last part slowed down to a halt, and the last pose held: targets count as reached once wrists stay there."""
+    """The motion with its last part slowed down to a halt, and the last pose held: targets count as reached once
+    wrists stay there.
+    """
     slow = min(2 * SLOWDOWN, motion.duration)
     time = np.arange(0.0, slow, 1 / FPS)
     ending = motion.duration - slow / 2 + time - time**2 / (2 * slow)
-    frames = FPS * np.concatenate([np.arange(0.0, motion.duration - slow / 2, 1 / FPS), ending, np.full(round(HELD * FPS), motion.duration)])
+    frames = FPS * np.concatenate(
+        [np.arange(0.0, motion.duration - slow / 2, 1 / FPS), ending, np.full(round(HELD * FPS), motion.duration)]
+    )
     low = np.minimum(frames.astype(int), motion.frames - 2)
     share = np.minimum(frames - low, 1.0)
     root = motion.root_pos_w[low] + share[:, None] * (motion.root_pos_w[low + 1] - motion.root_pos_w[low])
-    quat = rot.slerp(motion.local_quat[low], motion.local_quat[low + 1], np.broadcast_to(share[:, None], motion.local_quat[low].shape[:2]))
+    quat = rot.slerp(
+        motion.local_quat[low],
+        motion.local_quat[low + 1],
+        np.broadcast_to(share[:, None], motion.local_quat[low].shape[:2]),
+    )
     return replace(motion, root_pos_w=root, local_quat=rot.normalize(quat))
 
 
@@ -221,14 +276,19 @@ def _wrists(recording: Recording) -> np.ndarray:
 
 
 def _tracked(recording: Recording) -> tuple[ObjectTrack | None, np.ndarray | None]:
-    """The recorded object's track, of the middle of the box around its mesh if there is one, and that box's sides (3,) [m]."""
+    """The recorded object's track, of the middle of the box around its mesh if there is one, and that box's sides
+    (3,) [m].
+    """
     if recording.track is None or recording.wishes.mesh is None:
         return recording.track, None
     return boxed(recording.wishes.mesh, recording.track)
 
 
 def _away(track: ObjectTrack, sides: np.ndarray | None, wrists: np.ndarray) -> np.ndarray:
-    """(T, 2) distance of each wrist from the tracked object [m]; without its mesh, over that of the time when both hands hold it."""
+    """(T, 2) distance of each wrist from the tracked object [m].
+
+    Without its mesh, over that of the time when both hands hold it.
+    """
     local = rot.rotate_inverse(track.quat_w[:, None], wrists - track.pos_w[:, None])
     if sides is not None:
         return np.linalg.norm(np.maximum(np.abs(local) - sides / 2, 0.0), axis=-1)
@@ -255,11 +315,15 @@ def _beside(motion: HumanMotion, box: BoxTrack) -> Clip:
     turn, origin = rot.from_yaw(np.array(-yaw)), np.array([*box.pos_w[0, :2], 0.0])
     moved = _moved(motion, box.pos_w[0, :2], yaw)
     moved = replace(moved, style={**moved.style, "object_raised": box.raised})
-    return replace(moved, object_pos_w=rot.rotate(turn, box.pos_w - origin), object_quat_w=rot.multiply(turn, box.quat_w)), box.obj
+    return replace(
+        moved, object_pos_w=rot.rotate(turn, box.pos_w - origin), object_quat_w=rot.multiply(turn, box.quat_w)
+    ), box.obj
 
 
 def smooth_jumps(local_quat: np.ndarray, fps: float) -> np.ndarray:
-    """Joint rotations (T, J, 4) in which no joint turns faster than JUMP; where one did, it turns smoothly over BRIDGE on both sides.
+    """Joint rotations (T, J, 4) in which no joint turns faster than JUMP.
+
+    Where one did, it turns smoothly over BRIDGE on both sides.
 
     A straight leg has no definite twist, and in real recordings it sometimes jumps by a radian between two frames.
     """

@@ -1,4 +1,6 @@
-"""Finds the parts of a long recording in which somebody walks up to something and sits down, lies down, reaches out, or lifts it."""
+"""Finds the parts of a long recording in which somebody walks up to something and sits down, lies down, reaches out,
+or lifts it.
+"""
 
 from dataclasses import dataclass
 
@@ -61,7 +63,11 @@ def find_sittings(skeleton: Skeleton, pos: np.ndarray, fps: float, rules: Sittin
             continue
         landing = begin + int(np.argmax(height[begin:end] < rest + 0.02))
         last = min(end, landing + round(rules.after * fps))
-        if (last - landing) / fps < 0.5 * rules.stays or np.median(lean[landing:last]) > rules.lean or height[last - 1] > rest + 0.1:
+        if (
+            (last - landing) / fps < 0.5 * rules.stays
+            or np.median(lean[landing:last]) > rules.lean
+            or height[last - 1] > rest + 0.1
+        ):
             continue
         start = _start(pelvis, speed, landing, last, fps, rules)
         if start is not None:
@@ -83,14 +89,19 @@ class LyingRules(SittingRules):
 
 
 def find_lyings(skeleton: Skeleton, pos: np.ndarray, fps: float, rules: LyingRules | None = None) -> list[Sitting]:
-    """All parts of a motion in which somebody walks up and lies down; `landing` is the first frame in which head and pelvis are down."""
+    """All parts of a motion in which somebody walks up and lies down.
+
+    `landing` is the first frame in which head and pelvis are down.
+    """
     rules = rules or LyingRules()
     body = body_of(skeleton)
     pelvis, head = pos[:, body.pelvis], pos[:, body.head]
     height = pelvis[:, 2]
     standing = float(np.quantile(height, 0.9))
     speed = _smooth(np.linalg.norm(np.gradient(pelvis[:, :2], 1 / fps, axis=0), axis=-1), round(0.5 * fps))
-    lies = drop_short((_lean(pelvis, head) > rules.lean) & (height < rules.most_height * standing), max(1, round(0.7 * fps)))
+    lies = drop_short(
+        (_lean(pelvis, head) > rules.lean) & (height < rules.most_height * standing), max(1, round(0.7 * fps))
+    )
     edges = np.flatnonzero(np.diff(np.concatenate([[False], lies, [False]])))
     found = []
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
@@ -114,7 +125,9 @@ def _lean(pelvis: np.ndarray, head: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class HandlingRules:
-    """What counts as reaching for something and lifting it, and how much of it is kept: the paper's clipping rules for T and L."""
+    """What counts as reaching for something and lifting it, and how much of it is kept: the paper's clipping rules
+    for T and L.
+    """
 
     before: float = 3.0
     """Most time kept before the hands touch [s]."""
@@ -129,7 +142,8 @@ class HandlingRules:
     apart: float = 0.12
     """Most that one wrist is above the other when they clasp something [m]."""
     reach: float = 0.42
-    """Least distance of a hand from the pelvis, seen from above, when it reaches for something [m]; above the chest its height counts, too."""
+    """Least distance of a hand from the pelvis, seen from above, when it reaches for something [m]; above the chest its
+    height counts, too."""
     chest: float = 0.2
     """Above the pelvis [m]."""
     still: float = 0.2
@@ -149,7 +163,9 @@ class Handling:
     """One past the frame in which the height is reached; None if it never is."""
 
 
-def find_handling(away: np.ndarray, height: np.ndarray, fps: float, rules: HandlingRules | None = None) -> Handling | None:
+def find_handling(
+    away: np.ndarray, height: np.ndarray, fps: float, rules: HandlingRules | None = None
+) -> Handling | None:
     """The first touch of a tracked object with both hands, and its lift.
 
     Args:
@@ -165,11 +181,15 @@ def find_handling(away: np.ndarray, height: np.ndarray, fps: float, rules: Handl
     touch = int(touches[0])
     # what rests is where it was until the hands came
     lifted = np.flatnonzero(height[touch:] > np.median(height[: touch + 1]) + rules.lift)
-    return Handling(max(0, touch - round(rules.before * fps)), touch, touch + int(lifted[0]) + 1 if len(lifted) else None)
+    return Handling(
+        max(0, touch - round(rules.before * fps)), touch, touch + int(lifted[0]) + 1 if len(lifted) else None
+    )
 
 
 def find_clasps(wrists: np.ndarray, fps: float, rules: HandlingRules | None = None) -> list[Handling]:
-    """Lifts of something that was not recorded: both wrists (T, 2, 3) [m] rise together, as far apart as they were, from below the hips."""
+    """Lifts of something that was not recorded: both wrists (T, 2, 3) [m] rise together, as far apart as they were,
+    from below the hips.
+    """
     rules = rules or HandlingRules()
     apart = np.linalg.norm(wrists[:, 0] - wrists[:, 1], axis=-1)
     low = wrists[..., 2].max(-1)
@@ -189,7 +209,9 @@ def find_clasps(wrists: np.ndarray, fps: float, rules: HandlingRules | None = No
 
 
 def find_reach(wrists: np.ndarray, pelvis: np.ndarray, fps: float, rules: HandlingRules | None = None) -> int | None:
-    """The frame in which who stands first holds a hand out about as far as ever, from wrists (T, 2, 3) and pelvis (T, 3) [m]; None if nobody does."""
+    """The frame in which who stands first holds a hand out about as far as ever, from wrists (T, 2, 3) and pelvis
+    (T, 3) [m]; None if nobody does.
+    """
     rules = rules or HandlingRules()
     away = wrists - pelvis[:, None]
     out = np.hypot(np.linalg.norm(away[..., :2], axis=-1), np.maximum(away[..., 2] - rules.chest, 0.0))
@@ -199,7 +221,9 @@ def find_reach(wrists: np.ndarray, pelvis: np.ndarray, fps: float, rules: Handli
     return int(np.argmax(held > 0.95 * held.max())) if held.max() > rules.reach else None
 
 
-def _start(pelvis: np.ndarray, speed: np.ndarray, landing: int, last: int, fps: float, rules: SittingRules) -> int | None:
+def _start(
+    pelvis: np.ndarray, speed: np.ndarray, landing: int, last: int, fps: float, rules: SittingRules
+) -> int | None:
     """Where the last walk before the landing begins, near enough to the seat; None if nobody walks."""
     earliest = max(0, landing - round(rules.before * fps))
     walks = np.flatnonzero(speed[earliest:landing] > rules.walking) + earliest

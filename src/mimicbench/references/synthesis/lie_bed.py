@@ -1,4 +1,6 @@
-"""`lie-bed`: walk to the nearer side of a bed, sit down on its edge, swing the legs up, lie down with the head on the pillow."""
+"""`lie-bed`: walk to the nearer side of a bed, sit down on its edge, swing the legs up, lie down with the head on
+the pillow.
+"""
 
 from dataclasses import replace
 from functools import partial
@@ -35,14 +37,18 @@ def synthesize_lie_bed(clip_id: str, obj: SceneObject, seed: int) -> HumanMotion
     return make_lie_bed(clip_id, obj, start_xy, start_yaw, style)
 
 
-def make_lie_bed(clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: LieStyle) -> HumanMotion:
+def make_lie_bed(
+    clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: LieStyle
+) -> HumanMotion:
     """The clip that follows from a start, a bed and a style, in closed form.
 
     The point between the ankles starts at `start_xy` (2,) [m] with heading `start_yaw` [rad].
     """
     body = unihsi_body(style.body_scale)
     berth = find_berth(obj, body, start_xy)
-    return lie_down(clip_id, "lie-bed", obj, body, berth, _route(obj, berth, start_xy), start_yaw, gait_of(style), style)
+    return lie_down(
+        clip_id, "lie-bed", obj, body, berth, _route(obj, berth, start_xy), start_yaw, gait_of(style), style
+    )
 
 
 def gait_of(style: LieStyle) -> Gait:
@@ -54,14 +60,22 @@ def lie_bed_courses(obj: SceneObject, style: LieStyle) -> tuple[Course, ...]:
     """How to lie down on a bed in a style: from its left side, and from its right one."""
     body = unihsi_body(style.body_scale)
     berths = [find_berth(obj, body, np.array([0.0, side])) for side in (1.0, -1.0)]
-    return tuple(lie_course("lie-bed", obj, body, berth, partial(_route, obj, berth), gait_of(style), style) for berth in berths)
+    return tuple(
+        lie_course("lie-bed", obj, body, berth, partial(_route, obj, berth), gait_of(style), style) for berth in berths
+    )
 
 
 def find_berth(obj: SceneObject, body: Body, start_xy: np.ndarray) -> Berth:
-    """Where a body lies that comes from `start_xy` (2,) [m]: along the nearer side of the bed, half an arm's length from its edge."""
+    """Where a body lies that comes from `start_xy` (2,) [m]: along the nearer side of the bed, half an arm's length
+    from its edge.
+    """
     height = obj.require_seat()
     low, high = obj.seat_polygon.min(0), obj.seat_polygon.max(0)
-    side = float(np.sign(start_xy[1])) if abs(start_xy[1]) > 0.3 or abs(obj.head_xy[1]) < 0.05 else float(np.sign(obj.head_xy[1]))
+    side = (
+        float(np.sign(start_xy[1]))
+        if abs(start_xy[1]) > 0.3 or abs(obj.head_xy[1]) < 0.05
+        else float(np.sign(obj.head_xy[1]))
+    )
     side = side or 1.0
     edge = float(high[1] if side > 0 else -low[1])
     # the head's middle; from there to the pelvis
@@ -74,9 +88,16 @@ def find_berth(obj: SceneObject, body: Body, start_xy: np.ndarray) -> Berth:
     beside = (least[:, 0] < x + 0.25) & (most[:, 0] > x - 0.25) & (least[:, 2] < height - 0.05)
     outermost = float((most[beside, 1] if side > 0 else -least[beside, 1]).max())
     depth, ahead = perch(body, height, max(0.06, outermost - edge + 0.07))
-    boards = (least[:, 0] > high[0] - 0.06) & (most[:, 2] > height + 0.03) & (least[:, 1] < side * 0.5 * edge + 0.3) & (most[:, 1] > side * 0.5 * edge - 0.3)
+    boards = (
+        (least[:, 0] > high[0] - 0.06)
+        & (most[:, 2] > height + 0.03)
+        & (least[:, 1] < side * 0.5 * edge + 0.3)
+        & (most[:, 1] > side * 0.5 * edge - 0.3)
+    )
     foot_end = float(least[boards, 0].min()) if boards.any() else float(high[0]) + 0.03
-    pillow = most[(most[:, 2] > height + 0.01) & (least[:, 2] < height) & (most[:, 0] < low[0] + 0.5) & (least[:, 0] > low[0]), 2]
+    pillow = most[
+        (most[:, 2] > height + 0.01) & (least[:, 2] < height) & (most[:, 0] < low[0] + 0.5) & (least[:, 0] > low[0]), 2
+    ]
     head, out = np.array([-1.0, 0.0]), np.array([0.0, side])
     lying, seat, stop = (np.array([x, side * (edge + across)]) for across in (-depth_lying, -depth, ahead))
     above = float(pillow.max()) - height if len(pillow) else 0.0

@@ -1,4 +1,6 @@
-"""`lie-sofa`: walk to the front of a sofa, sit down on its edge, swing the legs up, lie down along it with the feet on the seat."""
+"""`lie-sofa`: walk to the front of a sofa, sit down on its edge, swing the legs up, lie down along it with the feet
+on the seat.
+"""
 
 from dataclasses import replace
 from functools import partial
@@ -19,7 +21,8 @@ from mimicbench.references.locomotion.walking import draw_start
 MARGIN = 0.40
 """Between the way and the sofa [m]."""
 TRIES = 60
-"""Starts that are drawn to find one from which there is time enough; on the largest sofas the quickest of them may take longer."""
+"""Starts that are drawn to find one from which there is time enough; on the largest sofas the quickest of them may take
+longer."""
 
 
 def synthesize_lie_sofa(clip_id: str, obj: SceneObject, seed: int) -> HumanMotion:
@@ -28,7 +31,8 @@ def synthesize_lie_sofa(clip_id: str, obj: SceneObject, seed: int) -> HumanMotio
     random = rng(seed, clip_id, obj.id)
     low, high = obj.seat_polygon.min(0), obj.seat_polygon.max(0)
     span = float(max(high[1] - obj.head_xy[1], obj.head_xy[1] - low[1]))
-    # the shortest people stay away from the highest sofas, where their feet would hang, and tall ones from the shortest sofas
+    # the shortest people stay away from the highest sofas, where their feet would hang, and tall ones from the shortest
+    # sofas
     shortest = max(0.96, min(1.08, 2.0 * height))
     scale = random.uniform(shortest, max(shortest + 0.02, min(1.15, (span + 0.03) / 1.25)))
     duration = 12.1 + 0.05 * float(np.clip(random.standard_normal(), -2.0, 2.0))
@@ -38,14 +42,20 @@ def synthesize_lie_sofa(clip_id: str, obj: SceneObject, seed: int) -> HumanMotio
         start_xy, start_yaw = draw_start(random, obj)
         body, berth, route = _plan(obj, start_xy, style)
         plans.append((body, berth, route, start_yaw))
-        ends.append(plan_footsteps(start_yaw, route, berth.stop_xy, 0.0, gait_of(style), body.size).end - style.lead + needed_time(style))
+        ends.append(
+            plan_footsteps(start_yaw, route, berth.stop_xy, 0.0, gait_of(style), body.size).end
+            - style.lead
+            + needed_time(style)
+        )
         if ends[-1] <= duration:
             break
     body, berth, route, start_yaw = plans[int(np.argmin(ends))]
     return lie_down(clip_id, "lie-sofa", obj, body, berth, route, start_yaw, gait_of(style), style)
 
 
-def make_lie_sofa(clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: LieStyle) -> HumanMotion:
+def make_lie_sofa(
+    clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: LieStyle
+) -> HumanMotion:
     """The clip that follows from a start, a sofa and a style, in closed form.
 
     The point between the ankles starts at `start_xy` (2,) [m] with heading `start_yaw` [rad].
@@ -62,7 +72,9 @@ def lie_sofa_courses(obj: SceneObject, style: LieStyle) -> tuple[Course, ...]:
 
 
 def gait_of(style: LieStyle) -> Gait:
-    """This skeleton's legs are a tenth shorter than those that the gait's defaults are for: quicker steps and shorter turns."""
+    """This skeleton's legs are a tenth shorter than those that the gait's defaults are for: quicker steps and
+    shorter turns.
+    """
     return Gait(speed=style.speed, step_time=0.74, max_turn=0.60, stand=0.6)
 
 
@@ -107,5 +119,11 @@ def find_berth(obj: SceneObject, body: Body) -> Berth:
     room = side * (y - foot_end) + (0.0 if end.any() else 0.05)
     pillow = float(most[(np.abs(obj.box_pos[:, :2] - obj.head_xy) < 0.03).all(-1), 2].max(initial=height)) - height
     front = float(high[0])
-    lying, seat, stop = np.array([float(obj.head_xy[0]), y]), np.array([front - depth, at]), np.array([front + ahead, at])
-    return Berth(height, pillow, np.array([0.0, side]), np.array([1.0, 0.0]), lying, seat, stop, room, bool(end.any()), False)
+    lying, seat, stop = (
+        np.array([float(obj.head_xy[0]), y]),
+        np.array([front - depth, at]),
+        np.array([front + ahead, at]),
+    )
+    return Berth(
+        height, pillow, np.array([0.0, side]), np.array([1.0, 0.0]), lying, seat, stop, room, bool(end.any()), False
+    )

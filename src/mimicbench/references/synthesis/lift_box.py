@@ -81,13 +81,26 @@ class Lifting(NamedTuple):
 def draw_style(random: np.random.Generator) -> LiftStyle:
     """The few free choices of a clip. The walk is short enough for the box to be held for HOLD seconds."""
     duration = 4.3 + float(np.clip(0.2 * random.standard_normal(), -0.4, 0.4))
-    reach_duration, lift_duration, overlap = random.uniform(1.0, 1.15), random.uniform(1.1, 1.3), random.uniform(0.15, 0.3)
+    reach_duration, lift_duration, overlap = (
+        random.uniform(1.0, 1.15),
+        random.uniform(1.1, 1.3),
+        random.uniform(0.15, 0.3),
+    )
     walking = min(random.uniform(0.9, 1.4), duration - reach_duration - lift_duration - HOLD - 0.1 + overlap)
     return LiftStyle(
-        random.uniform(*SIZES), walking, overlap, reach_duration, lift_duration, duration, clasp_height=random.uniform(0.8, 0.88),
-        clasp_forward=random.uniform(0.02, 0.08), lift=random.uniform(0.27, 0.38), pull=random.uniform(0.05, 0.08), tilt=random.uniform(0.0, 0.04),
+        random.uniform(*SIZES),
+        walking,
+        overlap,
+        reach_duration,
+        lift_duration,
+        duration,
+        clasp_height=random.uniform(0.8, 0.88),
+        clasp_forward=random.uniform(0.02, 0.08),
+        lift=random.uniform(0.27, 0.38),
+        pull=random.uniform(0.05, 0.08),
+        tilt=random.uniform(0.0, 0.04),
         arm_swing=random.uniform(0.5, 0.9),
-    )  # fmt: skip
+    )
 
 
 def synthesize_lift_box(clip_id: str, obj: SceneObject, seed: int) -> HumanMotion:
@@ -99,11 +112,15 @@ def synthesize_lift_box(clip_id: str, obj: SceneObject, seed: int) -> HumanMotio
 
 
 def stand_off(obj: SceneObject, scale: float) -> float:
-    """Where along x the ankles are of somebody of that size who stands before the box [m]: close, with room for the toes."""
+    """Where along x the ankles are of somebody of that size who stands before the box [m]: close, with room for the
+    toes.
+    """
     return float(obj.bounds()[1][0]) + core4d_body(scale).toe + 0.035
 
 
-def make_lift_box(clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: LiftStyle) -> HumanMotion:
+def make_lift_box(
+    clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: LiftStyle
+) -> HumanMotion:
     """The clip that follows from a start, a box and a style, in closed form.
 
     The point between the ankles comes from `start_xy` (2,) [m] with heading `start_yaw` [rad].
@@ -126,10 +143,20 @@ def lift_course(obj: SceneObject, style: LiftStyle) -> Course:
         return _lift(clip_id, obj, style, found, way, detour)
 
     after = style.reach_duration - style.overlap + 0.1 + style.lift_duration + HOLD
-    return Course(body, STRIDES, ground.middle, ground.yaw, lambda start_xy: Route(np.stack([start_xy, ground.middle])), after, act)
+    return Course(
+        body,
+        STRIDES,
+        ground.middle,
+        ground.yaw,
+        lambda start_xy: Route(np.stack([start_xy, ground.middle])),
+        after,
+        act,
+    )
 
 
-def _lift(clip_id: str, obj: SceneObject, style: LiftStyle, found: Lifting, way: Walk, detour: list[int]) -> HumanMotion:
+def _lift(
+    clip_id: str, obj: SceneObject, style: LiftStyle, found: Lifting, way: Walk, detour: list[int]
+) -> HumanMotion:
     """The clip that follows from a walk up to the box."""
     clasp, carried, body, _, grip, stand = found
     progress = (way.time - way.end + style.overlap) / style.reach_duration
@@ -139,18 +166,35 @@ def _lift(clip_id: str, obj: SceneObject, style: LiftStyle, found: Lifting, way:
     # it turns about the line between the hands
     axis = clasp.mean(0)
     box_pos = axis + up[:, None] * carried - rot.rotate(box_quat, axis)
-    trunk = settle(way, body.size, [(grip, minimum_jerk(progress / 0.92)), (stand, up)], np.mean(clasp, 0) + up[:, None] * carried)
-    reaching = reach_past(body, obj, trunk, way.legs(), way.arms(body, style.arm_swing), clasp, SIDES, float(grip.elbow), progress, detour)
+    trunk = settle(
+        way, body.size, [(grip, minimum_jerk(progress / 0.92)), (stand, up)], np.mean(clasp, 0) + up[:, None] * carried
+    )
+    reaching = reach_past(
+        body, obj, trunk, way.legs(), way.arms(body, style.arm_swing), clasp, SIDES, float(grip.elbow), progress, detour
+    )
     hands = box_pos[:, None] + rot.rotate(box_quat[:, None], clasp)
     holding = reach(body, trunk, hands, elbow_axes(trunk.chest_quat_w, grip.elbow + up * (stand.elbow - grip.elbow)))
     arms = blend(reaching, holding, (progress >= 1.0).astype(float))
     quat = lay_hands(body, pose(body, trunk, way.legs(), arms), trunk, SIDES, minimum_jerk(progress / 0.95))
     contacts = np.concatenate([way.feet.contact, np.repeat((progress >= 0.97)[:, None], 2, 1)], -1)
     return HumanMotion(
-        clip_id, "lift-box", body.skeleton, FPS, trunk.pelvis_pos_w, quat, obj.id, ("left_foot", "right_foot", "left_hand", "right_hand"),
-        contacts, {**{name: float(value) for name, value in vars(style).items()}, "body_scale": body.size, "clasp_forward": float(clasp[0, 0])},
-        object_pos_w=box_pos, object_quat_w=box_quat,
-    )  # fmt: skip
+        clip_id,
+        "lift-box",
+        body.skeleton,
+        FPS,
+        trunk.pelvis_pos_w,
+        quat,
+        obj.id,
+        ("left_foot", "right_foot", "left_hand", "right_hand"),
+        contacts,
+        {
+            **{name: float(value) for name, value in vars(style).items()},
+            "body_scale": body.size,
+            "clasp_forward": float(clasp[0, 0]),
+        },
+        object_pos_w=box_pos,
+        object_quat_w=box_quat,
+    )
 
 
 def _who_lifts(obj: SceneObject, style: LiftStyle) -> Lifting:
@@ -161,12 +205,16 @@ def _who_lifts(obj: SceneObject, style: LiftStyle) -> Lifting:
         body = core4d_body(scale)
         ground = Ground.at(body, np.array([stand_off(obj, scale), 0.0]), np.pi, STRIDES)
         for forward in (style.clasp_forward, FARTHEST_FORWARD):
-            clasp = np.array([[forward, y, style.clasp_height * high[2]] for y in (low[1] - HANDS_OFF, high[1] + HANDS_OFF)])
+            clasp = np.array(
+                [[forward, y, style.clasp_height * high[2]] for y in (low[1] - HANDS_OFF, high[1] + HANDS_OFF)]
+            )
             carried = np.array([style.pull, 0.0, style.lift])
             grip, short = find_posture(body, ground, clasp, obj, np.zeros(3))
             if short > least:
                 continue
-            stand, later = find_posture(body, ground, clasp + carried, obj, carried, float(obj.mass or 0.0) / (WEIGHT * body.size**3))
+            stand, later = find_posture(
+                body, ground, clasp + carried, obj, carried, float(obj.mass or 0.0) / (WEIGHT * body.size**3)
+            )
             if best is None or max(short, later) < least - 1e-9:
                 best, least = Lifting(clasp, carried, body, ground, grip, stand), max(short, later)
             if least < 1e-3:

@@ -1,6 +1,7 @@
 """Planning a task from anywhere: the whole clip from what a body does at one moment to the task's end, in milliseconds.
 
-Who is still on the way walks on from there. Who is in the midst of sitting down, lying down, reaching or lifting goes on with the action
+Who is still on the way walks on from there. Who is in the midst of sitting down, lying down, reaching or lifting goes
+on with the action
 from the moment that is most like theirs. Either way the plan begins at the pose and with the velocity of the state.
 """
 
@@ -37,9 +38,15 @@ ASIDE = 0.6
 
 
 def plan(
-    task: str, obj: SceneObject, state: BodyState, style: Mapping[str, float], clip_id: str = "plan", wrist_goal_w: np.ndarray | None = None
-) -> HumanMotion:  # fmt: skip
-    """The clip of a task from a state to the task's end, on an object at the origin, in a style as it is stored with clips.
+    task: str,
+    obj: SceneObject,
+    state: BodyState,
+    style: Mapping[str, float],
+    clip_id: str = "plan",
+    wrist_goal_w: np.ndarray | None = None,
+) -> HumanMotion:
+    """The clip of a task from a state to the task's end, on an object at the origin, in a style as it is stored with
+    clips.
 
     What does not depend on the state is kept for the next plan on the same object in the same style.
 
@@ -73,7 +80,10 @@ def plan_on(ways: Sequence[Course], state: BodyState, clip_id: str = "plan") -> 
         routes = [_route(way, here) for way in ways]
         shortest = int(np.argmin([route.length for route in routes]))
         course = ways[shortest]
-        clip = course.act(clip_id, walk_from(course.body, here, routes[shortest], course.stop_xy, course.stop_yaw, course.gait, course.after))
+        clip = course.act(
+            clip_id,
+            walk_from(course.body, here, routes[shortest], course.stop_xy, course.stop_yaw, course.gait, course.after),
+        )
     return _placed(join(course.body, clip, here, feet_go_on=not begun), shift)
 
 
@@ -83,7 +93,11 @@ def _acts(course: Course, state: BodyState) -> bool:
         return True
     feet = state.feet
     away = np.linalg.norm(feet.pos_w[:, :2] - course.feet_xy, axis=-1)
-    return bool(feet.bears.all() and (away < AT_STOP).all() and (np.abs(rot.wrap_angle(feet.yaw - course.stop_yaw)) < AT_STOP_TURN).all())
+    return bool(
+        feet.bears.all()
+        and (away < AT_STOP).all()
+        and (np.abs(rot.wrap_angle(feet.yaw - course.stop_yaw)) < AT_STOP_TURN).all()
+    )
 
 
 def _route(course: Course, state: BodyState) -> Route:
@@ -100,7 +114,10 @@ def _route(course: Course, state: BodyState) -> Route:
 
 
 def _shift(course: Course, state: BodyState) -> np.ndarray:
-    """(x, y, yaw) where the box was when it was put there, [m] and [rad]: it takes the whole plan with it. Zeros without a box."""
+    """(x, y, yaw) where the box was when it was put there, [m] and [rad]: it takes the whole plan with it.
+
+    Zeros without a box.
+    """
     box, action = state.box, course.action if state.box is not None else None
     if box is None or action is None or not len(action.object_pos_w):
         return np.zeros(3)
@@ -147,6 +164,9 @@ def _placed(motion: HumanMotion, shift: np.ndarray) -> HumanMotion:
     quat = motion.local_quat.copy()
     quat[:, 0] = rot.multiply(turn, quat[:, 0])
     return replace(
-        motion, root_pos_w=rot.rotate(turn, motion.root_pos_w) + there, local_quat=quat,
-        object_pos_w=rot.rotate(turn, motion.object_pos_w) + there, object_quat_w=rot.multiply(turn, motion.object_quat_w),
-    )  # fmt: skip
+        motion,
+        root_pos_w=rot.rotate(turn, motion.root_pos_w) + there,
+        local_quat=quat,
+        object_pos_w=rot.rotate(turn, motion.object_pos_w) + there,
+        object_quat_w=rot.multiply(turn, motion.object_quat_w),
+    )

@@ -53,7 +53,10 @@ KEPT = 64
 
 
 def synthesize(task: str, index: int, obj: SceneObject, seed: int) -> HumanMotion:
-    """Clip number `index` of a task on an object; depends on these and the seed alone. Raises UnknownName or BadObject."""
+    """Clip number `index` of a task on an object; depends on these and the seed alone.
+
+    Raises UnknownName or BadObject.
+    """
     if task not in TASKS:
         raise UnknownName("task", task, list(TASKS))
     return TASKS[task](clip_id(task, index, seed), obj, seed)
@@ -84,10 +87,15 @@ class _Request:
         return hash(self.key)
 
 
-def courses(task: str, obj: SceneObject, style: Mapping[str, float], wrist_goal_w: np.ndarray | None = None) -> tuple[Course, ...]:
-    """The ways to do a task on an object in a style as it is stored with clips; those of the last KEPT objects and styles are remembered.
+def courses(
+    task: str, obj: SceneObject, style: Mapping[str, float], wrist_goal_w: np.ndarray | None = None
+) -> tuple[Course, ...]:
+    """The ways to do a task on an object in a style as it is stored with clips.
 
-    `wrist_goal_w` (2, 3) is where the wrists are to go [m], for touch-points. Raises UnknownName, BadMotion or BadObject.
+    Those of the last KEPT objects and styles are remembered.
+
+    `wrist_goal_w` (2, 3) is where the wrists are to go [m], for touch-points. Raises UnknownName, BadMotion or
+    BadObject.
     """
     if task not in COURSES:
         raise UnknownName("task", task, list(COURSES))
@@ -96,7 +104,9 @@ def courses(task: str, obj: SceneObject, style: Mapping[str, float], wrist_goal_
     if missing:
         raise BadMotion(f"this style lacks {', '.join(missing)}; plans need the style of a synthetic clip of {task}")
     if task == "touch-points" and goal.shape != (2, 3):
-        raise BadMotion("touch-points needs a place for each wrist: give wrist_goal_w, two places of three numbers, left and right")
+        raise BadMotion(
+            "touch-points needs a place for each wrist: give wrist_goal_w, two places of three numbers, left and right"
+        )
     return _courses(_Request(task, obj, style, goal))
 
 

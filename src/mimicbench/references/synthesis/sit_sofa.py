@@ -9,7 +9,16 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.actions.seats import place_at, places
-from mimicbench.references.actions.sitting import LEAN_BACK, PAUSE, UPRIGHT, LoungeStyle, SitStyle, route_to, sit_course, sit_down
+from mimicbench.references.actions.sitting import (
+    LEAN_BACK,
+    PAUSE,
+    UPRIGHT,
+    LoungeStyle,
+    SitStyle,
+    route_to,
+    sit_course,
+    sit_down,
+)
 from mimicbench.references.body.body import roam_body
 from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait, plan_footsteps
@@ -28,17 +37,32 @@ def draw_style(random: np.random.Generator, obj: SceneObject, start_xy: np.ndarr
     """
     shortest = max(0.97, min(1.10, 2.2 * obj.require_seat()))
     every = places(obj)
-    place = every[np.argmin(np.abs(every - start_xy[1]))] - (obj.seat_polygon[:, 1].min() + obj.seat_polygon[:, 1].max()) / 2
+    place = (
+        every[np.argmin(np.abs(every - start_xy[1]))]
+        - (obj.seat_polygon[:, 1].min() + obj.seat_polygon[:, 1].max()) / 2
+    )
     hands = str(random.choice(["free", "on_thighs", "on_seat", "on_arms"], p=[0.4, 0.15, 0.2, 0.25]))
     slow, drops, leans = random.uniform(size=3) < (0.15, 0.15, 0.7)
     out, ahead = random.uniform(0.0, 0.20), random.uniform(-0.11, 0.11)
     style = LoungeStyle(
-        body_scale=random.uniform(shortest, 1.15), speed=random.uniform(0.68, 0.82), sit_duration=random.uniform(2.4, 2.9),
-        lean=random.uniform(0.54, 0.64), recline=random.uniform(-0.04, 0.14), seat_x=random.uniform(-0.02, 0.02), seat_y=place + random.uniform(-0.035, 0.035),
-        arm_swing=random.uniform(0.7, 1.2), duration=12.1 + 0.05 * float(np.clip(random.standard_normal(), -2, 2)), against=1.0 if leans else -1.0,
-        lean_back=random.uniform(0.15, 0.50), lead=random.uniform(0.0, 1.4), look=random.uniform(-0.5, 0.5),
-        left_foot=max(0.0, out + ahead), right_foot=max(0.0, out - ahead), apart=random.uniform(-0.02, 0.18), hands_back=random.uniform(0.0, 0.30),
-    )  # fmt: skip
+        body_scale=random.uniform(shortest, 1.15),
+        speed=random.uniform(0.68, 0.82),
+        sit_duration=random.uniform(2.4, 2.9),
+        lean=random.uniform(0.54, 0.64),
+        recline=random.uniform(-0.04, 0.14),
+        seat_x=random.uniform(-0.02, 0.02),
+        seat_y=place + random.uniform(-0.035, 0.035),
+        arm_swing=random.uniform(0.7, 1.2),
+        duration=12.1 + 0.05 * float(np.clip(random.standard_normal(), -2, 2)),
+        against=1.0 if leans else -1.0,
+        lean_back=random.uniform(0.15, 0.50),
+        lead=random.uniform(0.0, 1.4),
+        look=random.uniform(-0.5, 0.5),
+        left_foot=max(0.0, out + ahead),
+        right_foot=max(0.0, out - ahead),
+        apart=random.uniform(-0.02, 0.18),
+        hands_back=random.uniform(0.0, 0.30),
+    )
     if slow:
         style = replace(style, sit_duration=random.uniform(3.1, 3.5))
     elif drops:
@@ -58,12 +82,16 @@ def synthesize_sit_sofa(clip_id: str, obj: SceneObject, seed: int) -> HumanMotio
     raise BadMotion(f"clip {clip_id}: sofa {obj.id} is too large to walk to and sit down on in time; use a smaller one")
 
 
-def make_sit_sofa(clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: SitStyle) -> HumanMotion:
+def make_sit_sofa(
+    clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: SitStyle
+) -> HumanMotion:
     """The clip that follows from a start, a sofa and a style, in closed form.
 
     The point between the ankles starts at `start_xy` (2,) [m] with heading `start_yaw` [rad].
     """
-    return sit_down(clip_id, "sit-sofa", roam_body(style.body_scale), obj, start_xy, start_yaw, style, gait_of(style), True)
+    return sit_down(
+        clip_id, "sit-sofa", roam_body(style.body_scale), obj, start_xy, start_yaw, style, gait_of(style), True
+    )
 
 
 def sit_sofa_courses(obj: SceneObject, style: SitStyle) -> tuple[Course, ...]:
@@ -72,7 +100,9 @@ def sit_sofa_courses(obj: SceneObject, style: SitStyle) -> tuple[Course, ...]:
 
 
 def gait_of(style: SitStyle) -> Gait:
-    """This skeleton's legs are a tenth shorter than those that the gait's defaults are for: quicker steps and shorter turns."""
+    """This skeleton's legs are a tenth shorter than those that the gait's defaults are for: quicker steps and
+    shorter turns.
+    """
     return Gait(speed=style.speed, step_time=0.74, max_turn=0.60)
 
 
@@ -80,9 +110,18 @@ def arrival(obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: Sit
     """When the feet stand in front of the seat [s]."""
     middle = float(obj.seat_polygon[:, 1].min() + obj.seat_polygon[:, 1].max()) / 2
     place = place_at(obj, roam_body(style.body_scale), middle + style.seat_y, style.seat_x)
-    return plan_footsteps(start_yaw, route_to(obj, start_xy, place), place.ankles, 0.0, gait_of(style), style.body_scale).end - style.lead
+    return (
+        plan_footsteps(
+            start_yaw, route_to(obj, start_xy, place), place.ankles, 0.0, gait_of(style), style.body_scale
+        ).end
+        - style.lead
+    )
 
 
 def time_to_settle(style: SitStyle) -> float:
     """From the arrival until the person is at rest, and for REST seconds more [s]."""
-    return PAUSE + max(UPRIGHT * style.sit_duration, style.sit_duration + 0.3 + LEAN_BACK if style.against > 0 else 0.0) + REST
+    return (
+        PAUSE
+        + max(UPRIGHT * style.sit_duration, style.sit_duration + 0.3 + LEAN_BACK if style.against > 0 else 0.0)
+        + REST
+    )

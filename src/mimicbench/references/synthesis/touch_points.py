@@ -1,4 +1,6 @@
-"""`touch-points`: come a few steps up to a household object, bend or squat, and hold both wrists at their places on it."""
+"""`touch-points`: come a few steps up to a household object, bend or squat, and hold both wrists at their places on
+it.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -22,7 +24,8 @@ from mimicbench.references.locomotion.walking import FPS, Walk, follow
 STRIDES = Gait(speed=0.62, step_time=0.68, stand=0.5, clearance=0.055)
 """Short steps."""
 CLOSER = ((0.0, 0.0), (0.05, 0.0), (0.05, 0.4), (0.14, 0.2), (0.0, 0.5), (0.1, 0.7))
-"""How much nearer to the object than usual to stand [m], and how far to round the back [rad]; the first with which the hands arrive is taken."""
+"""How much nearer to the object than usual to stand [m], and how far to round the back [rad]; the first with which the
+hands arrive is taken."""
 HELD = 1.2
 """[s] for which the hands stay, at least."""
 BENDS = 1.80
@@ -53,10 +56,15 @@ class TouchStyle:
 
 def draw_style(random: np.random.Generator) -> TouchStyle:
     """The few free choices of a clip. The walk is short enough for the hands to be at rest for HELD seconds."""
-    duration, reach_duration = 3.3 + float(np.clip(0.2 * random.standard_normal(), -0.4, 0.4)), random.uniform(0.9, 1.05)
+    duration, reach_duration = (
+        3.3 + float(np.clip(0.2 * random.standard_normal(), -0.4, 0.4)),
+        random.uniform(0.9, 1.05),
+    )
     overlap = random.uniform(0.15, 0.3)
     walking = min(random.uniform(0.8, 1.25), duration - reach_duration + overlap - HELD)
-    return TouchStyle(random.uniform(*SIZES), walking, overlap, reach_duration, duration, arm_swing=random.uniform(0.5, 0.9))
+    return TouchStyle(
+        random.uniform(*SIZES), walking, overlap, reach_duration, duration, arm_swing=random.uniform(0.5, 0.9)
+    )
 
 
 def synthesize_touch_points(clip_id: str, obj: SceneObject, seed: int) -> HumanMotion:
@@ -68,10 +76,13 @@ def synthesize_touch_points(clip_id: str, obj: SceneObject, seed: int) -> HumanM
     return make_touch_points(clip_id, obj, goal, start_xy, start_yaw, draw_style(random))
 
 
-def make_touch_points(clip_id: str, obj: SceneObject, goal: np.ndarray, start_xy: np.ndarray, start_yaw: float, style: TouchStyle) -> HumanMotion:
+def make_touch_points(
+    clip_id: str, obj: SceneObject, goal: np.ndarray, start_xy: np.ndarray, start_yaw: float, style: TouchStyle
+) -> HumanMotion:
     """The clip that follows from the wrists' places (2, 3) [m], a start and a style, in closed form.
 
-    The point between the ankles comes from `start_xy` (2,) [m] with heading `start_yaw` [rad]. Who is too small for the object grows.
+    The point between the ankles comes from `start_xy` (2,) [m] with heading `start_yaw` [rad]. Who is too small for the
+    object grows.
     """
     found = _who_reaches(obj, goal, style.body_scale)
     style = unhurried(style, found[2])
@@ -90,28 +101,52 @@ def touch_course(obj: SceneObject, goal: np.ndarray, style: TouchStyle) -> Cours
 
 def unhurried(style: TouchStyle, posture: Posture) -> TouchStyle:
     """Who bends far takes longer for it, and begins while the feet still go."""
-    far = float(rot.angle_between(rot.IDENTITY, rot.multiply(about_y(posture.pitch), chest_turn(posture.pitch, posture.twist, posture.bend))))
+    far = float(
+        rot.angle_between(
+            rot.IDENTITY, rot.multiply(about_y(posture.pitch), chest_turn(posture.pitch, posture.twist, posture.bend))
+        )
+    )
     reach_duration = max(style.reach_duration, far / (BENDS * (1.0 - RAMPS) * ARRIVES))
     overlap = max(style.overlap, 0.55 * (reach_duration - 0.75))
     walking = max(min(style.walking, style.duration - reach_duration + overlap - HELD), 0.3)
     overlap = min(overlap, walking)
-    return replace(style, reach_duration=min(reach_duration, style.duration - HELD - walking + overlap), walking=walking, overlap=overlap)
+    return replace(
+        style,
+        reach_duration=min(reach_duration, style.duration - HELD - walking + overlap),
+        walking=walking,
+        overlap=overlap,
+    )
 
 
-def _course(obj: SceneObject, goal: np.ndarray, style: TouchStyle, body: Body, ground: Ground, posture: Posture) -> Course:
+def _course(
+    obj: SceneObject, goal: np.ndarray, style: TouchStyle, body: Body, ground: Ground, posture: Posture
+) -> Course:
     detour: list[int] = []  # found once, good for all
 
     def act(clip_id: str, way: Walk) -> HumanMotion:
         return _touch(clip_id, obj, goal, style, body, posture, way, detour)
 
     return Course(
-        body, STRIDES, ground.middle, ground.yaw, lambda start_xy: Route(np.stack([start_xy, ground.middle])), style.reach_duration - style.overlap + HELD, act
-    )  # fmt: skip
+        body,
+        STRIDES,
+        ground.middle,
+        ground.yaw,
+        lambda start_xy: Route(np.stack([start_xy, ground.middle])),
+        style.reach_duration - style.overlap + HELD,
+        act,
+    )
 
 
 def _touch(
-    clip_id: str, obj: SceneObject, goal: np.ndarray, style: TouchStyle, body: Body, posture: Posture, way: Walk, detour: list[int]
-) -> HumanMotion:  # fmt: skip
+    clip_id: str,
+    obj: SceneObject,
+    goal: np.ndarray,
+    style: TouchStyle,
+    body: Body,
+    posture: Posture,
+    way: Walk,
+    detour: list[int],
+) -> HumanMotion:
     """The clip that follows from a walk up to the object."""
     progress = (way.time - way.end + style.overlap) / style.reach_duration
     share = glide(progress / ARRIVES, RAMPS, RAMPS)
@@ -122,13 +157,24 @@ def _touch(
     quat = lay_hands(body, pose(body, trunk, way.legs(), arms), trunk, normals, minimum_jerk(progress / 0.95))
     contacts = np.concatenate([way.feet.contact, np.repeat((progress >= 0.97)[:, None], 2, 1)], -1)
     return HumanMotion(
-        clip_id, "touch-points", body.skeleton, FPS, trunk.pelvis_pos_w, quat, obj.id, ("left_foot", "right_foot", "left_hand", "right_hand"),
-        contacts, {**{name: float(value) for name, value in vars(style).items()}, "body_scale": body.size}, wrist_goal_w=goal,
-    )  # fmt: skip
+        clip_id,
+        "touch-points",
+        body.skeleton,
+        FPS,
+        trunk.pelvis_pos_w,
+        quat,
+        obj.id,
+        ("left_foot", "right_foot", "left_hand", "right_hand"),
+        contacts,
+        {**{name: float(value) for name, value in vars(style).items()}, "body_scale": body.size},
+        wrist_goal_w=goal,
+    )
 
 
 def _who_reaches(obj: SceneObject, goal: np.ndarray, size: float) -> tuple[Body, Ground, Posture]:
-    """The body of that size, or of a larger one where it cannot reach, on its feet, and how it stands there to touch."""
+    """The body of that size, or of a larger one where it cannot reach, on its feet, and how it stands there to
+    touch.
+    """
     x, y, yaw = stance_before(obj, goal[0], goal[1])
     best = None
     for scale in (size, *(larger for larger in (0.95, SIZES[1]) if larger > size)):

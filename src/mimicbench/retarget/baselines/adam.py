@@ -1,6 +1,9 @@
-"""The paper's way to minimize: Adam on a whole clip (appendix B.2: rate 0.02, 3000 epochs). What the banded solver is measured against.
+"""The paper's way to minimize: Adam on a whole clip (appendix B.2: rate 0.02, 3000 epochs).
 
-It gets the solver's own analytic gradient, which is kinder to it than automatic differentiation: the same numbers in less time.
+What the banded solver is measured against.
+
+It gets the solver's own analytic gradient, which is kinder to it than automatic differentiation: the same numbers in
+less time.
 """
 
 from typing import Protocol
@@ -36,7 +39,9 @@ class Differentiable(Protocol):
         ...
 
 
-def adam(objective: Differentiable, start: Pose, epochs: int = EPOCHS, rate: float = RATE, falling: bool = False) -> tuple[Pose, list[float]]:
+def adam(
+    objective: Differentiable, start: Pose, epochs: int = EPOCHS, rate: float = RATE, falling: bool = False
+) -> tuple[Pose, list[float]]:
     """Minimize from a start.
 
     Args:

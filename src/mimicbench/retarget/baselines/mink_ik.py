@@ -1,6 +1,8 @@
-"""Per-frame differential inverse kinematics with `mink`, the usual way of open retargeting tools: the other thing that we are measured against.
+"""Per-frame differential inverse kinematics with `mink`, the usual way of open retargeting tools: the other thing
+that we are measured against.
 
-Every frame is solved for itself, from the frame before: quadratic programs that bring the same links to the same targets as
+Every frame is solved for itself, from the frame before: quadratic programs that bring the same links to the same
+targets as
 `optimization` within the joint limits. Nothing joins the frames. `mink` is optional (`pip install mimicbench[bench]`).
 """
 
@@ -26,10 +28,14 @@ def load_mink() -> Any:
     try:
         return import_module("mink")
     except ImportError:
-        raise MimicbenchError("the comparison with per-frame inverse kinematics needs mink; run `pip install mimicbench[bench]`") from None
+        raise MimicbenchError(
+            "the comparison with per-frame inverse kinematics needs mink; run `pip install mimicbench[bench]`"
+        ) from None
 
 
-def solve_frames(problem: Problem, robot: Robot, start: Pose, steps: int = 10, enough: float = 1e-3) -> tuple[Pose, float]:
+def solve_frames(
+    problem: Problem, robot: Robot, start: Pose, steps: int = 10, enough: float = 1e-3
+) -> tuple[Pose, float]:
     """Follow the targets of an optimization problem frame by frame.
 
     Args:
@@ -51,16 +57,20 @@ def solve_frames(problem: Problem, robot: Robot, start: Pose, steps: int = 10, e
     configuration.update(qpos)
     weight_of_turn = dict(zip(problem.turn_links.tolist(), problem.turn_weights.tolist(), strict=True))
     column_of_turn = {int(link): column for column, link in enumerate(problem.turn_links)}
-    followed = [column for column in range(len(problem.point_links) - problem.soles) if not problem.point_offsets[column].any()]
+    followed = [
+        column for column in range(len(problem.point_links) - problem.soles) if not problem.point_offsets[column].any()
+    ]
     unit = problem.point_weights.max()
     tasks = [
         mink.FrameTask(
-            robot.link_names[link], "body", position_cost=float(np.sqrt(problem.point_weights[column] / unit)),
+            robot.link_names[link],
+            "body",
+            position_cost=float(np.sqrt(problem.point_weights[column] / unit)),
             orientation_cost=float(np.sqrt(weight_of_turn.get(link, 0.0) / unit)),
         )
         for column in followed
         if (link := int(problem.point_links[column])) >= 0
-    ]  # fmt: skip
+    ]
     limits = [mink.ConfigurationLimit(configuration.model)]
     frames, programs = len(problem.point_targets), 0
     found = np.empty((frames, len(qpos)))
@@ -77,4 +87,6 @@ def solve_frames(problem: Problem, robot: Robot, start: Pose, steps: int = 10, e
                 break
         found[frame] = configuration.q
     joints = np.clip(found[:, 7:], problem.limits[:, 0], problem.limits[:, 1])
-    return Pose(found[:, :3], found[:, 3:7] / np.linalg.norm(found[:, 3:7], axis=-1, keepdims=True), joints), programs / frames
+    return Pose(
+        found[:, :3], found[:, 3:7] / np.linalg.norm(found[:, 3:7], axis=-1, keepdims=True), joints
+    ), programs / frames

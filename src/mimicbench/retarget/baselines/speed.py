@@ -32,7 +32,10 @@ class RetargetBenchConfig:
 
 
 def frames_per_second(clips: Sequence[Clip], method: Method, preset: Preset | None = None) -> float:
-    """Frames of these clips retargeted per second of processor time, everything included. The first clip is done once more before, unmeasured."""
+    """Frames of these clips retargeted per second of processor time, everything included.
+
+    The first clip is done once more before, unmeasured.
+    """
     used = method.preset(preset)
     method.retarget(clips[0], used)
     start = process_time()
@@ -42,7 +45,10 @@ def frames_per_second(clips: Sequence[Clip], method: Method, preset: Preset | No
 
 
 def bench_retargeting(
-    clips: Mapping[str, Sequence[Clip]], paper_frames: Mapping[str, float], config: RetargetBenchConfig, say: Callable[[str], None]
+    clips: Mapping[str, Sequence[Clip]],
+    paper_frames: Mapping[str, float],
+    config: RetargetBenchConfig,
+    say: Callable[[str], None],
 ) -> dict[str, object]:
     """Measure every method, Adam and mink on one core.
 
@@ -54,10 +60,14 @@ def bench_retargeting(
 
     Returns:
         Processor time throughout, so other work on the machine hardly matters.
-        frames_per_second: method -> task -> frames per second of a core, and `all`; two_core_hours: method -> hours that two cores need for the
-        paper's clips; adam: its epochs, frames, frames_per_second, and true losses of the paper's objective reached by the solver and by Adam at
-        the appendix's constant rate and at one that falls to 0; mink: frames_per_second, programs per frame and mean distance of the followed
-        points [m] beside the solver's, or why it was left out; ratios: how many times as fast the solver is as each; memory_growth_mb: how much
+        frames_per_second: method -> task -> frames per second of a core, and `all`; two_core_hours: method -> hours
+            that two cores need for the
+        paper's clips; adam: its epochs, frames, frames_per_second, and true losses of the paper's objective reached by
+        the solver and by Adam at
+        the appendix's constant rate and at one that falls to 0; mink: frames_per_second, programs per frame and mean
+        distance of the followed
+        points [m] beside the solver's, or why it was left out; ratios: how many times as fast the solver is as each;
+        memory_growth_mb: how much
         larger the process became over a second round of all clips.
     """
     speeds = {
@@ -70,9 +80,15 @@ def bench_retargeting(
         for clip in of_task:
             METHODS["interaction"].retarget(clip, "improved")
     growth = _peak() - before
-    hours = {name: sum(paper_frames[task] / rate for task, rate in by_task.items()) / 2 / 3600 for name, by_task in speeds.items()}
+    hours = {
+        name: sum(paper_frames[task] / rate for task, rate in by_task.items()) / 2 / 3600
+        for name, by_task in speeds.items()
+    }
     frames = {task: sum(clip.motion.frames for clip in of_task) for task, of_task in clips.items()}
-    told = {name: {**by_task, "all": sum(frames.values()) / sum(frames[task] / rate for task, rate in by_task.items())} for name, by_task in speeds.items()}
+    told = {
+        name: {**by_task, "all": sum(frames.values()) / sum(frames[task] / rate for task, rate in by_task.items())}
+        for name, by_task in speeds.items()
+    }
     say(f"measuring Adam over {config.epochs} epochs")
     problem, start, clip = _example(next(iter(clips.values()))[0], config.frames)
     ours, solver_speed, solver_loss = _solved(problem, start, config.repetitions)
@@ -84,16 +100,23 @@ def bench_retargeting(
         pose, programs = solve_frames(problem, clip.robot, start)
         mink_speed = len(start.joints) / (process_time() - began)
         mink_found = {
-            "frames_per_second": mink_speed, "programs_per_frame": programs, "position_error": _followed(problem, pose),
+            "frames_per_second": mink_speed,
+            "programs_per_frame": programs,
+            "position_error": _followed(problem, pose),
             "solver_position_error": _followed(problem, ours),
-        }  # fmt: skip
+        }
         ratios["solver_over_mink"] = solver_speed / mink_speed
     except MimicbenchError as error:
         mink_found = {"left_out": str(error)}
     return {
-        "frames_per_second": told, "two_core_hours": hours, "solver_frames_per_second": solver_speed, "adam": adam_found, "mink": mink_found,
-        "ratios": ratios, "memory_growth_mb": growth,
-    }  # fmt: skip
+        "frames_per_second": told,
+        "two_core_hours": hours,
+        "solver_frames_per_second": solver_speed,
+        "adam": adam_found,
+        "mink": mink_found,
+        "ratios": ratios,
+        "memory_growth_mb": growth,
+    }
 
 
 def _best(repetitions: int, clips: Sequence[Clip], method: Method) -> float:
@@ -140,7 +163,9 @@ def _followed(problem: Problem, pose: Pose) -> float:
     links = problem.tree.place(pose)
     pairs = len(problem.point_links) - problem.soles
     origin = [column for column in range(pairs) if not problem.point_offsets[column].any()]
-    return float(np.linalg.norm(links.pos[:, problem.point_links[origin]] - problem.point_targets[:, origin], axis=-1).mean())
+    return float(
+        np.linalg.norm(links.pos[:, problem.point_links[origin]] - problem.point_targets[:, origin], axis=-1).mean()
+    )
 
 
 def _peak() -> float:

@@ -1,4 +1,6 @@
-"""What an interaction clip must keep: where feet stand, what hands hold, and how high a body with shorter or longer legs can be."""
+"""What an interaction clip must keep: where feet stand, what hands hold, and how high a body with shorter or longer
+legs can be.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -57,7 +59,16 @@ def anchors_of(clip: Clip, mapping: Mapping, bound: Bound, pos_w: np.ndarray, qu
         bears = _label(motion, label)
         human = rot.multiply(quat_w[:, joint], bound.turn_offsets[bound.turn_links.tolist().index(link)])
         clear = partial(_clear_of_object, Scene.of(motion, clip.obj), _shapes_of(clip, link))
-        place, turn, floor = _foot(motion.fps, bears, followed[:, pair], human, -float(bound.sole[:, 2].min()), pos_w[:, joint, 2], mapping, clear)
+        place, turn, floor = _foot(
+            motion.fps,
+            bears,
+            followed[:, pair],
+            human,
+            -float(bound.sole[:, 2].min()),
+            pos_w[:, joint, 2],
+            mapping,
+            clear,
+        )
         foot_pos.append(place)
         foot_quat.append(turn)
         standing.append(bears)
@@ -87,9 +98,11 @@ def _foot(
     mapping: Mapping,
     clear: Callable[[int, np.ndarray, np.ndarray], np.ndarray],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions (T, 3) and orientations (T, 4) of a foot that is still while it bears, and (T,) whether that is on the floor.
+    """Positions (T, 3) and orientations (T, 4) of a foot that is still while it bears, and (T,) whether that is on
+    the floor.
 
-    Standing, it is flat where the human's is flattest; swinging, it follows the human's path, bent so that it leaves and arrives there.
+    Standing, it is flat where the human's is flattest; swinging, it follows the human's path, bent so that it leaves
+    and arrives there.
     """
     frames = len(bears)
     level = rot.from_yaw(rot.yaw_of(human))
@@ -127,7 +140,9 @@ def _shapes_of(clip: Clip, link: int) -> tuple[np.ndarray, np.ndarray]:
     return balls.center[balls.link == link], balls.radius[balls.link == link]
 
 
-def _clear_of_object(scene: Scene, shapes: tuple[np.ndarray, np.ndarray], frame: int, place: np.ndarray, turn: np.ndarray) -> np.ndarray:
+def _clear_of_object(
+    scene: Scene, shapes: tuple[np.ndarray, np.ndarray], frame: int, place: np.ndarray, turn: np.ndarray
+) -> np.ndarray:
     """A foot's place (3,) moved sideways until it is out of the object: a robot's foot is longer than a person's."""
     centers, radii = shapes
     for _ in range(12):
@@ -142,12 +157,18 @@ def _clear_of_object(scene: Scene, shapes: tuple[np.ndarray, np.ndarray], frame:
     return place
 
 
-def _hand(clip: Clip, mapping: Mapping, bound: Bound, side: int, pos_w: np.ndarray, quat_w: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions (T, 3) for a wrist keypoint, (T,) whether the hand is in contact, and (T,) how near in time a contact is."""
+def _hand(
+    clip: Clip, mapping: Mapping, bound: Bound, side: int, pos_w: np.ndarray, quat_w: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions (T, 3) for a wrist keypoint, (T,) whether the hand is in contact, and (T,) how near in time a
+    contact is.
+    """
     motion = clip.motion
     elbow, wrist = (motion.skeleton.index(joint) for joint in mapping.forearms[side])
     forearm = pos_w[:, wrist] - pos_w[:, elbow]
-    palm = pos_w[:, wrist] + forearm * (mapping.palm * mapping.size_of(motion.skeleton) / np.linalg.norm(forearm, axis=-1, keepdims=True))
+    palm = pos_w[:, wrist] + forearm * (
+        mapping.palm * mapping.size_of(motion.skeleton) / np.linalg.norm(forearm, axis=-1, keepdims=True)
+    )
     holds = _label(motion, HANDS[side])
     scene, radius = Scene.of(motion, clip.obj), _hand_radius(clip, bound, side)
     target = pos_w[:, wrist].copy()
@@ -171,7 +192,9 @@ def _hand(clip: Clip, mapping: Mapping, bound: Bound, side: int, pos_w: np.ndarr
 
 
 def _grip(scene: Scene, frames: np.ndarray, palm_w: np.ndarray, radius: float) -> np.ndarray:
-    """(n, 3) where the hand's ball is while it holds: by the place on the object that the palm is at in the median, and stays there."""
+    """(n, 3) where the hand's ball is while it holds: by the place on the object that the palm is at in the median,
+    and stays there.
+    """
     moving = len(scene.pos_w) > 0
     pos, quat = (scene.pos_w[frames], scene.quat_w[frames]) if moving else (np.zeros(3), rot.IDENTITY)
     local = np.median(rot.rotate_inverse(quat, palm_w - pos), 0)
@@ -187,10 +210,16 @@ def _hand_radius(clip: Clip, bound: Bound, side: int) -> float:
     """Radius of the collision shape at the wrist keypoint [m]."""
     _, link, point = bound.wrists[side]
     shapes = [shape for shape in clip.robot.collision if shape.link == link]
-    return min(shapes, key=lambda shape: float(np.linalg.norm(np.array(shape.end or shape.start) - point))).size[0] if shapes else 0.0
+    return (
+        min(shapes, key=lambda shape: float(np.linalg.norm(np.array(shape.end or shape.start) - point))).size[0]
+        if shapes
+        else 0.0
+    )
 
 
-def _lowering(clip: Clip, bound: Bound, followed: np.ndarray, quat_w: np.ndarray, feet: np.ndarray, on_floor: np.ndarray) -> np.ndarray:
+def _lowering(
+    clip: Clip, bound: Bound, followed: np.ndarray, quat_w: np.ndarray, feet: np.ndarray, on_floor: np.ndarray
+) -> np.ndarray:
     """(T,) smooth, and nowhere less than the legs need."""
     robot = clip.robot
     pelvis = followed[:, bound.links.tolist().index(0)]

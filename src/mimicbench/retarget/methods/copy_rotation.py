@@ -1,4 +1,7 @@
-"""Copied rotations: the robot's joint angles read off the human's, without regard to places (section 4.1). The other methods start from them."""
+"""Copied rotations: the robot's joint angles read off the human's, without regard to places (section 4.1).
+
+The other methods start from them.
+"""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -11,15 +14,22 @@ from mimicbench.retarget.mapping import Bound, Preset, followed_points
 
 
 def copy_rotation(clip: Clip, preset: Preset = "improved") -> RobotMotion:
-    """The motion with the human's rotations; its root stands where the human's does, moved up or down until standing soles are on the floor."""
+    """The motion with the human's rotations.
+
+    Its root stands where the human's does, moved up or down until standing soles are on the floor.
+    """
     bound, tree = clip.bind(preset), tree_of(clip.robot)
-    return clip.grounded(tree, copy_rotations(bound, tree, storable(clip.robot.joint_range), *clip.motion.forward_kinematics()), bound)
+    return clip.grounded(
+        tree, copy_rotations(bound, tree, storable(clip.robot.joint_range), *clip.motion.forward_kinematics()), bound
+    )
 
 
 def copy_rotations(bound: Bound, tree: Tree, limits: np.ndarray, pos_w: np.ndarray, quat_w: np.ndarray) -> Pose:
-    """The pose whose root stands where the human's does and whose runs of joints between two carriers take the human's relative rotations.
+    """The pose whose root stands where the human's does and whose runs of joints between two carriers take the
+    human's relative rotations.
 
-    A run of three joints with successive axes at right angles gets its three angles in closed form; a shorter one the part of the rotation that
+    A run of three joints with successive axes at right angles gets its three angles in closed form; a shorter one the
+    part of the rotation that
     is about its axes. Angles are continuous in time and clipped to the limits (N, 2) [rad].
 
     Args:
@@ -29,7 +39,10 @@ def copy_rotations(bound: Bound, tree: Tree, limits: np.ndarray, pos_w: np.ndarr
         pos_w: (T, J, 3) human joint positions [m].
         quat_w: (T, J, 4) human joint orientations.
     """
-    turned = {link: rot.multiply(quat_w[:, joint], offset) for (joint, link), offset in zip(bound.carriers, bound.carrier_offsets, strict=True)}
+    turned = {
+        link: rot.multiply(quat_w[:, joint], offset)
+        for (joint, link), offset in zip(bound.carriers, bound.carrier_offsets, strict=True)
+    }
     joints = np.zeros((len(pos_w), len(limits)))
     driver = {int(link): j for j, link in enumerate(tree.joint_link)}
     parent = {int(link): int(up) for links, ups in tree.levels for link, up in zip(links, ups, strict=True)}
@@ -40,7 +53,8 @@ def copy_rotations(bound: Bound, tree: Tree, limits: np.ndarray, pos_w: np.ndarr
             link = parent[link]
         if not run or link not in turned or not all(step in driver for step in run):
             continue
-        # The run's rotation is the product of Q_i R(a_i, q_i); seen from its start, that is the product of R(b_i, q_i) times a constant.
+        # The run's rotation is the product of Q_i R(a_i, q_i); seen from its start, that is the product of R(b_i, q_i)
+        # times a constant.
         fixed, axes = rot.IDENTITY, []
         for step in run:
             fixed = rot.multiply(fixed, tree.link_quat[step])
@@ -48,7 +62,9 @@ def copy_rotations(bound: Bound, tree: Tree, limits: np.ndarray, pos_w: np.ndarr
         turn = rot.multiply(rot.multiply(rot.conjugate(turned[link]), target), rot.conjugate(fixed))
         columns = [driver[step] for step in run]
         if len(run) == 3 and abs(axes[0] @ axes[1]) < 1e-6 and abs(axes[1] @ axes[2]) < 1e-6:
-            joints[:, columns] = Rotation.from_quat(turn, scalar_first=True).as_davenport(np.array(axes), "intrinsic", suppress_warnings=True)
+            joints[:, columns] = Rotation.from_quat(turn, scalar_first=True).as_davenport(
+                np.array(axes), "intrinsic", suppress_warnings=True
+            )
         else:
             joints[:, columns] = rot.to_rotvec(turn) @ np.array(axes).T
     # Continuous in time first, then whole turns: a joint must not leap from one end of its range to the other.

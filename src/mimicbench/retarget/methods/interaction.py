@@ -1,4 +1,5 @@
-"""Retargeting that keeps the interaction: contacts, feet that stand, a body that neither enters the furniture nor loses its balance.
+"""Retargeting that keeps the interaction: contacts, feet that stand, a body that neither enters the furniture nor
+loses its balance.
 
 Plain least squares over the whole clip: half the sum of (residual / tolerance)^2, where a residual is
 
@@ -42,14 +43,20 @@ def interact(clip: Clip, config: InteractionConfig | None = None) -> RobotMotion
     """The robot motion that does with the object what the human does. Raises UnknownName or BadMotion."""
     config = config or InteractionConfig()
     step = max(1, min(round(clip.motion.fps / config.rough_fps), clip.motion.frames // 4))
-    rough, sitting, lying = _settled(replace(clip, motion=clip.motion.thinned(step)), replace(config, tolerance=config.rough_tolerance))
+    rough, sitting, lying = _settled(
+        replace(clip, motion=clip.motion.thinned(step)), replace(config, tolerance=config.rough_tolerance)
+    )
     problem, _ = make_problem(clip, config, sitting, lying)
     pose, losses = solve(problem, refine(rough, step, clip.motion.frames), config.iterations, config.tolerance)
-    return clip.finished(problem.tree, pose, clip.bind("improved"), {"loss": losses[-1], "iterations": float(len(losses) - 1)})
+    return clip.finished(
+        problem.tree, pose, clip.bind("improved"), {"loss": losses[-1], "iterations": float(len(losses) - 1)}
+    )
 
 
 def _settled(clip: Clip, config: InteractionConfig) -> tuple[Pose, float, float]:
-    """The pose of a clip of few frames, and how far who sits and who lies had to be put nearer to the feet for it [m]."""
+    """The pose of a clip of few frames, and how far who sits and who lies had to be put nearer to the feet for it
+    [m].
+    """
     problem, start = make_problem(clip, config)
     sitting = lying = 0.0
     pose, losses = solve(problem, start, config.iterations, config.tolerance)
@@ -76,14 +83,23 @@ def refine(pose: Pose, step: int, frames: int) -> Pose:
     """A pose of every `step`-th frame at all of them, smoothly."""
     known = step * np.arange(len(pose.joints))
     # q and -q are the same rotation: take those signs that change least
-    flips = np.concatenate([[1.0], np.cumprod(np.where((pose.root_quat[1:] * pose.root_quat[:-1]).sum(-1) < 0, -1.0, 1.0))])
+    flips = np.concatenate(
+        [[1.0], np.cumprod(np.where((pose.root_quat[1:] * pose.root_quat[:-1]).sum(-1) < 0, -1.0, 1.0))]
+    )
     wanted = np.minimum(np.arange(frames), known[-1])
-    root_pos, root_quat, joints = (CubicSpline(known, values)(wanted) for values in (pose.root_pos, pose.root_quat * flips[:, None], pose.joints))
+    root_pos, root_quat, joints = (
+        CubicSpline(known, values)(wanted) for values in (pose.root_pos, pose.root_quat * flips[:, None], pose.joints)
+    )
     return Pose(root_pos, rot.normalize(root_quat), joints)
 
 
-def make_problem(clip: Clip, config: InteractionConfig, sitting: float = 0.0, lying: float = 0.0) -> tuple[Problem, Pose]:
-    """Targets and tolerances of a clip, and a pose to start from; whoever sits or lies is to do so that much [m] nearer to its feet."""
+def make_problem(
+    clip: Clip, config: InteractionConfig, sitting: float = 0.0, lying: float = 0.0
+) -> tuple[Problem, Pose]:
+    """Targets and tolerances of a clip, and a pose to start from.
+
+    Whoever sits or lies is to do so that much [m] nearer to its feet.
+    """
     motion, robot = clip.motion, clip.robot
     mapping = find_mapping(motion.skeleton.name, robot.name)
     bound = clip.bind("improved")
@@ -96,7 +112,10 @@ def make_problem(clip: Clip, config: InteractionConfig, sitting: float = 0.0, ly
     tolerance = np.full(targets.shape[:2], config.position)
     is_foot = np.isin(bound.links, feet)
     targets[:, ~is_foot, 2] -= anchors.lowering[:, None]
-    wrist_links, wrist_points = np.array([link for _, link, _ in bound.wrists]), np.array([point for *_, point in bound.wrists])
+    wrist_links, wrist_points = (
+        np.array([link for _, link, _ in bound.wrists]),
+        np.array([point for *_, point in bound.wrists]),
+    )
     for foot, link in enumerate(feet):
         column = bound.links.tolist().index(link)
         targets[:, column] = anchors.foot_pos_w[:, foot]
@@ -133,15 +152,37 @@ def make_problem(clip: Clip, config: InteractionConfig, sitting: float = 0.0, ly
     start = copy_rotations(bound, tree, limits, pos_w, quat_w)
     start = start._replace(root_pos=start.root_pos + forward - anchors.lowering[:, None] * np.array([0.0, 0.0, 1.0]))
     return Problem(
-        tree, limits, config, motion.fps, np.concatenate([bound.links, wrist_links]), np.concatenate([np.zeros((len(bound.links), 3)), wrist_points]),
-        np.concatenate([targets, anchors.hand_pos_w], 1), np.concatenate([tolerance, hand], 1) ** -2, turns[:, 1], turn_targets, turn_tolerance**-2,
-        balls, margins, tuple(bearing), seated, lies, Scene.of(motion, clip.obj), SelfContact.of(robot, balls), Masses.of(robot), balanced, heading, ankles,
-        config.velocity_share * robot.velocity_limit, _legs(robot, feet),
-    ), start  # fmt: skip
+        tree,
+        limits,
+        config,
+        motion.fps,
+        np.concatenate([bound.links, wrist_links]),
+        np.concatenate([np.zeros((len(bound.links), 3)), wrist_points]),
+        np.concatenate([targets, anchors.hand_pos_w], 1),
+        np.concatenate([tolerance, hand], 1) ** -2,
+        turns[:, 1],
+        turn_targets,
+        turn_tolerance**-2,
+        balls,
+        margins,
+        tuple(bearing),
+        seated,
+        lies,
+        Scene.of(motion, clip.obj),
+        SelfContact.of(robot, balls),
+        Masses.of(robot),
+        balanced,
+        heading,
+        ankles,
+        config.velocity_share * robot.velocity_limit,
+        _legs(robot, feet),
+    ), start
 
 
 def _room(clip: Clip, pelvis_w: np.ndarray, way: np.ndarray) -> float:
-    """How far seated pelvises (n, 3) may go along directions (n, 3) and still be over the object, with EDGE to spare [m]."""
+    """How far seated pelvises (n, 3) may go along directions (n, 3) and still be over the object, with EDGE to spare
+    [m].
+    """
     low, high = clip.obj.bounds()
     room = np.where(way > 0, high - EDGE - pelvis_w, pelvis_w - low - EDGE) / np.maximum(np.abs(way), 1e-6)
     return max(0.0, float(room[:, :2].min(initial=np.inf)))

@@ -1,6 +1,7 @@
 """The loss of `interaction` retargeting.
 
-Half the sum of (residual / tolerance)^2 over bodies, feet, hands, contacts, clearance, balance and smoothness, as interaction.py lists them.
+Half the sum of (residual / tolerance)^2 over bodies, feet, hands, contacts, clearance, balance and smoothness, as
+interaction.py lists them.
 """
 
 from dataclasses import dataclass, field, replace
@@ -56,8 +57,10 @@ class InteractionConfig:
     velocity: float = 0.2
     """Beyond that share [rad/s]."""
     slides: tuple[float, ...] = (0.08, 0.16, 0.24)
-    """How far towards its feet a body is put, one after the other until it rests [m]. On a seat higher than its knees a robot with long thighs
-    lies on the front edge with them and hovers with its buttocks; on a bed of people's length a taller one has its head in the board."""
+    """How far towards its feet a body is put, one after the other until it rests [m]. On a seat higher than its knees a
+    robot with long thighs
+    lies on the front edge with them and hovers with its buttocks; on a bed of people's length a taller one has its head
+    in the board."""
     hover: float = 0.02
     """[m] of buttocks above the seat that is still rest, and of a head in a board that may be mended without that."""
     rough_fps: float = 10.0
@@ -153,7 +156,9 @@ class Problem:
         total = ((errors**2).sum(-1) * self.point_weights).sum() + ((turns**2).sum(-1) * self.turn_weights).sum()
         total += sum((touch.residual**2).sum() for touch in self._touching(links))
         acceleration, excess = self._differences(pose)
-        return 0.5 * float(total + (acceleration**2 * self._smoothness()).sum() + (excess**2).sum() / self.config.velocity**2)
+        return 0.5 * float(
+            total + (acceleration**2 * self._smoothness()).sum() + (excess**2).sum() / self.config.velocity**2
+        )
 
     def model(self, pose: Pose, links: Links) -> Model:
         """Its Gauss-Newton model."""
@@ -184,9 +189,16 @@ class Problem:
         acceleration, excess = self._differences(pose)
         if frames > 2:
             weight = np.broadcast_to(self._smoothness(), acceleration.shape)
-            model.add_differences(np.r_[0:3, 6:variables], np.array([1.0, -2.0, 1.0]) * self.fps**2, acceleration, weight)
+            model.add_differences(
+                np.r_[0:3, 6:variables], np.array([1.0, -2.0, 1.0]) * self.fps**2, acceleration, weight
+            )
         if excess.any():
-            model.add_differences(np.arange(6, variables), np.array([-1.0, 1.0]) * self.fps, excess, (excess != 0) / self.config.velocity**2)
+            model.add_differences(
+                np.arange(6, variables),
+                np.array([-1.0, 1.0]) * self.fps,
+                excess,
+                (excess != 0) / self.config.velocity**2,
+            )
         return model
 
     def clearance(self, pose: Pose) -> np.ndarray:
@@ -194,13 +206,17 @@ class Problem:
         return self.scene.clearance(self.balls, self.balls.place(self.tree.place(pose)))[0]
 
     def misplaced(self, distance: np.ndarray) -> tuple[bool, bool]:
-        """Whether who ends sitting hovers over the seat, in the median, and whether who ends lying is ever with its head in a board."""
+        """Whether who ends sitting hovers over the seat, in the median, and whether who ends lying is ever with its
+        head in a board.
+        """
         sits = self.seated[-1] and np.median(distance[self.seated][:, self.balls.link == 0].min(-1)) > self.config.hover
         lies = self.lying[-1] and np.mean(distance[self.lying].min(-1) < -self.config.hover) > 0.02
         return bool(sits), bool(lies)
 
     def stuck(self, distance: np.ndarray) -> bool:
-        """Whether something is deep in floor or object for long: an elbow that went through a thin board finds no way back."""
+        """Whether something is deep in floor or object for long: an elbow that went through a thin board finds no
+        way back.
+        """
         return bool(np.mean(distance.min(-1) < -self.config.hover) > 0.02)
 
     def filled(self) -> "Problem":
@@ -211,7 +227,12 @@ class Problem:
         pos, half = obj.box_pos.copy(), obj.box_half.copy()
         pos[upright, 2] = half[upright, 2] = 0.5 * top[upright]
         legs = self.leg[self.balls.link]
-        return replace(self, scene=replace(self.scene, obj=replace(obj, box_pos=pos, box_half=half)), margins=np.where(legs, -np.inf, self.margins), last=[])
+        return replace(
+            self,
+            scene=replace(self.scene, obj=replace(obj, box_pos=pos, box_half=half)),
+            margins=np.where(legs, -np.inf, self.margins),
+            last=[],
+        )
 
     def _following(self, links: Links) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Errors (T, P, 3) [m], rotation vectors (T, Q, 3) from target to link [rad], and the points (T, P, 3)."""
@@ -239,12 +260,16 @@ class Problem:
         centers = self.balls.place(links)
         distance, normal = self.scene.clearance(self.balls, centers)
         frame, ball = np.nonzero(distance < self.margins)
-        found = [self._of_balls(frame, ball, centers, normal, (distance - self.margins)[frame, ball], self.config.clearance)]
+        found = [
+            self._of_balls(frame, ball, centers, normal, (distance - self.margins)[frame, ball], self.config.clearance)
+        ]
         for when, which in self.bearing:
             near = np.where(which, distance, np.inf)
             lowest = near.min(-1)
             frame = np.flatnonzero(when & (lowest > 0) & np.isfinite(lowest))
-            found.append(self._of_balls(frame, near.argmin(-1)[frame], centers, normal, lowest[frame], self.config.contact))
+            found.append(
+                self._of_balls(frame, near.argmin(-1)[frame], centers, normal, lowest[frame], self.config.contact)
+            )
         own = self.own.overlaps(links, centers)
         scale = 1 / self.config.self_clearance
         found.append(Touch(own.frame, own.link, own.point_w, own.normal_w * scale, -own.depth * scale, own.other))
@@ -255,8 +280,18 @@ class Problem:
         found.append(Touch(frame, None, np.zeros((len(frame), 3)), self.heading[frame] * scale, outside[frame] * scale))
         return found
 
-    def _of_balls(self, frame: np.ndarray, ball: np.ndarray, centers: np.ndarray, normal: np.ndarray, away: np.ndarray, tolerance: float) -> Touch:
-        return Touch(frame, self.balls.link[ball], centers[frame, ball], normal[frame, ball] / tolerance, away / tolerance)
+    def _of_balls(
+        self,
+        frame: np.ndarray,
+        ball: np.ndarray,
+        centers: np.ndarray,
+        normal: np.ndarray,
+        away: np.ndarray,
+        tolerance: float,
+    ) -> Touch:
+        return Touch(
+            frame, self.balls.link[ball], centers[frame, ball], normal[frame, ball] / tolerance, away / tolerance
+        )
 
     def _rows(self, links: Links) -> list[Rows]:
         rows = []

@@ -3,7 +3,8 @@
 State: M = {root orientation R, root position t, joint angles J} in all T frames. Loss (mean over frames and pairs):
 
     L = l_pos mean w |p - p*|^2 + l_hand mean |wrist - wrist*|^2 + l_ori mean angle(q, q*) + l_acc mean |d2J/dt2|
-        + l_root mean |d2t/dt2| + l_floor mean min(0, sole height)^2          (the last two are ours; 0 gives the paper's loss)
+        + l_root mean |d2t/dt2| + l_floor mean min(0, sole height)^2          (the last two are ours; 0 gives the
+        paper's loss)
 
 The paper minimizes it by 3000 steps of Adam. Here every absolute value |x| is majorized by x^2 / (2 c) + c / 2 with
 c = sqrt(x^2 + eps^2) at the present x (iteratively reweighted least squares), and each step solves one banded linear
@@ -30,21 +31,27 @@ class OptimizationConfig:
     """Weights of the loss and when to stop."""
 
     preset: Preset = "improved"
-    """`paper`: the table to the letter; `improved`: points and orientations of the two bodies that correspond, feet first (see mapping.py)."""
+    """`paper`: the table to the letter; `improved`: points and orientations of the two bodies that correspond, feet
+    first (see mapping.py)."""
     position: float = 1.0
     """l_pos [1/m^2]. The unit that the others are measured in."""
     hand: float = 5.0
     """l_hand [1/m^2]; only counts where hands have something to do (touch-points, lift-box)."""
     orientation: float = 0.03
-    """l_ori [1/rad]. An error of 5 cm at the end of a limb of 0.3 m pulls with 2 * 0.05 * 0.3 = 0.03 per radian: up to that much the limbs keep the
-    human's directions and leave the difference in length; beyond it, and always at the much heavier feet, the place counts more."""
+    """l_ori [1/rad]. An error of 5 cm at the end of a limb of 0.3 m pulls with 2 * 0.05 * 0.3 = 0.03 per radian: up to
+    that much the limbs keep the
+    human's directions and leave the difference in length; beyond it, and always at the much heavier feet, the place
+    counts more."""
     acceleration: float = 1e-4
-    """l_acc [s^2/rad]. A walk has about 10 rad/s^2 in the mean; a reduction of 1 rad/s^2 may cost 0.002 rad of orientation: jitter goes, the gait stays."""
+    """l_acc [s^2/rad]. A walk has about 10 rad/s^2 in the mean; a reduction of 1 rad/s^2 may cost 0.002 rad of
+    orientation: jitter goes, the gait stays."""
     root_acceleration: float = 3e-4
-    """l_root [s^2/m]: without it the root takes up what the smooth joints leave over, as in recordings with repeated frames. A walk has about 2 m/s^2.
+    """l_root [s^2/m]: without it the root takes up what the smooth joints leave over, as in recordings with repeated
+    frames. A walk has about 2 m/s^2.
     0 in the paper."""
     floor: float = 200.0
-    """l_floor [1/m^2]: the H1's foot is longer than the human's, its toe would enter the floor when the heel rises. 0 in the paper."""
+    """l_floor [1/m^2]: the H1's foot is longer than the human's, its toe would enter the floor when the heel rises. 0
+    in the paper."""
     softness: tuple[float, float, float] = (0.01, 1.0, 0.3)
     """eps of the absolute values: orientation [rad], joint acceleration [rad/s^2] and root acceleration [m/s^2]."""
     iterations: int = 30
@@ -92,8 +99,15 @@ class Problem:
         """The loss L; with `softened`, |x| is sqrt(x^2 + eps^2)."""
         soft = float(softened)
         errors, turns, _ = self._residuals(links)
-        total = ((errors**2).sum(-1) @ self.point_weights).sum() + (_size((turns**2).sum(-1), soft * self.softness) @ self.turn_weights).sum()
-        return float(total + (_size(self._accelerations(pose) ** 2, soft * self.acceleration_softness) @ self.acceleration_weights).sum())
+        total = ((errors**2).sum(-1) @ self.point_weights).sum() + (
+            _size((turns**2).sum(-1), soft * self.softness) @ self.turn_weights
+        ).sum()
+        return float(
+            total
+            + (
+                _size(self._accelerations(pose) ** 2, soft * self.acceleration_softness) @ self.acceleration_weights
+            ).sum()
+        )
 
     def model(self, pose: Pose, links: Links) -> Model:
         """The majorizer at a pose."""
@@ -121,7 +135,9 @@ class Problem:
         jacobian = Jacobian(self.tree, self.point_links, self.turn_links, min(_CHUNK, frames))
         for begin in range(0, frames, _CHUNK):
             part = slice(begin, begin + _CHUNK)
-            gradient[part] = (pull[part, None] @ jacobian.fill(Links(links.pos[part], links.quat[part]), points[part]))[:, 0]
+            gradient[part] = (pull[part, None] @ jacobian.fill(Links(links.pos[part], links.quat[part]), points[part]))[
+                :, 0
+            ]
         if frames > 2:
             acceleration, weight = self._weighted_accelerations(pose)
             for i, factor in enumerate(self._stencil()):
@@ -135,7 +151,8 @@ class Problem:
         point_weights = np.broadcast_to(2.0 * self.point_weights[:, None], errors.shape).copy()
         if self.soles:
             point_weights[:, -self.soles :] *= errors[:, -self.soles :] < 0
-        # The gradient of half a squared angle is the rotation vector itself, and the identity bounds its second derivative: the Jacobian of the
+        # The gradient of half a squared angle is the rotation vector itself, and the identity bounds its second
+        # derivative: the Jacobian of the
         # logarithm is not needed.
         turn_weights = np.repeat(self.turn_weights / _size((turns**2).sum(-1), self.softness), 3, axis=-1)
         residuals = np.concatenate([errors.reshape(frames, -1), turns.reshape(frames, -1)], 1)
@@ -150,13 +167,19 @@ class Problem:
         return np.array([1.0, -2.0, 1.0]) * self.fps**2
 
     def _residuals(self, links: Links) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Errors (T, P, 3) of the points [m], world rotation vectors (T, Q, 3) from target to link [rad], and the points (T, P, 3) themselves."""
+        """Errors (T, P, 3) of the points [m], world rotation vectors (T, Q, 3) from target to link [rad], and the
+        points (T, P, 3) themselves.
+        """
         points = links.pos[:, self.point_links] + rot.rotate(links.quat[:, self.point_links], self.point_offsets)
         errors = points - self.point_targets
         if self.soles:
             errors[:, -self.soles :, :2] = 0.0
             errors[:, -self.soles :, 2] = np.minimum(errors[:, -self.soles :, 2], 0.0)
-        return errors, rot.to_rotvec(rot.multiply(links.quat[:, self.turn_links], rot.conjugate(self.turn_targets))), points
+        return (
+            errors,
+            rot.to_rotvec(rot.multiply(links.quat[:, self.turn_links], rot.conjugate(self.turn_targets))),
+            points,
+        )
 
     def _accelerations(self, pose: Pose) -> np.ndarray:
         """(T - 2, 3 + N) second differences of root position [m/s^2] and joint angles [rad/s^2]."""
@@ -178,12 +201,21 @@ def optimize_towards(clip: Clip, pos_w: np.ndarray, quat_w: np.ndarray, config: 
     bound = clip.bind(config.preset)
     tree, limits = tree_of(clip.robot), storable(clip.robot.joint_range)
     problem = make_problem(bound, tree, limits, pos_w, quat_w, clip.motion.fps, config, clip.by_hand)
-    pose, losses = solve(problem, copy_rotations(bound, tree, limits, pos_w, quat_w), config.iterations, config.tolerance)
+    pose, losses = solve(
+        problem, copy_rotations(bound, tree, limits, pos_w, quat_w), config.iterations, config.tolerance
+    )
     return clip.grounded(tree, pose, bound, {"loss": losses[-1], "iterations": float(len(losses) - 1)})
 
 
 def make_problem(
-    bound: Bound, tree: Tree, limits: np.ndarray, pos_w: np.ndarray, quat_w: np.ndarray, fps: float, config: OptimizationConfig, by_hand: bool = False
+    bound: Bound,
+    tree: Tree,
+    limits: np.ndarray,
+    pos_w: np.ndarray,
+    quat_w: np.ndarray,
+    fps: float,
+    config: OptimizationConfig,
+    by_hand: bool = False,
 ) -> Problem:
     """Targets and weights from the human's joint poses (T, J, 3) and (T, J, 4); `by_hand`: L_hand counts."""
     frames, pairs = len(pos_w), len(bound.links)
@@ -203,13 +235,26 @@ def make_problem(
         targets.append(np.zeros((frames, soles, 3)))
         weights.append(np.full(soles, config.floor / (frames * soles)))
     # Two of the table's links may have the same carrier: one row of twice the weight instead of two.
-    turns, first, counts = np.unique(np.stack([bound.turn_joints, bound.turn_links], -1), axis=0, return_index=True, return_counts=True)
+    turns, first, counts = np.unique(
+        np.stack([bound.turn_joints, bound.turn_links], -1), axis=0, return_index=True, return_counts=True
+    )
     return Problem(
-        tree, limits, fps, np.concatenate(links), np.concatenate(offsets), np.concatenate(targets, 1), np.concatenate(weights), soles,
-        turns[:, 1], rot.multiply(quat_w[:, turns[:, 0]], bound.turn_offsets[first]), config.orientation * counts / (frames * pairs),
-        np.repeat([config.root_acceleration / 3, config.acceleration / len(limits)], [3, len(limits)]) / max(1, frames - 2),
-        config.softness[0], np.repeat(config.softness[2:0:-1], [3, len(limits)]),
-    )  # fmt: skip
+        tree,
+        limits,
+        fps,
+        np.concatenate(links),
+        np.concatenate(offsets),
+        np.concatenate(targets, 1),
+        np.concatenate(weights),
+        soles,
+        turns[:, 1],
+        rot.multiply(quat_w[:, turns[:, 0]], bound.turn_offsets[first]),
+        config.orientation * counts / (frames * pairs),
+        np.repeat([config.root_acceleration / 3, config.acceleration / len(limits)], [3, len(limits)])
+        / max(1, frames - 2),
+        config.softness[0],
+        np.repeat(config.softness[2:0:-1], [3, len(limits)]),
+    )
 
 
 def _size(squared: np.ndarray, softness: float | np.ndarray) -> np.ndarray:

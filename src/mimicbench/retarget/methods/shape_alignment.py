@@ -1,8 +1,11 @@
 """Optimization after skeleton shape alignment, "OmniH2O" in the paper's tables (appendix B.3).
 
-The human's global orientations and its root's global position stay; its bones get the robot's lengths, which moves all its other
-joints; the optimization then follows these. In the rest pose, arms hanging, every mapped joint of the aligned human lies where the
-robot's link does, as OmniH2O's fitted body shape brings it about as far as it can; where a human joint stands for two links, it
+The human's global orientations and its root's global position stay; its bones get the robot's lengths, which moves all
+its other
+joints; the optimization then follows these. In the rest pose, arms hanging, every mapped joint of the aligned human
+lies where the
+robot's link does, as OmniH2O's fitted body shape brings it about as far as it can; where a human joint stands for two
+links, it
 lies midway between them.
 """
 
@@ -22,12 +25,15 @@ from mimicbench.robots.description import Robot
 def align_and_optimize(clip: Clip, config: OptimizationConfig | None = None) -> RobotMotion:
     """The robot motion that follows the human with the robot's bones. Raises UnknownName or BadMotion."""
     motion = clip.motion
-    aligned = replace(motion, skeleton=align(motion.skeleton, find_mapping(motion.skeleton.name, clip.robot.name), clip.robot))
+    aligned = replace(
+        motion, skeleton=align(motion.skeleton, find_mapping(motion.skeleton.name, clip.robot.name), clip.robot)
+    )
     return optimize_towards(clip, *aligned.forward_kinematics(), config or OptimizationConfig())
 
 
 def align(skeleton: Skeleton, mapping: Mapping, robot: Robot) -> Skeleton:
-    """The skeleton with the robot's bone lengths: mapped joints and wrists at rest lie where the robot's links and keypoints do.
+    """The skeleton with the robot's bone lengths: mapped joints and wrists at rest lie where the robot's links and
+    keypoints do.
 
     Joints between two mapped ones keep their share of the way, those beyond the last mapped one their offsets.
     """
@@ -57,7 +63,9 @@ def align(skeleton: Skeleton, mapping: Mapping, robot: Robot) -> Skeleton:
             offsets[joint] = wanted - moved
             continue
         for step in chain:  # every bone on the way takes its share of the change
-            share = np.linalg.norm(skeleton.offsets[step]) / sum(np.linalg.norm(skeleton.offsets[other]) for other in chain)
+            share = np.linalg.norm(skeleton.offsets[step]) / sum(
+                np.linalg.norm(skeleton.offsets[other]) for other in chain
+            )
             offsets[step] = skeleton.offsets[step] + share * (wanted - span)
     return replace(skeleton, offsets=offsets)
 
