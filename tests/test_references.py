@@ -145,9 +145,9 @@ def test_clips_end_on_the_seat_facing_forward(clips: list[tuple[HumanMotion, Sce
         low, high = obj.seat_polygon.min(0), obj.seat_polygon.max(0)
         assert (end[:2] > low).all() and (end[:2] < high).all()
         assert -0.02 <= end[2] - obj.require_seat() - unihsi_body(scale).buttock <= 0
-        assert abs(rot.yaw_of(motion.local_quat[-1, 0])) < 0.02
-        still = motion.root_pos_w[-round(1.2 * motion.fps) :]
-        assert np.ptp(still, axis=0).max() < 1e-3
+        assert abs(rot.yaw_of(motion.local_quat[-1, 0])) < 0.06
+        rests = motion.root_pos_w[-round(1.2 * motion.fps) :]
+        assert np.ptp(rests[:, 2]) < 1e-3 and np.ptp(rests, axis=0).max() < 0.03  # shifts on the seat, not off it
         assert motion.contacts[-1, :3].all() and not motion.contacts[0, 2:].any()
 
 

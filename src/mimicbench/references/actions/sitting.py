@@ -26,6 +26,7 @@ from mimicbench.references.actions.seats import (
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.hands import keep_off, lay_on_body
 from mimicbench.references.body.limbs import about_y
+from mimicbench.references.body.liveliness import Rest, enliven
 from mimicbench.references.body.posing import Arms, Legs, Trunk, blend, pose, reach, shoulders, thigh_orientations
 from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait, Route, around_box, last_turn
@@ -90,8 +91,9 @@ class SitStyle:
     """How far it then leans [rad], or a little more or less, as the back allows."""
     lead: float = 0.0
     """How much of the walk is left out, so that the clip begins in motion [s]."""
-    look: float = 0.0
-    """How far the head turns to look around at rest [rad], to the left."""
+    habits: float = 0.0
+    """A whole number that names the small motions of who rests (`body.liveliness`); the negative one is the same in a
+    mirror."""
 
 
 @dataclass(frozen=True)
@@ -180,6 +182,9 @@ def _sit(
     if clear:
         quat = lay_on_body(body, trunk, quat)
     _lay_hands(body, quat, trunk, arms, hands, bears)
+    at_rest = max(UPRIGHT * style.sit_duration, style.sit_duration + 0.3 + LEAN_BACK if leaning else 0.0)
+    rest = Rest(clock - at_rest + 0.5, (1.0, 1.0), 0.25 if leaning else 1.0, 1.0, None)
+    root, quat = enliven(body, trunk.pelvis_pos_w, quat, rest, style.habits)
     seated = clock >= 0.9 * style.sit_duration
     rests = clock >= style.sit_duration + 0.3 + 0.85 * LEAN_BACK
     at = _wrists(body, trunk, arms)
@@ -193,7 +198,7 @@ def _sit(
         task,
         body.skeleton,
         FPS,
-        trunk.pelvis_pos_w,
+        root,
         quat,
         obj.id,
         CONTACTS,
@@ -222,7 +227,6 @@ def _trunk(way: Walk, clock: np.ndarray, place: Place, leaning: Leaning | None, 
     lean, upright = minimum_jerk(progress / 0.7), minimum_jerk((progress - 0.86) / 0.75)
     pitch = 0.03 + (style.lean - 0.03) * lean - (style.lean + style.recline) * upright
     spine, nod = 0.02 + 0.10 * lean - 0.07 * upright, 0.12 - 0.30 * lean + 0.22 * upright
-    at_rest = UPRIGHT * style.sit_duration
     if leaning is not None:
         share = (clock - style.sit_duration - 0.2) / SLIDE
         # the weight is taken off the seat a little while sliding
@@ -231,17 +235,9 @@ def _trunk(way: Walk, clock: np.ndarray, place: Place, leaning: Leaning | None, 
         leans = minimum_jerk((clock - style.sit_duration - 0.3) / LEAN_BACK)
         pitch = pitch - (leaning.pitch - style.recline) * leans
         spine, nod = spine + SLUMP * leans, nod + (0.75 * leaning.pitch - SLUMP) * leans
-        at_rest = max(at_rest, style.sit_duration + 0.3 + LEAN_BACK)
-    resting = clock - at_rest
-    spine = spine + 0.010 * minimum_jerk(resting / 2) * np.sin(2 * np.pi * 0.25 * resting)
-    looks = (
-        minimum_jerk((resting - 0.3) / 1.4)
-        - 1.5 * minimum_jerk((resting - 3.0) / 2.0)
-        + 0.5 * minimum_jerk((resting - 6.5) / 1.6)
-    )
     pelvis = way.pelvis_quat(pitch)
     chest = rot.multiply(pelvis, way.chest_turn(spine))
-    head = rot.multiply(chest, rot.multiply(rot.from_yaw(style.look * looks), way.head_turn(nod)))
+    head = rot.multiply(chest, way.head_turn(nod))
     return Trunk(pelvis_pos, pelvis, chest, head)
 
 

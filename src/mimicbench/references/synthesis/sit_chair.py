@@ -35,7 +35,7 @@ def draw_styles(random: np.random.Generator, seat_height: float) -> list[SitStyl
         seat_y=random.uniform(-0.02, 0.02),
         arm_swing=random.uniform(0.7, 1.2),
         duration=14.8 + 0.5 * float(np.clip(random.standard_normal(), -2, 2)),
-        look=random.uniform(-0.5, 0.5),
+        habits=float(random.integers(1, 2**24)),
     )
     if random.uniform() >= VARIED:
         return [usual]

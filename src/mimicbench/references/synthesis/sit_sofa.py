@@ -57,7 +57,7 @@ def draw_style(random: np.random.Generator, obj: SceneObject, start_xy: np.ndarr
         against=1.0 if leans else -1.0,
         lean_back=random.uniform(0.15, 0.50),
         lead=random.uniform(0.0, 1.4),
-        look=random.uniform(-0.5, 0.5),
+        habits=float(random.integers(1, 2**24)),
         left_foot=max(0.0, out + ahead),
         right_foot=max(0.0, out - ahead),
         apart=random.uniform(-0.02, 0.18),
