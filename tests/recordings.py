@@ -120,6 +120,11 @@ def roam_dump(path: Path, velocity: bool = True, frames: int = FRAMES) -> Path:
     return path
 
 
+def random_frames() -> np.ndarray:
+    """(27, 4) frames of ROAM's joints with which nobody stands in the zero pose."""
+    return rot.normalize(np.random.default_rng(1).standard_normal((27, 4)))
+
+
 def bvh(
     path: Path,
     unit: float = 0.001,
@@ -127,60 +132,62 @@ def bvh(
     frame_time: float = 1 / 30,
     rename=lambda name: name,
     drop=(),
-    odd=False,
+    joint_frames=None,
+    motion=None,
+    hip_joint=None,
     frames: int = FRAMES,
 ) -> Path:
     """ROAM's skeleton in a T-pose, y up; `unit` in meters; with a finger at each hand.
 
-    An `odd` one has a zero pose in which nobody stands.
+    `joint_frames` (27, 4) make another zero pose of it, `motion` is another one than the made-up one, and with
+    `hip_joint` (T, 4), local rotations, joints between pelvis and thighs turn so.
     """
-    root, quat = made_up(ROAM, frames)
+    root, quat = made_up(ROAM, frames) if motion is None else motion
+    frames = len(root)
     pos, world = theirs(ROAM, root, quat, SMPL_FRAME, Y_UP)
     rest = rot.multiply(swings(ROAM), np.tile(SMPL_FRAME, (27, 1)))
-    if odd:
-        frame = rot.normalize(np.random.default_rng(1).standard_normal((27, 4)))
-        world, rest = rot.multiply(world, frame), rot.multiply(rest, frame)
+    if joint_frames is not None:
+        world, rest = rot.multiply(world, joint_frames), rot.multiply(rest, joint_frames)
     turns = local(ROAM, world)
     children = {j: [i for i, p in enumerate(ROAM.parents) if p == j] for j in range(27)}
     lines, columns = ["HIERARCHY"], []
+    rotations = " ".join(f"{axis}rotation" for axis in order)
+
+    def angles(quat) -> np.ndarray:
+        return Rotation.from_quat(quat[:, [1, 2, 3, 0]]).as_euler(order, degrees=True)
+
+    def head(kind: str, name: str, offset, channels: str, pad: str) -> None:
+        lines.extend(
+            [f"{pad}{kind} {name}".rstrip(), f"{pad}{{", f"{pad}\tOFFSET {' '.join(f'{x:.7f}' for x in offset)}"]
+        )
+        lines.extend([f"{pad}\tCHANNELS {channels}"] if channels else [])
 
     def write(j: int, depth: int) -> None:
         name, pad = ROAM.joint_names[j], "\t" * depth
         offset = np.zeros(3) if j == 0 else rot.rotate_inverse(rest[ROAM.parents[j]], ROAM.offsets[j]) / unit
         if name.endswith("Site"):
-            lines.extend(
-                [f"{pad}End Site", f"{pad}{{", f"{pad}\tOFFSET {' '.join(f'{x:.7f}' for x in offset)}", f"{pad}}}"]
-            )
+            head("End Site", "", offset, "", pad)
+            lines.append(f"{pad}}}")
             return
-        lines.extend(
-            [
-                f"{pad}{'JOINT' if j else 'ROOT'} {rename(name)}",
-                f"{pad}{{",
-                f"{pad}\tOFFSET {' '.join(f'{x:.7f}' for x in offset)}",
-            ]
-        )
-        rotations = " ".join(f"{axis}rotation" for axis in order)
-        lines.append(f"{pad}\tCHANNELS {'6 Xposition Yposition Zposition' if j == 0 else '3'} {rotations}")
+        between = hip_joint is not None and name.endswith("UpLeg")
+        if between:
+            head("JOINT", f"{name[0]}HipJoint", np.zeros(3), f"3 {rotations}", pad)
+            columns.append(angles(hip_joint))
+            turns[:, j] = rot.multiply(rot.conjugate(hip_joint), turns[:, j])
+        places = "6 Xposition Yposition Zposition" if j == 0 else "3"
+        head("JOINT" if j else "ROOT", rename(name), offset, f"{places} {rotations}", pad)
         if j == 0:
             columns.append(pos[:, 0] / unit)
-        columns.append(Rotation.from_quat(turns[:, j][:, [1, 2, 3, 0]]).as_euler(order, degrees=True))
+        columns.append(angles(turns[:, j]))
         for child in children[j]:
             if ROAM.joint_names[child] not in drop:
                 write(child, depth + 1)
         if name.endswith("Hand"):
-            lines.extend(
-                [
-                    f"{pad}\tJOINT {rename(name)}Index1",
-                    f"{pad}\t{{",
-                    f"{pad}\t\tOFFSET 80 0 0",
-                    f"{pad}\t\tCHANNELS 3 {rotations}",
-                ]
-            )
-            lines.extend(
-                [f"{pad}\t\tEnd Site", f"{pad}\t\t{{", f"{pad}\t\t\tOFFSET 30 0 0", f"{pad}\t\t}}", f"{pad}\t}}"]
-            )
+            head("JOINT", f"{rename(name)}Index1", (80, 0, 0), f"3 {rotations}", f"{pad}\t")
+            head("End Site", "", (30, 0, 0), "", f"{pad}\t\t")
+            lines.extend([f"{pad}\t\t}}", f"{pad}\t}}"])
             columns.append(np.full((frames, 3), 5.0))
-        lines.append(f"{pad}}}")
+        lines.extend([f"{pad}}}"] * (1 + between))
 
     write(0, 0)
     table = np.concatenate(columns, -1)

@@ -24,13 +24,14 @@ from mimicbench.core.untrusted import load_torch
 from mimicbench.references.body.body import body_of
 from mimicbench.references.body.skeletons import CORE4D, ROAM, SKELETONS, UNIHSI
 from mimicbench.references.checks.quality import check_clip
-from mimicbench.references.importers.bvh import read_bvh, world
+from mimicbench.references.importers.bvh_file import read_bvh, world
 from mimicbench.references.importers.intermimic import BODY_POS, SOURCES
 from mimicbench.references.importers.joint_names import split_name
-from mimicbench.references.importers.recording import Wishes, stride_scale
+from mimicbench.references.importers.recording import Wishes
 from mimicbench.references.importers.registry import FORMATS, detect_format, import_recording
 from mimicbench.references.importers.rest_pose import axis_up, turned
 from mimicbench.references.importers.roam import read_pose
+from mimicbench.references.importers.stride import stride_scale
 from mimicbench.references.recordings.real_clips import TASKS, find_clips
 
 DATA = Path(__file__).parents[1].parent / "shared" / "data"
@@ -120,7 +121,7 @@ def test_bvh_of_any_names_and_units(tmp_path, names, unit):
 
 
 def test_a_zero_pose_of_no_use_is_replaced_by_the_most_upright_frame(tmp_path):
-    recording = import_recording(recordings.bvh(tmp_path / "take.bvh", odd=True))
+    recording = import_recording(recordings.bvh(tmp_path / "take.bvh", joint_frames=recordings.random_frames()))
     assert any("most upright" in line for line in recording.assumed)
     root, quat = recordings.made_up(ROAM)
     pos, expected = recording.forward_kinematics()[0], forward_kinematics(ROAM, root, quat)[0]
@@ -288,6 +289,34 @@ def test_each_fault_has_one_clear_sentence(tmp_path, form, change, says):
     with pytest.raises((BadMotion, BadFile), match=says) as caught:
         import_recording(spoil(form, tmp_path, change), form)
     assert "\n" not in str(caught.value) and len(str(caught.value)) < 700
+
+
+def held(array):
+    """The first frame, again and again, with velocities of who stands still."""
+    array = np.repeat(array[:1], len(array), 0)
+    if array.ndim == 3 and array.shape[-1] in (12, 13):
+        array[..., 9:] = 0.0
+    if array.shape[-1] == 13:
+        array[..., 7:] = 0.0
+    return array
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_static_poses_are_refused(tmp_path, form):
+    path = spoil(form, tmp_path, held)
+    if form in ("unihsi", "core4d", "amass"):
+        stored = np.load(path, allow_pickle=True)
+        if form == "unihsi":
+            data = stored.item()
+            data["rotation"]["arr"] = held(data["rotation"]["arr"])
+            np.save(path, np.array(data, dtype=object), allow_pickle=True)
+        elif form == "core4d":
+            person = stored["arr_0"].item()
+            np.savez(path, np.array({key: held(value) for key, value in person.items()}, dtype=object))
+        else:
+            np.savez(path, **{key: held(value) if value.ndim > 1 else value for key, value in stored.items()})
+    with pytest.raises(BadMotion, match="static pose"):
+        import_recording(path)
 
 
 @pytest.mark.parametrize(

@@ -103,6 +103,54 @@ def test_world_rotations_are_made_local(tmp_path):
     assert any("relative to the parents" in line for line in motion.assumed)
 
 
+def armed(data):
+    """The same person with ASE's sword in the hand and shield on the arm, numbered as in ASE's files."""
+    tree, names = data["skeleton_tree"], list(UNIHSI.joint_names)
+    for name, on in (("sword", "right_hand"), ("shield", "left_lower_arm")):
+        at = names.index(on) + 1
+        names.insert(at, name)
+        for key in ("rotation", "global_velocity"):
+            if key in data:
+                data[key]["arr"] = np.insert(data[key]["arr"], at, data[key]["arr"][:, at - 1], axis=1)
+        tree["local_translation"]["arr"] = np.insert(tree["local_translation"]["arr"], at, 0.1, axis=0)
+    above = dict(zip(UNIHSI.joint_names, (UNIHSI.joint_names[max(p, 0)] for p in UNIHSI.parents), strict=True))
+    above |= {"sword": "right_hand", "shield": "left_lower_arm"}
+    tree["node_names"] = names
+    tree["parent_indices"]["arr"] = np.array([-1 if name == "pelvis" else names.index(above[name]) for name in names])
+    return data
+
+
+def test_a_sword_and_a_shield_are_dropped(tmp_path):
+    bare = made_up()
+    pos, _ = forward_kinematics(
+        UNIHSI, bare["root_translation"]["arr"].astype(float), bare["rotation"]["arr"][..., [3, 0, 1, 2]].astype(float)
+    )
+    bare["global_velocity"] = {"arr": np.gradient(pos, 1 / 30, axis=0)}
+    plain = import_skeleton_motion(write(tmp_path, bare))
+    motion = import_skeleton_motion(write(tmp_path, armed(copy.deepcopy(bare))))
+    np.testing.assert_array_equal(motion.local_quat, plain.local_quat)
+    assert any("sword, shield: no parts of a person" in line for line in motion.assumed)
+    data = armed(copy.deepcopy(bare))
+    data["skeleton_tree"]["parent_indices"]["arr"][5] = data["skeleton_tree"]["node_names"].index("left_hand")
+    with pytest.raises(BadMotion, match="right_hand hangs on left_hand, expected right_lower_arm"):
+        import_skeleton_motion(write(tmp_path, data))
+    with pytest.raises(BadMotion, match="lacks right_upper_arm and has right_wing;"):
+        import_skeleton_motion(write(tmp_path, renamed()))
+
+
+def test_a_backflip_is_done_by_a_person(tmp_path):
+    """The pelvis is highest while it is upside down."""
+    data = made_up(3.0)
+    frames = len(data["root_translation"]["arr"])
+    turn = 2 * np.pi * np.clip((np.arange(frames) / 30 - 1) / 0.9, 0, 1)
+    data["rotation"]["arr"][:, 0] = np.stack([0 * turn, -np.sin(turn / 2), 0 * turn, np.cos(turn / 2)], -1)
+    data["root_translation"]["arr"][:, 2] += 0.4 * (1 - np.cos(turn)) + 0.1 * np.sin(turn / 2)
+    motion = import_skeleton_motion(write(tmp_path, data))
+    upright = rot.rotate(motion.local_quat[:, 0], np.array([0.0, 0.0, 1.0]))[:, 2]
+    assert upright[motion.root_pos_w[:, 2].argmax()] < -0.9, "the highest frame is upside down"
+    np.testing.assert_allclose(motion.root_pos_w[0, 2], 0.8814, atol=1e-3)
+
+
 def test_labels_lose_their_noise():
     label = np.array([1, 1, 0, 1, 1, 1, 0, 0, 0, 0, 1, 0, 0, 0], bool)
     np.testing.assert_array_equal(drop_short(label, 3), np.array([1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0], bool))

@@ -151,6 +151,9 @@ def import_(
         Literal["m", "cm", "mm", "in", "cmu"] | None,
         tyro.conf.arg(help="the files' unit of length (bvh, roam); by default guessed by the legs' length"),
     ] = None,
+    scale: Annotated[
+        float | None, tyro.conf.arg(help="meters in the files' unit of length, instead of --unit (bvh, roam)")
+    ] = None,
     floor: Annotated[
         float | None, tyro.conf.arg(help="height of the files' floor [m]; by default where the soles usually are")
     ] = None,
@@ -166,7 +169,7 @@ def import_(
     from mimicbench import workspace
     from mimicbench.references.importers.recording import Wishes
 
-    wishes = Wishes(fps, up, unit, floor, object_mesh)
+    wishes = Wishes(fps, up, unit, floor, object_mesh, scale)
     done(
         workspace.import_stage(workspace.Workspace(workdir, task, quiet=as_json), files, say, form, wishes).header,
         as_json,

@@ -16,6 +16,7 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.make import read_objects
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body.body import body_of
+from mimicbench.references.importers.recording import stature
 from mimicbench.references.paper import PAPER_SETS, Spread
 
 SAMPLE = 300
@@ -161,7 +162,7 @@ def _variety(motions: Sequence[HumanMotion], tracks: Sequence[np.ndarray], sampl
         spread(np.array([np.linalg.norm(np.diff(track, axis=0), axis=-1).sum() for track in tracks])),
         pairwise(np.moveaxis(paths, 1, 2)),
         spread(samples.walking_speed),
-        spread(np.array([_stature(motion) for motion in motions])),
+        spread(np.array([stature(body_of(motion.skeleton)) for motion in motions])),
         pairwise(np.array([pose[1] for pose in poses])),
         pairwise(np.array([pose[0] for pose in poses])),
         {
@@ -183,17 +184,3 @@ def _poses(motion: HumanMotion) -> np.ndarray:
     pos, quat = (values[frames] for values in motion.forward_kinematics())
     turn = rot.conjugate(rot.from_yaw(rot.yaw_of(quat[:, 0])))
     return rot.rotate(turn[:, None], pos - pos[:, :1]) / body_of(motion.skeleton).size
-
-
-def _stature(motion: HumanMotion) -> float:
-    """Of the person standing upright [m].
-
-    The head ends 0.27 m above the joint that carries the neck's last bone, times the size.
-    """
-    body = body_of(motion.skeleton)
-    top, joint = 0.0, body.head
-    while joint != body.pelvis:
-        top += float(body.skeleton.offsets[joint, 2])
-        joint = body.skeleton.parents[joint]
-    crown = max(part.radius + max(part.start[2], part.end[2]) for part in body.parts if part.role == "head")
-    return body.standing_height + top + crown

@@ -23,9 +23,9 @@ from mimicbench.references.importers.recording import (
     Wishes,
     check_array,
     check_rate,
-    stride_scale,
 )
 from mimicbench.references.importers.rest_pose import axis_up, guess_up
+from mimicbench.references.importers.stride import stride_scale
 
 RATES = ("mocap_framerate", "mocap_frame_rate", "fps", "frame_rate")
 ROOTS, BODIES, PLACES = ("root_orient", "global_orient"), ("pose_body", "body_pose"), ("trans", "transl")

@@ -28,6 +28,8 @@ _SYNONYMS = {
 """What joints are called in ROAM, Mixamo, LAFAN, CMU, Rokoko, Xsens, 3ds Max, Unreal, Blender, SMPL and ASF, without
 side and prefix."""
 _HEADS = ("head", "skull")
+_MARKS = ("jnt", "jt", "bn", "bind")
+"""Words of a name that only say that it is a joint's."""
 _SIDES = {"left": "left", "l": "left", "lft": "left", "right": "right", "r": "right", "rgt": "right", "rt": "right"}
 
 
@@ -101,6 +103,8 @@ def split_name(name: str) -> tuple[str, str]:
     name = re.sub(r"^(mixamorig\d*|bip\w*?\d+|character\w*|\w+)[:|]", "", name)
     name = re.sub(r"^(Bip\d+|mixamorig\d*|DEF|ORG)(?=[\s_\-A-Z])", "", name)
     words = [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", name)]
+    if len(words) > 1:
+        words = [word for word in words if word not in _MARKS] or words
     side = ""
     for place in (0, -1):
         if not side and len(words) > 1 and words[place] in _SIDES:

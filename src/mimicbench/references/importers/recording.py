@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.errors import BadMotion
+from mimicbench.core.errors import BadMotion, MimicbenchError
 from mimicbench.core.motion import MAX_FRAMES, Skeleton, forward_kinematics
-from mimicbench.references.body.body import body_of
+from mimicbench.references.body.body import Body, body_of
 from mimicbench.references.checks.contacts import sole_points
 
 MAX_BYTES = 256 << 20
@@ -22,6 +22,15 @@ LEG = (0.55, 1.15)
 """Shortest and longest thigh and shin together of a person [m]."""
 FASTEST = 15.0
 """A pelvis is slower than this [m/s]."""
+UPRIGHT, UPRIGHT_SHARE = 0.5, 0.2
+"""A pelvis is upright if its z axis points up by more than this cosine; people are for more than this share of a
+recording."""
+HOP = 0.08
+"""If the lower sole is usually so much above where it is lowest [m], people hop."""
+STATIC = 0.01
+"""If no joint ever gets farther than this from where it was at first [m], nobody moves."""
+STATURE = (1.4, 2.05)
+"""Shortest and tallest person about whom nothing is said [m]."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +47,19 @@ class Wishes:
     """Height of the floor [m], in the files' coordinates made metric."""
     mesh: Path | None = None
     """The mesh (OBJ, PLY, STL, GLB; meters) of the object that the files track."""
+    scale: float | None = None
+    """Meters in the files' unit of length, in place of a unit."""
+
+    def __post_init__(self) -> None:
+        """Raise MimicbenchError for numbers that cannot be."""
+        if self.floor is not None and not abs(self.floor) < 1e3:
+            raise MimicbenchError(f"a floor at {self.floor:g} m cannot be; give --floor in meters")
+        if self.fps is not None and not 1 <= self.fps <= 1000:
+            raise MimicbenchError(f"{self.fps:g} frames per second cannot be; give --fps between 1 and 1000")
+        if self.scale is not None and not 1e-6 < self.scale < 1e6:
+            raise MimicbenchError(f"a scale of {self.scale:g} cannot be; give --scale in meters per unit of the file")
+        if self.scale is not None and self.unit is not None:
+            raise MimicbenchError("give only one of --unit and --scale")
 
 
 @dataclass(frozen=True)
@@ -90,7 +112,7 @@ def finish(path: Path, recording: Recording, stands: bool = True) -> Recording:
     """
     check_person(path, recording.skeleton)
     if stands:
-        check_upright(path, recording.root_pos_w, recording.local_quat)
+        check_upright(path, recording.local_quat)
     speed = np.linalg.norm(np.diff(recording.root_pos_w, axis=0), axis=-1) * recording.fps
     if np.quantile(speed, 0.98) > FASTEST:
         raise BadMotion(
@@ -98,15 +120,25 @@ def finish(path: Path, recording: Recording, stands: bool = True) -> Recording:
             "or the frame rate (--unit, --fps)"
         )
     pos, quat = recording.forward_kinematics()
+    if np.linalg.norm(pos - pos[:1], axis=-1).max() < STATIC:
+        raise BadMotion(f"{path} is a static pose: nobody moves in it; leave it out")
+    tall = stature(body_of(recording.skeleton))
+    warned = (
+        ()
+        if STATURE[0] <= tall <= STATURE[1]
+        else (f"the person would be {tall:.2f} m tall: look whether the unit of length is right (--unit, --scale)",)
+    )
     if recording.wishes.floor is None:
-        floor = floor_height(recording.skeleton, pos, quat)
-        said = f"the floor was taken to be where the soles usually are, at z = {floor:.3f} m"
+        floor, where = floor_height(recording.skeleton, pos, quat)
+        said = f"the floor was taken to be where the soles {where}, at z = {floor:.3f} m"
     else:
         floor = recording.wishes.floor
         said = f"the floor is at z = {floor:.3f} m, as told"
     down = np.array([0.0, 0.0, floor])
     track = recording.track and replace(recording.track, pos_w=recording.track.pos_w - down)
-    return replace(recording, root_pos_w=recording.root_pos_w - down, assumed=(*recording.assumed, said), track=track)
+    return replace(
+        recording, root_pos_w=recording.root_pos_w - down, assumed=(*recording.assumed, *warned, said), track=track
+    )
 
 
 def check_person(path: Path, skeleton: Skeleton) -> None:
@@ -129,35 +161,46 @@ def check_person(path: Path, skeleton: Skeleton) -> None:
         raise BadMotion(f"{path} has a bone of {longest:.3g} m, no person's; it is damaged, or mixes units of length")
 
 
-def check_upright(path: Path, root: np.ndarray, quat: np.ndarray) -> None:
-    """Somebody whose pelvis is at its highest stands.
+def stature(body: Body) -> float:
+    """Of the person standing upright [m]: the head ends above the joint that carries the neck's last bone."""
+    top, joint = 0.0, body.head
+    while joint != body.pelvis:
+        top += float(body.skeleton.offsets[joint, 2])
+        joint = body.skeleton.parents[joint]
+    crown = max(part.radius + max(part.start[2], part.end[2]) for part in body.parts if part.role == "head")
+    return body.standing_height + top + crown
+
+
+def check_upright(path: Path, quat: np.ndarray) -> None:
+    """Somebody stands at some time, before a backflip perhaps; quat is (T, J, 4). Raises BadMotion.
 
     If only another order of the quaternion says so, the file is mixed up.
     """
-    high = root[:, 2] >= np.quantile(root[:, 2], 0.8)
-    as_read, swapped = quat[high, 0], quat[high, 0][:, [1, 2, 3, 0]]
-    up = [float(rot.rotate(q, np.array([0.0, 0.0, 1.0]))[:, 2].mean()) for q in (as_read, swapped)]
-    if up[0] < 0.5:
+    as_read, swapped = quat[:, 0], quat[:, 0][:, [1, 2, 3, 0]]
+    share = [float((rot.rotate(q, np.array([0.0, 0.0, 1.0]))[:, 2] > UPRIGHT).mean()) for q in (as_read, swapped)]
+    if share[0] < UPRIGHT_SHARE:
         hint = (
             "its quaternions seem to be wxyz where this format has xyzw"
-            if up[1] > 0.7
+            if share[1] > 0.7
             else "nobody stands upright in it, or z is not up"
         )
         raise BadMotion(f"{path}: {hint}; convert it first, or say which axis is up (--up)")
 
 
-def floor_height(skeleton: Skeleton, pos: np.ndarray, quat: np.ndarray) -> float:
-    """Height of the floor: the usual height of the lower sole while the person is up [m].
+def floor_height(skeleton: Skeleton, pos: np.ndarray, quat: np.ndarray) -> tuple[float, str]:
+    """Height of the floor [m], and where soles are on it: usually, while the person is up, by the lower sole.
 
-    Some files put the lowest ankle of the whole recording at z = 0, which is some centimeters above the soles.
+    Who hops most of the time is on it when lowest. Some files put the lowest ankle of the whole recording at z = 0,
+    which is some centimeters above the soles.
     """
     body = body_of(skeleton)
     # height above the lower ankle: the floor is not known yet
     height = pos[:, 0, 2] - pos[:, [leg.end for leg in body.legs], 2].min(-1)
-    up = height >= 0.8 * np.quantile(height, 0.9)
+    up = height >= 0.8 * np.quantile(height, 0.98)
     pos, quat = pos[up], quat[up]
     soles = [sole_points(body, pos[:, leg.end], quat[:, leg.end])[..., 2].min(-1) for leg in body.legs]
-    return float(np.median(np.minimum(*soles)))
+    low, usual = np.quantile(np.minimum(*soles), [0.05, 0.5])
+    return (float(usual), "usually are") if usual - low < HOP else (float(low), "are at their lowest")
 
 
 def check_array(path: Path, name: str, value: object, shape: tuple[int, ...], most: float = 1e4) -> np.ndarray:
@@ -219,40 +262,3 @@ def check_velocity(path: Path, pos: np.ndarray, stored: np.ndarray, fps: float) 
             f"{path} says {fps:g} frames per second, but its stored velocities fit "
             f"{fps * told / max(speed, 1e-6):.0f}; mend its fps (--fps)"
         )
-
-
-def check_stride(path: Path, skeleton: Skeleton, pos: np.ndarray, fps: float) -> None:
-    """Legs that walk must move the pelvis as far as their steps are long: otherwise positions and bones are in
-    different units. Raises BadMotion.
-    """
-    scale = stride_scale(skeleton, pos, fps)
-    if scale is not None and not 1 / 3 < scale < 3:
-        raise BadMotion(
-            f"{path} mixes units of length, or is from a treadmill: its pelvis moves {scale:.3g} "
-            "times as far as its steps are long; mend it"
-        )
-
-
-def stride_scale(skeleton: Skeleton, pos: np.ndarray, fps: float) -> float | None:
-    """How many times as long as they are the legs would have to be, so that standing feet stand still.
-
-    None if nobody walks.
-
-    The pelvis moves as the lower foot moves the other way, relative to it; the median over the frames in which that
-    foot is flat. For the
-    real recordings that we know it is 1 within 8 %, mostly within 3 %.
-    """
-    body = body_of(skeleton)
-    ankles = np.stack([pos[:, leg.end] for leg in body.legs], 1)
-    pelvis = np.gradient(pos[:, 0, :2], 1 / fps, axis=0)
-    relative = np.gradient(ankles[..., :2] - pos[:, None, 0, :2], 1 / fps, axis=0)
-    lower = ankles[..., 2].argmin(-1)
-    moves = -relative[np.arange(len(pos)), lower]
-    pace = np.linalg.norm(moves, axis=-1)
-    walks = (np.abs(ankles[:, 0, 2] - ankles[:, 1, 2]) > 0.02) & (pace > 0.3)
-    if walks.sum() < 1.0 * fps:
-        return None
-    # a heel that has left the floor goes ahead of the foot
-    walks &= ankles[..., 2].min(-1) <= np.quantile(ankles[walks, :, 2].min(-1), 0.4)
-    ratio = (pelvis[walks] * moves[walks]).sum(-1) / (pace[walks] ** 2)
-    return float(np.median(ratio))

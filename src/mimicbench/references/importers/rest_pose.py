@@ -24,6 +24,8 @@ SNAP = np.radians(12.0)
 """Rest poses face along an axis; hips that are askew by less than this do not change that [rad]."""
 STRAIGHT = 0.8
 """Least cosine between the legs of a rest pose and the vertical."""
+ERECT, ACROSS = 0.7, 0.5
+"""Least cosine between the way from pelvis to head and the vertical, and most of that between hips and vertical."""
 
 
 @dataclass(frozen=True)
@@ -36,8 +38,13 @@ class Adopted:
     """(T, J, 4) orientations in the world."""
     offsets: np.ndarray
     """(J, 3) in the frames of the parents [m]; NaN at ends that the source does not have."""
-    residual: float
-    """How far a joint is from where constant bones put it, 99 % of the time [m]."""
+    off: np.ndarray
+    """(J,) how far each joint is from where a constant bone puts it, 99 % of the time [m]."""
+
+    @property
+    def residual(self) -> float:
+        """The largest of these [m]."""
+        return float(self.off.max())
 
 
 def adopt(standard: Skeleton, sources: Sequence[int | None], pos: np.ndarray, quat: np.ndarray) -> Adopted:
@@ -57,7 +64,7 @@ def adopt(standard: Skeleton, sources: Sequence[int | None], pos: np.ndarray, qu
     found = np.empty((len(pos), joints, 4))
     offsets = np.full((joints, 3), np.nan)
     anchor: list[int] = []  # nearest joint that the source has, for each of ours; the root is always there
-    worst = 0.0
+    off = np.zeros(joints)
     for j, parent in enumerate(standard.parents):
         source = sources[j]
         if source is None:
@@ -72,13 +79,13 @@ def adopt(standard: Skeleton, sources: Sequence[int | None], pos: np.ndarray, qu
         above = anchor[parent]
         bone = rot.rotate_inverse(found[:, above], pos[:, source] - pos[:, sources[above]])
         mean = bone.mean(0)
-        worst = max(worst, float(np.quantile(np.linalg.norm(bone - mean, axis=-1), 0.99)))
+        off[j] = np.quantile(np.linalg.norm(bone - mean, axis=-1), 0.99)
         chain = [j]
         while chain[-1] != above:
             chain.append(standard.parents[chain[-1]])
         for link in chain[:-1]:
             offsets[link] = mean / (len(chain) - 1)
-    return Adopted(pos[:, sources[0]] if sources[0] is not None else pos[:, 0], found, offsets, worst)
+    return Adopted(pos[:, sources[0]] if sources[0] is not None else pos[:, 0], found, offsets, off)
 
 
 def axis_up(axis: str) -> tuple[np.ndarray, np.ndarray]:
@@ -122,9 +129,9 @@ def upright_turn(up: np.ndarray, left: np.ndarray) -> np.ndarray:
 def hanging_turns(body: Body, offsets: np.ndarray, rest_quat: np.ndarray, up: np.ndarray) -> np.ndarray:
     """A_j (J, 4) of every joint, from a pose in which the person stands, with the arms anywhere.
 
-    The trunk, the shoulders' girdle and the feet keep their frames, turned to x forward and z up; legs and arms are
-    swung, the shorter way,
-    until they hang straight down, and hands go with the forearms.
+    In it legs point down, the head is above the pelvis, and the hips lie across. The trunk, the shoulders' girdle and
+    the feet keep their frames, turned to x forward and z up; legs and arms are swung, the shorter way, until they hang
+    straight down, and hands go with the forearms.
 
     Args:
         body: of the skeleton, for its limbs.
@@ -139,7 +146,11 @@ def hanging_turns(body: Body, offsets: np.ndarray, rest_quat: np.ndarray, up: np
     step = np.array(
         [np.zeros(3) if parent < 0 else rot.rotate(rest_quat[parent], offsets[j]) for j, parent in enumerate(parents)]
     )
-    turn = upright_turn(up, step[legs[0].root] - step[legs[1].root])
+    across = step[legs[0].root] - step[legs[1].root]
+    trunk = sum((step[j] for j in _way(parents, body.head)), np.zeros(3))
+    if not trunk @ up > ERECT * np.linalg.norm(trunk) or not abs(across @ up) < ACROSS * np.linalg.norm(across):
+        raise BadMotion("nobody stands in the rest pose")
+    turn = upright_turn(up, across)
     for leg in legs:
         along = rot.rotate(turn, step[leg.middle] + step[leg.end])
         if not -along[2] > STRAIGHT * np.linalg.norm(along):
@@ -181,6 +192,15 @@ def turned(
             local[:, j] = rot.multiply(rot.conjugate(ours[:, parent]), ours[:, j])
             moved[j] = rot.rotate_inverse(turns[parent], offsets[j])
     return moved, local
+
+
+def _way(parents: Sequence[int], joint: int) -> list[int]:
+    """A joint and those between it and the root."""
+    found = []
+    while joint > 0:
+        found.append(joint)
+        joint = parents[joint]
+    return found
 
 
 def _shortest(direction: np.ndarray) -> np.ndarray:

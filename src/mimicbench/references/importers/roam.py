@@ -14,7 +14,7 @@ from mimicbench.core.motion import MAX_FRAMES
 from mimicbench.core.untrusted import NPY, load_restricted, read_bytes
 from mimicbench.references.body.body import roam_body
 from mimicbench.references.body.skeletons import ROAM
-from mimicbench.references.importers.bvh import numbers
+from mimicbench.references.importers.bvh_file import numbers
 from mimicbench.references.importers.recording import (
     MAX_BYTES,
     UNITS,
@@ -45,10 +45,11 @@ def import_roam(path: Path, wishes: Wishes) -> Recording:
     bones = check_array(path, "the bones", table, table.shape[1:])
     fps = check_rate(path, FPS, wishes)
     _, turn = axis_up(wishes.up or "y+")
-    meters = UNITS[wishes.unit or "m"]
+    meters = wishes.scale or UNITS[wishes.unit or "m"]
+    told = f"1 of its unit is {wishes.scale:.4g} m, as told" if wishes.scale else f"the unit is {wishes.unit}, as told"
     assumed = [
         f"{wishes.up or 'y+'} is up{', as told' if wishes.up else ', as in all of ROAM'}",
-        f"the unit is {wishes.unit or 'm'}{', as told' if wishes.unit else ', as in all of ROAM'}",
+        told if wishes.scale or wishes.unit else "the unit is m, as in all of ROAM",
         f"{fps:g} frames per second, as {'told' if wishes.fps else 'ROAM moves its actors'}",
         "bones rest in a T-pose, their forward pointing backward, as in ROAM",
     ]

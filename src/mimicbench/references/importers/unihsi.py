@@ -9,7 +9,7 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
-from mimicbench.core.motion import Skeleton, forward_kinematics
+from mimicbench.core.motion import forward_kinematics
 from mimicbench.core.untrusted import load_npz, load_restricted
 from mimicbench.references.body.body import unihsi_body
 from mimicbench.references.body.skeletons import UNIHSI
@@ -19,13 +19,13 @@ from mimicbench.references.importers.recording import (
     Wishes,
     check_array,
     check_rate,
-    check_stride,
     check_unit_quat,
     check_upright,
     check_velocity,
     finish,
 )
 from mimicbench.references.importers.rest_pose import adopt, axis_up, into_our_rest
+from mimicbench.references.importers.stride import check_stride
 
 STATES_FPS = 30.0
 """UniHSI controls, and would record, at this rate."""
@@ -33,6 +33,8 @@ STATE, BODIES = 13, 15
 """Numbers of a body's state (position, quaternion xyzw, velocity, angular velocity), and bodies."""
 STATE_NAMES = ("rigid_body_states", "rigid_body_state", "rigid_bodies", "body_states", "states", "arr_0")
 """What the array may be called in an `.npz` file."""
+MAX_BODIES = 100
+"""Of a person with all that hangs on it."""
 SLACK = 0.02
 """[m] by which bodies may be off from bones of constant length."""
 
@@ -45,46 +47,54 @@ def import_skeleton_motion(path: Path, wishes: Wishes | None = None) -> Recordin
         found = data.get("__name__") if isinstance(data, dict) else type(data).__name__
         hint = " (one pose, no motion)" if found == "SkeletonState" else ""
         raise BadMotion(f"{path} holds {found!r:.60}{hint}, not a SkeletonMotion; give a motion clip of UniHSI or ASE")
-    skeleton = _skeleton(path, data.get("skeleton_tree"))
-    quat = check_array(path, "rotation", _content(data, "rotation"), (len(skeleton.joint_names), 4))
+    bodies, dropped = _bodies(path, data.get("skeleton_tree"))
+    _check_bones(path, _content(data["skeleton_tree"], "local_translation"), bodies)
     root = check_array(path, "root_translation", _content(data, "root_translation"), (3,))
+    fps = check_rate(path, data.get("fps"), wishes)
+    quat, was_local = _rotations(path, data, bodies, len(dropped))
     if len(quat) != len(root):
         raise BadMotion(
             f"{path} has {len(quat)} frames of rotations and {len(root)} of positions; it is damaged: get it again"
         )
-    fps = check_rate(path, data.get("fps"), wishes)
-    quat = check_unit_quat(path, quat)
     assumed = [
         "quaternions are xyzw, as in every SkeletonMotion",
         f"{wishes.up or 'z'} is up and lengths are in meters",
+        *([f"{', '.join(dropped)[:200]}: no parts of a person; left out"] if dropped else []),
+        *([] if was_local else ["rotations were relative to the world and were made relative to the parents"]),
     ]
+    _, turn = axis_up(wishes.up or "z+")
+    root, quat[:, 0] = rot.rotate(turn, root), rot.multiply(turn, quat[:, 0])
+    check_upright(path, quat)
+    stored = _content(data, "global_velocity")
+    if (
+        isinstance(stored, np.ndarray)
+        and stored.shape == (len(quat), len(bodies) + len(dropped), 3)
+        and stored.dtype.kind == "f"
+        and np.isfinite(stored).all()
+    ):
+        check_velocity(path, forward_kinematics(UNIHSI, root, quat)[0], stored[:, bodies].astype(float), fps)
+    return finish(path, Recording(path.stem, UNIHSI, fps, root, quat, tuple(assumed), wishes=wishes))
+
+
+def _rotations(path: Path, data: dict, bodies: list[int], dropped: int) -> tuple[np.ndarray, bool]:
+    """(T, 15, 4) of UniHSI's bodies relative to their parents, and whether they were so in the file."""
+    quat = check_array(path, "rotation", _content(data, "rotation"), (len(bodies) + dropped, 4))
     is_local = data.get("is_local")
     if not isinstance(is_local, bool):
         raise BadMotion(
             f"{path} does not say whether its rotations are local (is_local is {is_local!r:.40}); it "
             "is damaged: get it again"
         )
-    if not is_local:
-        quat = np.stack(
-            [
-                quat[:, i] if p < 0 else rot.multiply(rot.conjugate(quat[:, p]), quat[:, i])
-                for i, p in enumerate(skeleton.parents)
-            ],
-            1,
-        )
-        assumed.append("rotations were relative to the world and were made relative to the parents")
-    _, turn = axis_up(wishes.up or "z+")
-    root, quat[:, 0] = rot.rotate(turn, root), rot.multiply(turn, quat[:, 0])
-    check_upright(path, root, quat)
-    stored = _content(data, "global_velocity")
-    if (
-        isinstance(stored, np.ndarray)
-        and stored.shape == quat.shape[:2] + (3,)
-        and stored.dtype.kind == "f"
-        and np.isfinite(stored).all()
-    ):
-        check_velocity(path, forward_kinematics(skeleton, root, quat)[0], stored.astype(float), fps)
-    return finish(path, Recording(path.stem, skeleton, fps, root, quat, tuple(assumed), wishes=wishes))
+    quat = check_unit_quat(path, quat[:, bodies])
+    if is_local:
+        return quat, True
+    return np.stack(
+        [
+            quat[:, i] if p < 0 else rot.multiply(rot.conjugate(quat[:, p]), quat[:, i])
+            for i, p in enumerate(UNIHSI.parents)
+        ],
+        1,
+    ), False
 
 
 def import_rigid_bodies(path: Path, wishes: Wishes) -> Recording:
@@ -132,30 +142,56 @@ def _content(data: dict, key: str) -> Any:
     return value.get("arr") if isinstance(value, dict) else None
 
 
-def _skeleton(path: Path, tree: Any) -> Skeleton:
-    """The file's skeleton, which must be UniHSI's but may have other bone lengths."""
+def _bodies(path: Path, tree: Any) -> tuple[list[int], list[str]]:
+    """Where UniHSI's bodies are among the file's, and the names of those that are dropped, such as a sword.
+
+    What is dropped must carry none of the person's. Raises BadMotion, naming what differs.
+    """
     names = tree.get("node_names") if isinstance(tree, dict) else None
-    if not isinstance(names, list) or tuple(map(str, names)) != UNIHSI.joint_names:
+    parents = tree.get("parent_indices") if isinstance(tree, dict) else None
+    parents = parents.get("arr") if isinstance(parents, dict) else None
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise BadMotion(f"{path} has another skeleton: its bodies have no names; it is damaged: get it again")
+    lacks = [name for name in UNIHSI.joint_names if name not in names]
+    if lacks:
+        more = ", ".join(name for name in names if name not in UNIHSI.joint_names)[:200]
         raise BadMotion(
-            f"{path} has another skeleton ({names!r:.80}); expected the joints {', '.join(UNIHSI.joint_names)}"
+            f"{path} has another skeleton: it lacks {', '.join(lacks)[:200]}{more and f' and has {more}'}; only people "
+            "with UniHSI's bodies can be imported"
         )
-    arrays = [
-        value.get("arr") if isinstance(value, dict) else None
-        for value in (tree.get("parent_indices"), tree.get("local_translation"))
-    ]
-    parents, offsets = arrays
-    if not isinstance(parents, np.ndarray) or parents.shape != (15,) or tuple(parents.tolist()) != UNIHSI.parents:
-        raise BadMotion(f"{path}: its joints hang together in another way than UniHSI's; it cannot be imported")
+    if (
+        len(names) > MAX_BODIES
+        or not isinstance(parents, np.ndarray)
+        or parents.shape != (len(names),)
+        or parents.dtype.kind not in "iu"
+        or len(set(names)) < len(names)
+    ):
+        raise BadMotion(f"{path} does not say which of its bodies hang together; it is damaged: get it again")
+    where = [names.index(name) for name in UNIHSI.joint_names]
+    for name, joint, parent in zip(UNIHSI.joint_names, where, UNIHSI.parents, strict=True):
+        found, wanted = int(parents[joint]), -1 if parent < 0 else where[parent]
+        if found != wanted:
+            on = names[found] if 0 <= found < len(names) else "nothing"
+            expected = "nothing" if parent < 0 else UNIHSI.joint_names[parent]
+            raise BadMotion(f"{path}: its {name} hangs on {on}, expected {expected}; it cannot be imported")
+    return where, [name for name in names if name not in UNIHSI.joint_names]
+
+
+def _check_bones(path: Path, offsets: Any, bodies: list[int]) -> None:
+    """The file's bones must be as long as UniHSI's. Raises BadMotion."""
     if (
         not isinstance(offsets, np.ndarray)
-        or offsets.shape != (15, 3)
+        or offsets.ndim != 2
+        or offsets.shape[1] != 3
+        or len(offsets) <= max(bodies)
         or offsets.dtype.kind != "f"
         or not np.isfinite(offsets).all()
     ):
         raise BadMotion(f"{path}: its bones have no lengths; it is damaged: get it again")
-    worst = np.abs(offsets[1:] - UNIHSI.offsets[1:]).max()
-    if worst > 0.02:
+    off = np.abs(offsets[bodies][1:] - UNIHSI.offsets[1:]).max(-1)
+    if off.max() > 0.02:
+        wrong = [name for name, much in zip(UNIHSI.joint_names[1:], off > 0.02, strict=True) if much]
         raise BadMotion(
-            f"{path}: its bones differ from UniHSI's by up to {worst:.2g} m; scale it to that skeleton first"
+            f"{path}: its bones differ from UniHSI's by up to {off.max():.2g} m ({', '.join(wrong)}); scale it to "
+            "that skeleton first"
         )
-    return UNIHSI
