@@ -12,7 +12,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mimicbench.core.errors import MimicbenchError, UnknownName
+from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
 from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.core.stage import Stage, open_stage, read_stage
 from mimicbench.objects.make import ObjectsConfig, make_objects, read_objects
@@ -148,6 +148,18 @@ def reference_statistics(workdir: Path, tasks: Sequence[str]) -> list[SetStatist
     spaces = [Workspace(workdir, task) for task in tasks]
     there = [ws for ws in spaces if any(ws.folder("references").glob("*.npz"))] or spaces[:1]
     return [set_statistics(ws.task.slug, ws.folder("objects"), ws.folder("references")) for ws in there]
+
+
+def reference_motions(workdir: Path, tasks: Sequence[str]) -> dict[str, list[HumanMotion]]:
+    """The human clips of those tasks that have any. Raises BadFile if none has."""
+    found = {}
+    for task in tasks:
+        folder = Workspace(workdir, task).folder("references")
+        if paths := sorted(folder.glob("*.npz")):
+            found[task] = [HumanMotion.load(path) for path in paths]
+    if not found:
+        raise BadFile(f"{workdir} holds no human clips; run `mimicbench references --workdir {workdir}` first")
+    return found
 
 
 def import_stage(

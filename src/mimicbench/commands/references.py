@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -107,6 +108,13 @@ def references_stats(
         Path | None, tyro.conf.arg(help="PNG with the plots; by default <workdir>/references.png")
     ] = None,
     styles: Annotated[bool, tyro.conf.arg(help="print every choice that clips make, too")] = False,
+    beside_real: Annotated[
+        tuple[Path, ...],
+        tyro.conf.arg(
+            help="folders of recordings: print instead how surely the clips are told from them, phase by phase, by "
+            "what, and the measures of both"
+        ),
+    ] = (),
     workdir: Workdir = WORK,
     as_json: Json = False,
 ) -> None:
@@ -117,6 +125,9 @@ def references_stats(
     from mimicbench.report import dataset
     from mimicbench.report.tables import to_terminal
 
+    if beside_real:
+        _stats_beside_real(workdir, slugs(task), beside_real, as_json)
+        return
     sets = workspace.reference_statistics(workdir, slugs(task))
     path = picture or workdir / "references.png"
     dataset.dataset_picture(sets, path)
@@ -130,6 +141,25 @@ def references_stats(
     ):
         print(to_terminal(table))
     print(f"plots: {path}")
+
+
+def _stats_beside_real(workdir: Path, tasks: list[str], folders: tuple[Path, ...], as_json: bool) -> None:
+    from mimicbench import workspace
+    from mimicbench.references.checks.beside_real import judge, person_of, read_recordings
+    from mimicbench.report.beside_real import judgement_table, measures_table, tells_table
+    from mimicbench.report.tables import to_terminal
+
+    real = [person_of(motion) for folder in folders for motion in read_recordings(folder, say)]
+    people = {
+        slug: [person_of(motion) for motion in motions]
+        for slug, motions in workspace.reference_motions(workdir, tasks).items()
+    }
+    found = judge(real, [person for of_task in people.values() for person in of_task])
+    if as_json:
+        print(json.dumps([asdict(row) for row in found]))
+        return
+    for table in (measures_table(real, people), tells_table(found), judgement_table(found)):
+        print(to_terminal(table))
 
 
 def import_(
