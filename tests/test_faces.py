@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from mimicbench.core import rotations as rot
 from mimicbench.objects.shape import SceneObject
-from mimicbench.sensors.faces import Surfaces
 from mimicbench.sensors.rigs import HEAD_RIG, PELVIS_RIG
+from mimicbench.sensors.surfaces import Surfaces
 from mimicbench.sim.native import NativePhysics
 from stool import H1, block
 
@@ -20,11 +20,15 @@ HEIGHT, WIDTH = 24, 32
 def inverse_depth(obj, eye, quat, rig=HEAD_RIG):
     """(C, height, width) of cameras of a rig whose root is at `eye` (3,) and turned by `quat`."""
     turn = rot.to_matrix(quat)
-    pictures = np.zeros((len(rig.mounts), HEIGHT, WIDTH), np.float32)
-    Surfaces.of([obj]).seen_from((eye + rig.origins() @ turn.T)[None], (turn @ rig.sights(HEIGHT, WIDTH))[None]).fill(
-        pictures
-    )
-    return pictures
+    eyes, looks = (eye + rig.origins() @ turn.T)[None], (turn @ rig.sights(HEIGHT, WIDTH))[None]
+    return filled(Surfaces.of([obj]).seen_from(eyes, looks, HEIGHT, WIDTH), len(rig.mounts))
+
+
+def filled(faces, count):
+    """(count, height, width) pictures of faces."""
+    rows = np.zeros((count * HEIGHT, WIDTH), np.float32)
+    faces.fill(rows, np.arange(count) * HEIGHT)
+    return rows.reshape(count, HEIGHT, WIDTH)
 
 
 def by_slabs(obj, eye, quat, rig=HEAD_RIG):
@@ -64,6 +68,19 @@ def test_pixels_are_what_rays_meet(seed):
     assert (abs(found - expected) > 1e-4 * (1 + expected)).sum() <= 2
 
 
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10**6), st.booleans())
+def test_faces_are_nowhere_but_in_their_rows(seed, near):
+    """Near to the cameras faces reach behind them, and their corners no longer tell where they are."""
+    random = np.random.default_rng(seed)
+    quat = rot.normalize(random.normal(size=4))
+    eye, turn = random.uniform(-1, 1, 3) * (0.5 if near else 2.0), rot.to_matrix(quat)
+    eyes, looks = (eye + PELVIS_RIG.origins() @ turn.T)[None], (turn @ PELVIS_RIG.sights(HEIGHT, WIDTH))[None]
+    faces = Surfaces.of([heap(seed)]).seen_from(eyes, looks, HEIGHT, WIDTH)
+    everywhere = replace(faces, first=0 * faces.first, last=0 * faces.last + HEIGHT - 1)
+    np.testing.assert_array_equal(filled(faces, 4), filled(everywhere, 4))
+
+
 def test_what_is_inside_of_the_camera_is_not_seen():
     around = replace(block(), box_half=np.full((1, 3), 2.0))
     assert (inverse_depth(around, np.zeros(3), rot.IDENTITY) == 0).all()
@@ -97,8 +114,7 @@ def test_convex_pieces_are_those_of_the_physics(seed):
 def test_boxes_and_convex_pieces_share_a_scene_list():
     corners = np.array([(x, y, z) for x in (-0.25, 0.25) for y in (-0.25, 0.25) for z in (0, 0.42)])
     both = Surfaces.of([block(), replace(block(), hulls=(corners,))])
-    pictures = np.zeros((2, HEIGHT, WIDTH), np.float32)
     eyes = np.tile(np.array([-1.0, 0.1, 0.5]) + HEAD_RIG.origins(), (2, 1, 1))
-    both.seen_from(eyes, np.tile(HEAD_RIG.sights(HEIGHT, WIDTH), (2, 1, 1, 1))).fill(pictures)
+    pictures = filled(both.seen_from(eyes, np.tile(HEAD_RIG.sights(HEIGHT, WIDTH), (2, 1, 1, 1)), HEIGHT, WIDTH), 2)
     assert (pictures[0] > 0).sum() > 15
     np.testing.assert_allclose(pictures[0], pictures[1], atol=1e-5)

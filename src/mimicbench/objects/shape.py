@@ -22,9 +22,12 @@ def split_of(object_id: str) -> str:
     return "test" if digest(0, "split", object_id.partition("~")[0]) % 4 == 0 else "train"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SceneObject:
-    """A rigid object made of boxes, standing on the floor at the origin and facing +x."""
+    """A rigid object made of boxes, standing on the floor at the origin and facing +x.
+
+    An object equals itself alone, so that what is derived from it can be kept beside it.
+    """
 
     id: str
     family: str

@@ -17,18 +17,14 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
-from mimicbench.core import rotations as rot
-from mimicbench.sensors.faces import Surfaces
-from mimicbench.sensors.heightmap import CELL, CELLS, cell_centers
+from mimicbench.objects.shape import SceneObject
+from mimicbench.sensors.elevation_cpu import RANGE, Poses, maps_by_cameras, maps_by_rays, tilts
+from mimicbench.sensors.heightmap import CELL, CELLS
 from mimicbench.sensors.rigs import HEIGHT, PELVIS_RIG, WIDTH, Rig
 from mimicbench.sim.physics import Physics
 
-RANGE = 6.0
-"""[m] Depth beyond this is left out (C.2)."""
 SMALL = 90, 120
 """[px] Rows and columns of cameras whose pictures are only to fill cells of 4 cm."""
-_PIXELS_AT_ONCE = 1 << 18
-"""Of lines of sight that are in memory at a time, so that a processor's cache holds much of it: up to 20 MB."""
 
 
 def map_from_depth(
@@ -45,7 +41,7 @@ def map_from_depth(
     """
     rays, origins = rig.rays(*depth.shape[2:]).astype(np.float32), rig.origins().astype(np.float32)
     maps = _floors(root_pos)
-    for i, (turn, seen) in enumerate(zip(_tilts(root_quat), depth, strict=True)):
+    for i, (turn, seen) in enumerate(zip(tilts(root_quat), depth, strict=True)):
         points = np.concatenate(
             [origin + (ray * d[..., None])[d <= RANGE] for origin, ray, d in zip(origins, rays, seen, strict=True)]
         )
@@ -60,6 +56,7 @@ def camera_map(
     width: int | None = None,
     rig: Rig = PELVIS_RIG,
     cell: float = CELL,
+    workers: int = 0,
 ) -> torch.Tensor:
     """(N, 128, 128) elevation maps of scenes `ids` (None: all) by the lines of sight of cameras.
 
@@ -71,82 +68,28 @@ def camera_map(
         width: Columns; None: 120, or 480.
         rig: The cameras.
         cell: Side of a cell [m].
+        workers: Threads; 0 for all processors. Changes no byte.
     """
-    ids = np.arange(physics.num_envs) if ids is None else ids
     usual = SMALL if cell >= CELL else (HEIGHT, WIDTH)
-    height, width = height or usual[0], width or usual[1]
-    qpos = physics.qpos()[ids]
-    root_pos, turn, tilt = qpos[:, :3], rot.to_matrix(qpos[:, 3:7]), _tilts(qpos[:, 3:7])
-    object_pos, object_turn = _object_frames(physics, ids)
-    origins, sights = rig.origins(), rig.sights(height, width)
-    # cameras in the objects' frames, and their lines of sight in the heading frame
-    eyes = ((root_pos - object_pos)[:, None] + (turn[:, None] @ origins[..., None])[..., 0])[
-        ..., None, :
-    ] @ object_turn[:, None]
-    looks = (object_turn.swapaxes(1, 2) @ turn)[:, None] @ sights
-    origin_h, look_h = (
-        (tilt[:, None] @ origins.astype(np.float32)[..., None])[..., 0],
-        tilt[:, None] @ sights.astype(np.float32),
-    )
-    rows, columns = (place.ravel().astype(np.float32) for place in np.indices((height, width)))
-    maps = _floors(root_pos)
-    for some in _parts(len(ids), len(sights) * height * width):
-        inverse = np.zeros((len(ids[some]) * len(sights), height, width), np.float32)
-        Surfaces.of([physics.objects[env] for env in ids[some]]).seen_from(eyes[some, :, 0], looks[some]).fill(inverse)
-        for seen, n, camera in zip(
-            inverse.reshape(len(inverse), -1), *np.divmod(np.arange(len(inverse)), len(sights)), strict=True
-        ):
-            pixel = np.flatnonzero(seen >= 1 / RANGE)
-            depth, row, column = 1 / seen[pixel], rows[pixel], columns[pixel]
-            origin, look = origin_h[some][n, camera], look_h[some][n, camera]
-            _raise(
-                maps[some][n],
-                [
-                    at + depth * (form[0] + form[1] * row + form[2] * column)
-                    for at, form in zip(origin, look, strict=True)
-                ],
-                cell,
-            )
-    return torch.from_numpy(maps)
+    size = height or usual[0], width or usual[1]
+    return torch.from_numpy(maps_by_cameras(*_scenes(physics, ids), rig, size, cell, workers))
 
 
-def down_map(physics: Physics, ids: np.ndarray | None = None, cell: float = CELL) -> torch.Tensor:
+def down_map(physics: Physics, ids: np.ndarray | None = None, cell: float = CELL, workers: int = 0) -> torch.Tensor:
     """(N, 128, 128) elevation maps of scenes `ids` (None: all) by vertical rays through the cells' centers."""
+    return torch.from_numpy(maps_by_rays(*_scenes(physics, ids), cell, workers))
+
+
+def _scenes(physics: Physics, ids: np.ndarray | None) -> tuple[list[SceneObject], Poses]:
+    """The objects of some scenes, and where everything is."""
     ids = np.arange(physics.num_envs) if ids is None else ids
-    qpos = physics.qpos()[ids]
-    root_pos, heading = qpos[:, :3], rot.to_matrix(rot.from_yaw(rot.yaw_of(qpos[:, 3:7])))
-    object_pos, object_turn = _object_frames(physics, ids)
-    first = cell_centers(CELLS, cell)[0]
-    starts = heading @ np.array([[first, cell, 0.0], [first, 0.0, cell], [0.0, 0.0, 0.0]])
-    starts[..., 0] += root_pos - object_pos
-    outward = object_turn.swapaxes(1, 2)
-    starts, looks = outward @ starts, -outward[:, :, 2]
-    maps = _floors(root_pos)
-    for some in _parts(len(ids), CELLS * CELLS):
-        Surfaces.of([physics.objects[env] for env in ids[some]]).seen_along(starts[some], looks[some]).fill(maps[some])
-    return torch.from_numpy(maps)
-
-
-def _object_frames(physics: Physics, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where the objects are (N, 3) [m], and matrices (N, 3, 3) from their frames to the world's."""
-    pos, quat = physics.object_pose()
-    return pos[ids], rot.to_matrix(quat[ids])
-
-
-def _parts(robots: int, pixels: int) -> list[slice]:
-    """Some robots at a time."""
-    step = max(1, _PIXELS_AT_ONCE // pixels)
-    return [slice(first, first + step) for first in range(0, robots, step)]
+    qpos, (pos, quat) = physics.qpos()[ids], physics.object_pose()
+    return [physics.objects[env] for env in ids], Poses(qpos[:, :3], qpos[:, 3:7], pos[ids], quat[ids])
 
 
 def _floors(root_pos: np.ndarray) -> np.ndarray:
     """(N, 128, 128) maps of nothing but floor."""
     return np.repeat(-root_pos[:, 2].astype(np.float32), CELLS * CELLS).reshape(-1, CELLS, CELLS)
-
-
-def _tilts(root_quat: np.ndarray) -> np.ndarray:
-    """(N, 3, 3) float32: from the root's frame to its heading frame."""
-    return rot.to_matrix(rot.multiply(rot.from_yaw(-rot.yaw_of(root_quat)), root_quat)).astype(np.float32)
 
 
 def _raise(heights: np.ndarray, points: Sequence[np.ndarray], cell: float) -> None:
