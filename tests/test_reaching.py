@@ -1,4 +1,5 @@
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -69,6 +70,55 @@ def test_boxes_are_lifted_between_the_hands_and_never_touch_the_floor_again(lift
         assert corners[..., 2].min() > -2e-3
 
 
+def _lean(motion: HumanMotion) -> np.ndarray:
+    """(T,) of the chest from upright [rad]."""
+    up = rot.rotate(motion.forward_kinematics()[1][:, body_of(motion.skeleton).chest], np.array([0.0, 0.0, 1.0]))
+    return np.arccos(up[:, 2])
+
+
+def _face(motion: HumanMotion) -> np.ndarray:
+    """(T, 3) between the eyes [m]."""
+    body = body_of(motion.skeleton)
+    pos, quat = motion.forward_kinematics()
+    skull = next(part for part in body.parts if part.role == "head")
+    return pos[:, body.head] + rot.rotate(quat[:, body.head], np.array(skull.start) + [skull.radius, 0.0, 0.0])
+
+
+def test_whoever_lifts_stands_up_and_holds_the_box_against_the_body(lifts: Clips):
+    for motion, obj in lifts:
+        body, lean = body_of(motion.skeleton), _lean(motion)
+        pos, quat = motion.forward_kinematics()
+        assert lean.max() > np.deg2rad(30) and lean[-1] < np.deg2rad(30)
+        assert pos[-1, body.pelvis, 2] > 0.9 * body.standing_height
+        away = -postures.depth(body, pos[-1:], quat[-1:], obj, motion.object_pos_w[-1], lift_box.FRONT)[0]
+        assert -0.02 < away < 0.04
+        wrists = _wrists(motion)[-1]
+        assert 0.8 < wrists[:, 2].mean() / body.standing_height < 1.25
+
+
+def test_heavy_boxes_are_clasped_lower_than_light_ones():
+    obj, style = make_box(0), lift_box.draw_style(np.random.default_rng(0))
+    light, heavy = (replace(obj, mass=mass) for mass in (1.0, 4.0))
+    heights = [lift_box._clasp(box, style, 1.0)[:, 2].mean() for box in (light, heavy)]
+    assert heights[0] - heights[1] == pytest.approx(0.10 * obj.bounds()[1][2], abs=1e-9)
+
+
+def test_faces_keep_a_natural_distance(touches: Clips, lifts: Clips):
+    for clips, least in ((touches, 0.40), (lifts, 0.40)):
+        away = []
+        for motion, _ in clips:
+            held = motion.contacts[:, motion.contact_names.index("left_hand")]
+            away.append(np.linalg.norm(_face(motion) - _wrists(motion).mean(1), axis=-1)[held].min())
+        assert np.median(away) > least
+
+
+def test_nobody_freezes_who_holds_or_touches(touches: Clips, lifts: Clips):
+    for motion, _ in touches + lifts:
+        pos, _ = motion.forward_kinematics()
+        speed = np.linalg.norm(np.diff(pos, axis=0), axis=-1).mean(-1) * motion.fps
+        assert np.convolve(speed, np.full(8, 1 / 8), "valid").min() > 2e-3
+
+
 def test_durations_are_the_papers(touches: Clips, lifts: Clips):
     for clips, mean in ((touches, 3.3), (lifts, 4.3)):
         durations = [motion.duration for motion, _ in clips]
@@ -110,7 +160,7 @@ def test_postures_are_balanced_and_reach():
     obj = make_box(0)
     for height in (0.5, 0.8, 1.1):
         wrists = np.array([[0.42, -0.1, height], [0.42, 0.3, height]])
-        posture, short = postures.find_posture(body, ground, wrists, obj, np.array([-5.0, 0, 0]))
+        posture, short, _ = postures.find_posture(body, ground, wrists, obj, np.array([-5.0, 0, 0]), postures.Manner())
         assert short == 0.0
         trunk = postures.Posture(*(np.asarray(value)[None] for value in vars(posture).values())).trunk(yaw)
         arms = reach(body, trunk, wrists[None], postures.elbow_axes(trunk.chest_quat_w, np.array([posture.elbow])))

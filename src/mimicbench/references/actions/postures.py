@@ -23,15 +23,19 @@ from mimicbench.references.checks.penetration import OWN, own_depth
 from mimicbench.references.locomotion.gait import Gait
 from mimicbench.references.locomotion.walking import REACH
 
+EYES = np.array([0.08, 0.0, 0.62])
+"""Between the eyes, from the pelvis joint in the axes of the chest [m], at body size 1."""
 FORWARD = 0.05
 """The center of mass is so far in front of the ankles [m], at body size 1."""
 NOD = 0.35
 """[rad] that the head bends down, at most: the eyes do the rest."""
+CRANE = 0.5
+"""Who leans bends the neck back by this share of the chest's lean, as people do who lift or lean on tables."""
 GIVE = 0.003
 """[m] that flesh gives."""
 STRETCH = 0.94
 """Share of its full length to which an arm is stretched in a posture."""
-MOST_FLEXION = 2.25
+MOST_FLEXION = 2.15
 """[rad] that the hips may bend."""
 PITCHES = np.array([0.03, 0.15, 0.28, 0.42, 0.56, 0.70, 0.84, 0.98, 1.12])
 """[rad] leans of the pelvis to choose from."""
@@ -41,6 +45,14 @@ ELBOWS = (0.35, 0.8, 0.0, 1.2, -0.5)
 """[rad] how far the elbows may swing out from below the arms; the most natural first."""
 FACE = 0.04
 """[m] that the arms keep from the head."""
+OFF_LEGS = 0.015
+"""[m] and from the rest of the body, for hands that are laid on something turn."""
+SIGHT = 0.50
+"""[m] Nearer than that to the hands nobody likes to have the face, at body size 1: people reach with 0.5 to 0.7."""
+OFF_FACE = 0.30
+"""[m] Nor nearer than that to the object."""
+FOLDED = 0.80
+"""Share of its full length below which an arm is folded more than it is comfortable."""
 TRIED = 8
 """Postures within reach that are tested against the object, the easiest first."""
 SEGMENTS = (
@@ -88,6 +100,20 @@ class Ground:
 
 
 @dataclass(frozen=True)
+class Manner:
+    """How somebody likes to get down to something."""
+
+    load: float = 0.0
+    """The object's mass as a share of the body's if it is carried."""
+    bend: float = 0.0
+    """How far the back is rounded, beyond what goes with a lean [rad]."""
+    squat: float = 0.20
+    """How far the hips sink with a lean of the pelvis [m/rad], at body size 1: more in the knees, less in the back."""
+    sight: float = 1.0
+    """Share of SIGHT and OFF_FACE that the face keeps where that is possible; 0 for who does not mind."""
+
+
+@dataclass(frozen=True)
 class Posture:
     """A body on its feet with the hands at their places; (N,) of them, or a single one without that axis."""
 
@@ -104,21 +130,29 @@ class Posture:
     bend: np.ndarray
     """(N,) how far the back is rounded beyond what goes with the lean [rad]."""
 
-    def __getitem__(self, index: int | np.ndarray | np.integer) -> "Posture":
-        return Posture(*(value[index] for value in vars(self).values()))
+    def __getitem__(self, index: int | np.ndarray | np.integer | None) -> "Posture":
+        return Posture(*(np.asarray(value)[index] for value in vars(self).values()))
 
     def trunk(self, yaw: float) -> Trunk:
         """The trunk over feet of that heading [rad]; the head looks down at the hands."""
         pelvis = rot.multiply(rot.from_yaw(yaw + 0.3 * self.twist), about_y(self.pitch))
         chest = rot.multiply(pelvis, chest_turn(self.pitch, self.twist, self.bend))
-        return Trunk(self.pelvis_pos_w, pelvis, chest, rot.multiply(chest, about_y(np.full_like(self.pitch, NOD))))
+        nod = NOD - CRANE * (self.pitch + spine_flexion(self.pitch, self.bend))
+        return Trunk(self.pelvis_pos_w, pelvis, chest, rot.multiply(chest, about_y(nod)))
 
 
 def chest_turn(pitch: np.ndarray, twist: np.ndarray, bend: np.ndarray) -> np.ndarray:
-    """(..., 4) the chest relative to a pelvis that leans by `pitch` (...) [rad]: a flat back, rounder the deeper,
-    and most of the twist.
+    """(..., 4) the chest relative to a pelvis that leans by `pitch` (...) [rad]: a back that is the rounder the deeper
+    the lean, and most of the twist.
+
+    People who lift or lean on tables bend the spine as far as the hips.
     """
-    return rot.multiply(rot.from_yaw(0.7 * twist), about_y(0.02 + 0.12 * pitch + 0.25 * pitch**2 + bend))
+    return rot.multiply(rot.from_yaw(0.7 * twist), about_y(spine_flexion(pitch, bend)))
+
+
+def spine_flexion(pitch: np.ndarray, bend: np.ndarray) -> np.ndarray:
+    """(...) how far the spine bends with a pelvis that leans by `pitch` (...) [rad]."""
+    return 0.02 + 0.30 * pitch + 0.25 * pitch**2 + bend
 
 
 def elbow_axes(chest_quat_w: np.ndarray, elbow: np.ndarray) -> np.ndarray:
@@ -133,11 +167,10 @@ def find_posture(
     wrists: np.ndarray,
     obj: SceneObject,
     shift: np.ndarray,
-    load: float = 0.0,
-    bend: float = 0.0,
-) -> tuple[Posture, float]:
-    """The easiest posture in which both wrists are at (2, 3) [m], and how far it falls short [m]: out of reach, or
-    inside the object.
+    manner: Manner,
+) -> tuple[Posture, float, float]:
+    """The easiest posture in which both wrists are at (2, 3) [m], how far it falls short [m]: out of reach, or inside
+    the object; and what effort it is.
 
     Args:
         body: Whose.
@@ -146,8 +179,7 @@ def find_posture(
             these places.
         obj: What must not be in the way.
         shift: (3,) where the object's origin is [m].
-        load: The object's mass as a share of the body's if it is carried.
-        bend: How far the back is rounded, beyond what goes with a lean [rad].
+        manner: How the body likes to do it.
     """
     pitch, drop = (values.ravel() for values in np.meshgrid(PITCHES, DROPS * body.size, indexing="ij"))
     apart = wrists[0] - wrists[1]
@@ -157,9 +189,9 @@ def find_posture(
     every = _balanced(
         body,
         ground,
-        Posture(start, pitch, twist, np.full_like(pitch, ELBOWS[0]), drop, np.full_like(pitch, bend)),
+        Posture(start, pitch, twist, np.full_like(pitch, ELBOWS[0]), drop, np.full_like(pitch, manner.bend)),
         wrists,
-        _weight_of(obj, shift, load),
+        _weight_of(obj, shift, manner.load),
     )
     trunk = every.trunk(ground.yaw)
     away = np.linalg.norm(wrists - shoulders(body, trunk), axis=-1)
@@ -170,9 +202,11 @@ def find_posture(
     # a lean goes with some bend of the knees
     effort = (
         pitch
-        + 3.0 * np.abs(drop - 0.16 * pitch * body.size)
+        + 5.0 * np.abs(drop - manner.squat * pitch * body.size)
         + 4.0 * np.maximum(stretch - 0.9, 0.0)
+        + 2.0 * np.maximum(FOLDED - away.mean(-1) / sum(body.length(body.arms[0])), 0.0)
         + 2.0 * np.maximum(flexion - 1.7, 0.0)
+        + manner.sight * _too_near(body, trunk, wrists, obj, shift)
     )
     out = np.maximum(stretch - STRETCH, 0.0) * sum(body.length(body.arms[0])) + 0.2 * np.maximum(
         flexion - MOST_FLEXION, 0.0
@@ -180,14 +214,24 @@ def find_posture(
     easiest = np.tile(np.argsort(effort + 100.0 * out, kind="stable")[:TRIED], len(ELBOWS))
     ranks = np.repeat(np.arange(len(ELBOWS)), TRIED)
     some = replace(every[easiest], elbow=np.array(ELBOWS)[ranks])
-    placed = _placed(body, ground, some, wrists)
+    there = placed(body, ground, some, wrists)
+    own = in_own_way(body, *there)
     short = (
-        np.maximum(depth(body, *placed, obj, shift, BUT_HANDS) - GIVE, 0.0)
-        + np.maximum(in_own_way(body, *placed), 0.0)
+        np.maximum(depth(body, *there, obj, shift, BUT_HANDS) - GIVE, 0.0)
+        + np.maximum(own + OFF_LEGS, 0.0)
         + out[easiest]
     )
-    best = int(np.argmin(effort[easiest] + 0.15 * ranks + 100.0 * short))
-    return some[best], float(short[best])
+    cost = effort[easiest] + 0.15 * ranks + 15.0 * np.maximum(own + 4 * OFF_LEGS, 0.0)
+    best = int(np.argmin(cost + 100.0 * short))
+    return some[best], float(short[best]), float(cost[best])
+
+
+def _too_near(body: Body, trunk: Trunk, wrists: np.ndarray, obj: SceneObject, shift: np.ndarray) -> np.ndarray:
+    """(N,) how unpleasantly near the face is to both hands (2, 3) [m] and to the object."""
+    face = trunk.pelvis_pos_w + rot.rotate(trunk.chest_quat_w, EYES * body.size)
+    hands = np.linalg.norm(face - wrists.mean(0), axis=-1)
+    gap = box_distance(obj, face - shift)
+    return 10.0 * np.maximum(SIGHT * body.size - hands, 0.0) + 10.0 * np.maximum(OFF_FACE * body.size - gap, 0.0)
 
 
 def depth(
@@ -244,7 +288,7 @@ def _balanced(
     support, (center, load) = ground.support(body), weight
     for _ in range(2):
         posture = replace(posture, pelvis_pos_w=_lowered(body, ground, posture))
-        pos, _ = _placed(body, ground, posture, wrists)
+        pos, _ = placed(body, ground, posture, wrists)
         off = support - (center_of_mass(body, pos) + load * center)[:, :2] / (1.0 + load)
         moved = posture.pelvis_pos_w + np.concatenate([1.2 * off, np.zeros((len(off), 1))], -1)
         posture = replace(posture, pelvis_pos_w=moved)
@@ -264,7 +308,7 @@ def _lowered(body: Body, ground: Ground, posture: Posture) -> np.ndarray:
     return np.concatenate([posture.pelvis_pos_w[:, :2], (height - posture.drop)[:, None]], -1)
 
 
-def _placed(body: Body, ground: Ground, posture: Posture, wrists: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def placed(body: Body, ground: Ground, posture: Posture, wrists: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Joints' world positions (N, J, 3) and orientations (N, J, 4)."""
     trunk, count = posture.trunk(ground.yaw), len(posture.pitch)
     arms = reach(body, trunk, np.tile(wrists, (count, 1, 1)), elbow_axes(trunk.chest_quat_w, posture.elbow))

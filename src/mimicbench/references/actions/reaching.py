@@ -12,7 +12,18 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.curves import minimum_jerk
 from mimicbench.core.motion import HumanMotion, forward_kinematics
 from mimicbench.objects.shape import SceneObject
-from mimicbench.references.actions.postures import NOD, STRETCH, Posture, chest_turn, depth, elbow_axes, in_own_way
+from mimicbench.references.actions.postures import (
+    CRANE,
+    EYES,
+    NOD,
+    STRETCH,
+    Posture,
+    chest_turn,
+    depth,
+    elbow_axes,
+    in_own_way,
+    spine_flexion,
+)
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.limbs import about_y
 from mimicbench.references.body.posing import Arms, Legs, Trunk, blend, pose, reach, shoulders
@@ -24,8 +35,10 @@ SIZES = (0.86, 1.04)
 """Body sizes: statures of 1.55 to 1.88 m."""
 WRIST = 1.2
 """[rad] that a wrist bends, at most."""
-EYES = np.array([0.08, 0.0, 0.62])
-"""Between the eyes, from the pelvis joint in the axes of the chest [m], at body size 1."""
+AHEAD = 0.6
+"""How much fingers of a forearm that stands on a surface turn to the front, instead of where it leans."""
+HANGS = 0.3
+"""How far the arms of who leans hang straight down, instead of going with the trunk."""
 MOST_STRETCH = 0.985
 """On the way there, hands that are farther away than the arm is long stay behind smoothly, below this share of its
 length."""
@@ -38,6 +51,8 @@ DETOURS = (
     (0.12, 0.12, 0.0),
     (0.0, 0.0, 0.25),
     (0.2, 0.2, 0.0),
+    (0.0, 0.22, 0.0),
+    (0.08, 0.30, 0.10),
     (0.2, 0.0, 0.25),
 )
 """Ways round the object for the hands: how far they bulge towards the person, outward and upward [m]; the first that is
@@ -80,12 +95,15 @@ def draw_approach(random: np.random.Generator, stop_xy: np.ndarray, stop_yaw: fl
     )
 
 
-def settle(way: Walk, scale: float, postures: Sequence[tuple[Posture, np.ndarray]], look_w: np.ndarray) -> Trunk:
+def settle(
+    way: Walk, scale: float, postures: Sequence[tuple[Posture, np.ndarray]], look_w: np.ndarray, phase: float
+) -> Trunk:
     """The trunk of a walk that goes on into postures, one after the other, each with its share (T,) from 0 to 1.
 
-    `look_w` (T, 3) is what the person looks at [m] as far as the first posture's share says.
+    `look_w` (T, 3) is what the person looks at [m] as far as the first posture's share says. Who stands breathes, and
+    the weight wanders between and along the feet, with some phase [rad].
     """
-    pos, breath = way.pelvis_pos_w, 0.008 * np.sin(2 * np.pi * way.time / 3.7)
+    pos, breath = way.pelvis_pos_w, 0.012 * np.sin(2 * np.pi * way.time / 3.7 + phase)
     pitch, twist, bend = np.full(len(way.time), 0.03), np.zeros(len(way.time)), np.zeros(len(way.time))
     before = Posture(way.pelvis_pos_w[-1], *(np.array(value) for value in (0.03, 0.0, 0.0, 0.0, 0.0)))
     for posture, share in postures:
@@ -93,16 +111,28 @@ def settle(way: Walk, scale: float, postures: Sequence[tuple[Posture, np.ndarray
         pitch, twist = pitch + share * (posture.pitch - before.pitch), twist + share * (posture.twist - before.twist)
         bend = bend + share * (posture.bend - before.bend)
         before = posture
+    stands = postures[0][1][:, None]
+    wander = scale * np.stack([_wander(way.time, phase), _wander(way.time, phase + 2.0)], -1) * [0.006, 0.009]
+    aside = rot.rotate(rot.from_yaw(way.yaw), np.concatenate([wander, np.zeros_like(wander[:, :1])], -1))
+    pos = pos + stands * aside
+    pitch = pitch + 0.012 * stands[:, 0] * _wander(way.time, phase + 4.0)
     pelvis = rot.multiply(rot.from_yaw(0.3 * twist), way.pelvis_quat(pitch))
     chest = rot.multiply(rot.multiply(pelvis, way.chest_turn(breath)), chest_turn(pitch, twist, bend))
     # the eyes do the rest of the way; a target right below does not turn the head round
     x, y, z = rot.rotate_inverse(chest, look_w - pos - rot.rotate(chest, EYES * scale)).T
     away = np.maximum(x, 0.25)
-    turn, nod = np.clip(0.8 * np.arctan2(y, away), -0.6, 0.6), np.clip(0.6 * np.arctan2(-z, away), -0.5, NOD)
+    lean = pitch + spine_flexion(pitch, bend)
+    turn = np.clip(0.8 * np.arctan2(y, away), -0.6, 0.6)
+    nod = np.clip(0.5 * np.arctan2(-z, away) - CRANE * lean, -0.8, NOD)
     looking = rot.multiply(chest, rot.multiply(rot.from_yaw(turn), about_y(nod)))
     ahead = rot.multiply(chest, way.head_turn(np.full(len(pos), 0.1)))
     first = postures[0][1]
     return Trunk(pos, pelvis, chest, rot.slerp(ahead, looking, first))
+
+
+def _wander(time: np.ndarray, phase: float) -> np.ndarray:
+    """(T,) between -1 and 1, as the weight of who stands goes to and fro within some seconds."""
+    return 0.6 * np.sin(2 * np.pi * 0.31 * time + phase) + 0.4 * np.sin(2 * np.pi * 0.53 * time + 2.3 * phase)
 
 
 def hands_from_outside(
@@ -136,6 +166,7 @@ def reach_past(
 
     `found` is that one's number, or empty: then it is looked for and put there. See `hands_from_outside` for the rest.
     """
+    swinging = hanging(trunk, swinging)
     back = rot.rotate(rot.from_yaw(rot.yaw_of(trunk.chest_quat_w[-1])), np.array([-1.0, 0.0, 0.0]))
     left = np.array([-back[1], back[0], 0.0]) * -1.0
     hands, elbows, leave = wrists_of(body, trunk, swinging), np.full(len(progress), elbow), minimum_jerk(2.5 * progress)
@@ -169,17 +200,28 @@ def reach_past(
     return follow(detours[found[0]], slice(None))[1]
 
 
+def hanging(trunk: Trunk, swinging: Arms) -> Arms:
+    """Arms that swing from the shoulders of an upright trunk as they hang from those of one that leans: rather down."""
+    upright = rot.multiply(rot.conjugate(trunk.chest_quat_w), rot.from_yaw(rot.yaw_of(trunk.chest_quat_w)))
+    return Arms(rot.multiply(rot.from_rotvec(HANGS * rot.to_rotvec(upright))[:, None], swinging.upper), swinging.elbow)
+
+
 def lay_hands(body: Body, quat: np.ndarray, trunk: Trunk, normals: np.ndarray, share: np.ndarray) -> np.ndarray:
     """Local rotations (T, J, 4) with wrists that bend with share (T,) until in the end the hands lie on surfaces
     with normals (2, 3).
     """
     quat = quat.copy()
+    ahead = rot.rotate(rot.from_yaw(rot.yaw_of(trunk.pelvis_quat_w[-1])), np.array([1.0, 0.0, 0.0]))
     for side, arm in enumerate(body.arms):
         forearm = rot.multiply(rot.multiply(trunk.chest_quat_w[-1], quat[-1, arm.root]), quat[-1, arm.middle])
-        x, y, z = rot.rotate_inverse(forearm, normals[side])
-        # fingers hang along -z: turn them out of the surface, about what is perpendicular to both
-        into = np.clip(np.arcsin(np.clip(z, -1.0, 1.0)), 0.0, WRIST)
-        quat[:, arm.end] = rot.from_rotvec(share[:, None] * into * np.array([y, -x, 0.0]) / max(np.hypot(x, y), 1e-6))
+        along, normal = rot.rotate(forearm, np.array([0.0, 0.0, -1.0])), normals[side]
+        into = max(-float(along @ normal), 0.0)
+        # fingers turn out of the surface, and from a steep forearm to the front
+        wanted = along + into * normal + AHEAD * into**2 * (ahead - (ahead @ normal) * normal)
+        axis = rot.rotate_inverse(forearm, np.cross(along, wanted))
+        sine = float(np.linalg.norm(axis))
+        angle = min(np.arctan2(sine, float(along @ wanted)), WRIST) if into > 0.0 else 0.0
+        quat[:, arm.end] = rot.from_rotvec(share[:, None] * angle * axis / max(sine, 1e-6))
     return quat
 
 

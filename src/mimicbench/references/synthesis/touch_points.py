@@ -12,9 +12,10 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.touch import stance_before, touch_pair
-from mimicbench.references.actions.postures import Ground, Posture, chest_turn, find_posture
+from mimicbench.references.actions.postures import Ground, Manner, Posture, chest_turn, find_posture
 from mimicbench.references.actions.reaching import SIZES, cut, draw_approach, lay_hands, reach_past, settle, steps_up_to
 from mimicbench.references.body.body import Body, core4d_body
+from mimicbench.references.body.hands import keep_off
 from mimicbench.references.body.limbs import about_y, glide
 from mimicbench.references.body.posing import pose
 from mimicbench.references.locomotion.course import Course
@@ -23,9 +24,12 @@ from mimicbench.references.locomotion.walking import FPS, Walk, follow
 
 STRIDES = Gait(speed=0.62, step_time=0.68, stand=0.5, clearance=0.055)
 """Short steps."""
-CLOSER = ((0.0, 0.0), (0.05, 0.0), (0.05, 0.4), (0.14, 0.2), (0.0, 0.5), (0.1, 0.7))
-"""How much nearer to the object than usual to stand [m], and how far to round the back [rad]; the first with which the
-hands arrive is taken."""
+STANCES = (-0.12, -0.04, 0.04)
+"""How much nearer to the object than usual to stand [m]: the easiest is taken."""
+ROUNDED = (0.0, 0.35)
+"""[rad] how far the back is rounded beyond what goes with a lean; more only where the hands do not arrive otherwise."""
+FINE = 1e-3
+"""[m] by which a posture may fall short."""
 HELD = 1.2
 """[s] for which the hands stay, at least."""
 BENDS = 1.80
@@ -50,6 +54,8 @@ class TouchStyle:
     """From there until both hands have arrived [s]."""
     duration: float
     """Of the whole clip [s]."""
+    sway: float
+    """Phase of the small motions of who stands [rad]."""
     arm_swing: float
     """Swing of the arms, as a share of the usual."""
 
@@ -63,7 +69,13 @@ def draw_style(random: np.random.Generator) -> TouchStyle:
     overlap = random.uniform(0.15, 0.3)
     walking = min(random.uniform(0.8, 1.25), duration - reach_duration + overlap - HELD)
     return TouchStyle(
-        random.uniform(*SIZES), walking, overlap, reach_duration, duration, arm_swing=random.uniform(0.5, 0.9)
+        random.uniform(*SIZES),
+        walking,
+        overlap,
+        reach_duration,
+        duration,
+        random.uniform(0.0, 2 * np.pi),
+        random.uniform(0.5, 0.9),
     )
 
 
@@ -150,10 +162,12 @@ def _touch(
     """The clip that follows from a walk up to the object."""
     progress = (way.time - way.end + style.overlap) / style.reach_duration
     share = glide(progress / ARRIVES, RAMPS, RAMPS)
-    trunk = settle(way, body.size, [(posture, share)], np.broadcast_to(goal.mean(0), (len(share), 3)))
+    trunk = settle(way, body.size, [(posture, share)], np.broadcast_to(goal.mean(0), (len(share), 3)), style.sway)
     swinging = way.arms(body, style.arm_swing)
     normals = obj.touch_normals[[int(np.argmin(((obj.touch_points - wrist) ** 2).sum(-1))) for wrist in goal]]
     arms = reach_past(body, obj, trunk, way.legs(), swinging, goal, normals, float(posture.elbow), progress, detour)
+    # on the way the hands go round the own knees
+    arms = keep_off(body, trunk, way.legs(), arms, (1.0 - minimum_jerk((progress - 0.7) / 0.25))[:, None])
     quat = lay_hands(body, pose(body, trunk, way.legs(), arms), trunk, normals, minimum_jerk(progress / 0.95))
     contacts = np.concatenate([way.feet.contact, np.repeat((progress >= 0.97)[:, None], 2, 1)], -1)
     return HumanMotion(
@@ -176,15 +190,18 @@ def _who_reaches(obj: SceneObject, goal: np.ndarray, size: float) -> tuple[Body,
     touch.
     """
     x, y, yaw = stance_before(obj, goal[0], goal[1])
-    best = None
+    best, least, reached = None, np.inf, False
     for scale in (size, *(larger for larger in (0.95, SIZES[1]) if larger > size)):
         body = core4d_body(scale)
-        for nearer, bend in CLOSER:
-            ground = Ground.at(body, np.array([x - nearer, y]), float(yaw), STRIDES)
-            posture, short = find_posture(body, ground, goal, obj, np.zeros(3), bend=bend)
-            if best is None or short < best[1] - 1e-9:
-                best = (body, ground, posture), short
-            if short < 1e-3:
-                return best[0]
+        for bend in ROUNDED:
+            for nearer in STANCES:
+                ground = Ground.at(body, np.array([x - nearer, y]), float(yaw), STRIDES)
+                posture, short, effort = find_posture(body, ground, goal, obj, np.zeros(3), Manner(bend=bend))
+                if effort + 100.0 * short < least:
+                    best, least, reached = (body, ground, posture), effort + 100.0 * short, short < FINE
+            if reached:
+                break
+        if reached:
+            break
     assert best is not None
-    return best[0]
+    return best
