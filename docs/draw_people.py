@@ -23,12 +23,12 @@ from mimicbench.references.recordings.real_clips import find_clips
 from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.report.render import Picture, frame_all, human_frames
 from mimicbench.report.video import strip
-from mimicbench.robots.description import load_robot
+from mimicbench.robots.registry import ROBOTS
 from mimicbench.sim.scene import build_model
 from mimicbench.tasks.registry import TASKS
 
 IMAGES = Path(__file__).parent / "images"
-ROBOT = load_robot("h1")
+ROBOT = ROBOTS.get("h1")
 PICTURE = Picture(248, 250, 2048)
 MOMENTS = 7
 ROWS = 3
@@ -66,7 +66,7 @@ def main() -> None:
 
 def synthetic(task: str, index: int) -> Clip:
     """A clip, and the object that it is on."""
-    obj = FAMILIES[TASKS[task].family](index, 0)
+    obj = FAMILIES.get(TASKS.get(task).family).make(index, 0)
     return synthesize(task, index, obj, 0), obj
 
 

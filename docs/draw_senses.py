@@ -17,15 +17,15 @@ from mimicbench.objects.registry import FAMILIES
 from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.touch import stance_before, touch_pair
 from mimicbench.report.render import Camera, Painter, Picture
-from mimicbench.robots.description import load_robot
+from mimicbench.robots.registry import ROBOTS
+from mimicbench.robots.rigs import HEAD_RIG, PELVIS_RIG, Rig
 from mimicbench.sensors.elevation import down_map, map_from_depth
 from mimicbench.sensors.render import ROBOT, RigCameras, Views
-from mimicbench.sensors.rigs import HEAD_RIG, PELVIS_RIG, Rig
 from mimicbench.sensors.targets import mark_targets, target_map
 from mimicbench.sim.native import NativePhysics
 
 IMAGES = Path(__file__).parent / "images"
-H1 = load_robot("h1")
+H1 = ROBOTS.get("h1")
 COLORS = np.array([(225, 232, 240), (196, 190, 180), (222, 128, 48), (70, 100, 160)], np.uint8)
 """Of nothing, floor, object and robot."""
 EXTENT = (2.56, -2.56, 2.56, -2.56)
@@ -80,9 +80,9 @@ def draw_map(ax: Axes, heights: np.ndarray, title: str, top: float, half: float 
 
 def main() -> None:
     """All pictures."""
-    walk = scene(FAMILIES["chair"](3, 0), 1.05, 0.35, np.pi + 0.35)
+    walk = scene(FAMILIES.get("chair").make(3, 0), 1.05, 0.35, np.pi + 0.35)
     views = look(walk, PELVIS_RIG)
-    thing = FAMILIES["household"](9, 0)
+    thing = FAMILIES.get("household").make(9, 0)
     targets = np.array(touch_pair(thing, rng(0, "pictures")))
     near = scene(thing, *stance_before(thing, *targets))
     root_pos, root_quat = near.qpos()[0, :3], near.qpos()[0, 3:7]
@@ -96,7 +96,7 @@ def main() -> None:
         ax.set_title(f"pelvis: {mount.name}", fontsize=9)
     axes[0, 2].imshow(mark_targets(hands.color, HEAD_RIG, root_pos, root_quat, targets, radius=4)[0])
     axes[0, 2].set_title("head: the targets of touch-points in red (here 9 x 9 pixels)", fontsize=9)
-    box = FAMILIES["box"](0, 0)
+    box = FAMILIES.get("box").make(0, 0)
     axes[1, 2].imshow(look(scene(box, box.bounds()[1][0] + 0.4, 0.0, np.pi), HEAD_RIG).color[0])
     axes[1, 2].set_title("head: lift-box", fontsize=9)
     save(figure, "cameras.png")

@@ -108,9 +108,9 @@ def synthetic(task: str) -> list[HumanMotion]:
     """Good clips of a task, each on an object of its own."""
     found, index = [], 0
     while len(found) < CLIPS:
-        obj = FAMILIES[TASKS[task].family](index, 0)
+        obj = FAMILIES.get(TASKS.get(task).family).make(index, 0)
         motion = synthesize(task, index, obj, 0)
-        if not gate(motion, obj, TASKS[task].fulfilled_by_human):
+        if not gate(motion, obj, TASKS.get(task).fulfilled_by_human):
             found.append(motion)
         index += 1
     return found

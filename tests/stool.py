@@ -4,9 +4,9 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.objects.shape import SceneObject
-from mimicbench.robots.description import load_robot
+from mimicbench.robots.registry import ROBOTS
 
-H1 = load_robot("h1")
+H1 = ROBOTS.get("h1")
 JOINT = {name.removesuffix("_joint"): i for i, name in enumerate(H1.joint_names)}
 
 

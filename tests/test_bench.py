@@ -13,9 +13,11 @@ from mimicbench.bench import world
 from mimicbench.bench.soak import SoakConfig, compile_family, soak, soak_task
 from mimicbench.bench.world import WorldBenchConfig, bench_task
 from mimicbench.core.errors import BadObject
-from mimicbench.objects.families.chairs import make_chair
+from mimicbench.objects.families import chair
+from mimicbench.objects.families.chair import make_chair
+from mimicbench.objects.family import Family
 from mimicbench.objects.registry import FAMILIES
-from mimicbench.tasks.registry import TASKS, get_task
+from mimicbench.tasks.registry import TASKS
 from stool import H1
 
 QUICK = WorldBenchConfig(seconds=0.01, pool=4, workers=1)
@@ -60,7 +62,7 @@ def test_bench_world_on_the_command_line(monkeypatch, capsys):
 
 
 def test_families_are_as_many_as_the_tasks_need():
-    assert set(soaking.PAPER_COUNTS) == set(FAMILIES) == {get_task(task).family for task in TASKS}
+    assert set(soaking.PAPER_COUNTS) == set(FAMILIES) == {TASKS.get(task).family for task in TASKS}
     assert sum(soaking.PAPER_COUNTS.values()) == 10_580
 
 
@@ -94,7 +96,7 @@ def test_a_family_that_does_not_compile_is_named(monkeypatch):
             raise BadObject("a chair without legs")
         return make_chair(index, seed)
 
-    monkeypatch.setitem(FAMILIES, "chair", make)
+    monkeypatch.setattr(chair, "FAMILY", Family("chair", make))
     lines, say = heard()
     found = compile_family(H1, "chair", 4, 0, say)
     assert found.failed == ("chair-0-00002",) and found.count == 4

@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from joined import joined
-from mimicbench.objects.families.boxes import COUNT, FRICTION, KINDS, MASS, SIZE_DEVIATION, SIZE_MEAN, make_box
+from mimicbench.objects.families.box import COUNT, FRICTION, KINDS, MASS, SIZE_DEVIATION, SIZE_MEAN, make_box
 from mimicbench.objects.registry import make_object
 from mimicbench.objects.surface import box_distance
-from mimicbench.robots.description import load_robot
+from mimicbench.robots.registry import ROBOTS
 from mimicbench.sim.scene import OBJECT_BODY, build_model
 
 
@@ -66,7 +66,7 @@ def test_every_box_can_be_clasped(index, seed):
 @pytest.mark.parametrize("index", range(4))
 def test_it_moves_as_a_solid_box_of_its_mass(index):
     obj = make_box(index)
-    model = build_model(load_robot("h1"), obj)
+    model = build_model(ROBOTS.get("h1"), obj)
     body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, OBJECT_BODY)
     x, y, z = size(obj)
     assert model.body_mass[body] == pytest.approx(obj.mass)

@@ -8,8 +8,8 @@ import torch
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile
-from mimicbench.objects.families.boxes import make_box
-from mimicbench.objects.families.chairs import make_chair
+from mimicbench.objects.families.box import make_box
+from mimicbench.objects.families.chair import make_chair
 from mimicbench.sim.broken import MAX_KEPT, BrokenScene, load_broken, replay
 from mimicbench.sim.native import NativePhysics
 from mimicbench.sim.scene import SUBSTEPS

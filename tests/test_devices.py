@@ -26,7 +26,7 @@ from mimicbench.imitate.planner import PlannerConfig
 from mimicbench.sensors.proprioception import s_current
 from mimicbench.sim.backends import make_physics
 from mimicbench.sim.devices import tensor_device
-from mimicbench.tasks.sit_chair import SIT_CHAIR
+from mimicbench.tasks.sit_chair import TASK as SIT_CHAIR
 from mimicbench.track.checkpoint import load_tracker
 from mimicbench.track.env import TrackingConfig
 from mimicbench.track.ppo import PPOConfig

@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from mimicbench.core import rotations as rot
 from mimicbench.objects.families.beds import make_bed
 from mimicbench.objects.families.boxes import make_box
 from mimicbench.objects.families.chairs import make_chair
+
+from mimicbench.core import rotations as rot
+from mimicbench.robots.rigs import HEAD_RIG, PELVIS_RIG
 from mimicbench.sensors import surfaces
 from mimicbench.sensors.elevation_cpu import RANGE, Poses, maps_by_cameras, maps_by_rays
 from mimicbench.sensors.heightmap import CELL, CELLS
-from mimicbench.sensors.rigs import HEAD_RIG, PELVIS_RIG
 from stool import block
 
 WEDGE = np.array([(x, y, z) for y in (-0.3, 0.3) for x, z in ((-0.3, 0.0), (0.3, 0.0), (0.3, 0.6))])

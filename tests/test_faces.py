@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mimicbench.core import rotations as rot
 from mimicbench.objects.shape import SceneObject
-from mimicbench.sensors.rigs import HEAD_RIG, PELVIS_RIG
+from mimicbench.robots.rigs import HEAD_RIG, PELVIS_RIG
 from mimicbench.sensors.surfaces import Surfaces
 from mimicbench.sim.native import NativePhysics
 from stool import H1, block

@@ -25,11 +25,11 @@ from mimicbench.objects.touch import STAND_OFF
 from mimicbench.sensors.opengl import NoPictures
 from mimicbench.sensors.rays import FARTHEST
 from mimicbench.sensors.render import FLOOR, NOTHING, OBJECT, ROBOT
-from mimicbench.tasks.registry import TASKS, get_task
+from mimicbench.tasks.registry import TASKS
 from mimicbench.track.reference import ReferenceBank
 from stool import H1, JOINT, block, seated
 
-READY = [name for name, slug in mimicbench.ENVIRONMENTS.items() if get_task(slug).family in FAMILIES]
+READY = [name for name, slug in mimicbench.ENVIRONMENTS.items() if TASKS.get(slug).family in FAMILIES]
 every_task = pytest.mark.parametrize("name", READY)
 REST = np.array(H1.rest_pose, np.float32)
 
@@ -253,11 +253,11 @@ def test_the_elevation_map_shows_the_object():
     assert seen["elevation"].max() == pytest.approx(start.obj.bounds()[1][2] - start.root_pos_w[2], abs=0.05)
 
 
-@pytest.mark.parametrize("slug", [get_task(mimicbench.ENVIRONMENTS[name]).slug for name in READY])
+@pytest.mark.parametrize("slug", [TASKS.get(mimicbench.ENVIRONMENTS[name]).name for name in READY])
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**31))
 def test_starts_by_rule(slug, seed):
-    task = get_task(slug)
+    task = TASKS.get(slug)
     start = draw_start(task, make_object(f"{task.family}-0-{seed % 40:05d}"), Stance.of(H1), rng(seed))
     links = H1.forward_kinematics(start.root_pos_w, start.root_quat_w, start.joint_pos)
     for side in ("left", "right"):
@@ -297,7 +297,7 @@ def clip(frames=60, object_id="chair-0-00001", far=3.0):
 
 @pytest.mark.parametrize("frames", [60, 45, 12])
 def test_a_motion_starts_as_trackers_start_it(frames):
-    motion, task = clip(frames), get_task("sit-chair")
+    motion, task = clip(frames), TASKS.get("sit-chair")
     start = start_of(motion, make_object(motion.object_id), H1, task)
     first = ReferenceBank([motion], H1).frame(torch.tensor([0]), torch.tensor([0]))
     pos, quat, lin_vel_w, spin_w, joint_pos, joint_vel = (
@@ -357,7 +357,7 @@ def test_mistakes_are_told():
     with pytest.raises(MimicbenchError, match="at least 1"):
         TaskVectorEnv("sit-chair", 0)
     with pytest.raises(BadObject, match="larger pool"):
-        Starts(get_task("sit-chair"), H1, "test", None, 1, None)  # chair-0-00000 is one to train with
+        Starts(TASKS.get("sit-chair"), H1, "test", None, 1, None)  # chair-0-00000 is one to train with
     env = TaskEnv("sit-chair")
     with pytest.raises(MimicbenchError, match="call reset"):
         env.step(REST)
@@ -396,7 +396,7 @@ def test_cameras_see_the_scene(name):
         seen, _ = env.reset(seed=0)
     except NoPictures as error:
         pytest.skip(f"no OpenGL: {error}")
-    count = len(get_task(mimicbench.ENVIRONMENTS[name]).rig.mounts)
+    count = len(TASKS.get(mimicbench.ENVIRONMENTS[name]).rig.mounts)
     assert seen["depth"].shape == seen["labels"].shape == (count, 45, 60) and seen["color"].shape == (count, 45, 60, 3)
     assert env.observation_space.contains(seen)
     labels, depth = seen["labels"], seen["depth"]

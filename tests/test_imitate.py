@@ -34,7 +34,7 @@ from mimicbench.imitate.perception import (
 )
 from mimicbench.imitate.policy import Senses, VisionPolicy, load_policy
 from mimicbench.imitate.train import TrainConfig, train
-from mimicbench.objects.families.chairs import make_chair
+from mimicbench.objects.families.chair import make_chair
 from mimicbench.sensors.heightmap import box_heightmap
 
 TINY = EncoderConfig(pool=4, widths=(8, 8, 8, 8), blocks=(1, 1, 1, 1))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import HumanMotion
-from mimicbench.objects.families.chairs import make_chair
+from mimicbench.objects.families.chair import make_chair
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.retarget.clip import Clip
@@ -17,9 +17,9 @@ from mimicbench.retarget.kinematics import Pose, tree_of
 from mimicbench.retarget.methods.interaction import InteractionConfig, interact, make_problem, refine
 from mimicbench.retarget.samples import Masses, Scene, balls_of, point_rows
 from mimicbench.retarget.solver import move
-from mimicbench.robots.description import load_robot
+from mimicbench.robots.registry import ROBOTS
 
-H1 = load_robot("h1")
+H1 = ROBOTS.get("h1")
 TREE = tree_of(H1)
 WIDE = np.tile([-9.0, 9.0], (19, 1))
 

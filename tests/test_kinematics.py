@@ -4,8 +4,8 @@ import mujoco
 import numpy as np
 import torch
 
-from mimicbench.objects.families.boxes import make_box
-from mimicbench.objects.families.chairs import make_chair
+from mimicbench.objects.families.box import make_box
+from mimicbench.objects.families.chair import make_chair
 from mimicbench.sensors.proprioception import s_current
 from mimicbench.sim.native import NativePhysics
 from stool import H1, place, standing

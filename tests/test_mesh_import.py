@@ -20,7 +20,7 @@ import shapes
 from mimicbench.core import rotations as rot
 from mimicbench.core.bounded import run_bounded
 from mimicbench.core.errors import BadFile, BadObject, MimicbenchError
-from mimicbench.objects.families.chairs import make_chair
+from mimicbench.objects.families.chair import make_chair
 from mimicbench.objects.importing.convex import box_around, fewer_corners, split, topology
 from mimicbench.objects.importing.mend import close_holes
 from mimicbench.objects.importing.mesh import MAX_BYTES, Mesh, check_bytes, checked, parse_bytes

@@ -9,9 +9,9 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile, BadMotion
 from mimicbench.core.files import read_npz, write_npz
 from mimicbench.core.motion import HumanMotion, RobotMotion, Skeleton
-from mimicbench.robots.description import load_robot
+from mimicbench.robots.registry import ROBOTS
 
-H1 = load_robot("h1")
+H1 = ROBOTS.get("h1")
 ARM = Skeleton("arm", ("shoulder", "elbow", "hand"), (-1, 0, 1), np.array([[0, 0, 0], [1, 0, 0], [0, 0, 2]], float))
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadObject, UnknownName
-from mimicbench.objects.families.chairs import (
+from mimicbench.objects.families.chair import (
     KINDS,
     MIN_BETWEEN_ARMS,
     MIN_SEAT_DEPTH,

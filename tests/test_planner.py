@@ -8,21 +8,21 @@ from mimicbench.core.errors import MimicbenchError
 from mimicbench.imitate.learn_planner import _Episodes, train_planner
 from mimicbench.imitate.perception import Perception, PerceptionConfig, save_perception, seat_memory
 from mimicbench.imitate.planner import PlannerConfig, load_planner, plan_size, save_planner
-from mimicbench.objects.families.chairs import make_chair
+from mimicbench.objects.families.chair import make_chair
 from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.methods.optimization import optimize
-from mimicbench.robots.description import load_robot
+from mimicbench.robots.registry import ROBOTS
 from mimicbench.sensors.proprioception import Odometry
 from mimicbench.sim.scene import CONTROL_DT
-from mimicbench.tasks.registry import get_task
+from mimicbench.tasks.registry import TASKS
 from mimicbench.track.checkpoint import Tracker, TrackerConfig, save_tracker
 from mimicbench.track.env import TrackingConfig, TrackingEnv
 from mimicbench.track.network import TrackerNetwork
 from mimicbench.track.residual import RESIDUAL
 from mimicbench.track.tracker import get_kind
 
-ROBOT, TASK = load_robot("h1"), get_task("sit-chair")
+ROBOT, TASK = ROBOTS.get("h1"), TASKS.get("sit-chair")
 SMALL = PlannerConfig(
     hidden=(16,), samples=8 * 4 * 3, num_envs=8, steps=4, batches=2, batch=16, memory=256, save_every=0.0
 )

@@ -9,16 +9,16 @@ from hypothesis import strategies as st
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import HumanMotion
-from mimicbench.objects.families.boxes import make_box
-from mimicbench.objects.families.chairs import make_chair
-from mimicbench.objects.families.sofas import make_sofa
+from mimicbench.objects.families.box import make_box
+from mimicbench.objects.families.chair import make_chair
+from mimicbench.objects.families.sofa import make_sofa
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body.angles import joint_angles
 from mimicbench.references.body.body import Body, body_of, core4d_body, roam_body, unihsi_body
 from mimicbench.references.body.limbs import about_x, about_y
 from mimicbench.references.checks.penetration import depths, soft_boxes
 from mimicbench.references.checks.quality import check_clip, faults, gate, stance_slides
-from mimicbench.tasks.sit_chair import SIT_CHAIR
+from mimicbench.tasks.sit_chair import TASK as SIT_CHAIR
 from mimicbench.tasks.task import Task
 
 BODIES = (unihsi_body(1.05), roam_body(1.1), core4d_body(0.95))

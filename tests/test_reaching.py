@@ -6,7 +6,7 @@ import pytest
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import HumanMotion, forward_kinematics
-from mimicbench.objects.families.boxes import make_box
+from mimicbench.objects.families.box import make_box
 from mimicbench.objects.families.household import make_household
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.actions import postures, reaching

@@ -13,9 +13,9 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile
 from mimicbench.core.files import read_json, write_json
 from mimicbench.core.motion import HumanMotion
-from mimicbench.objects.families.beds import make_bed
-from mimicbench.objects.families.chairs import make_chair
-from mimicbench.objects.families.sofas import make_sofa
+from mimicbench.objects.families.bed import make_bed
+from mimicbench.objects.families.chair import make_chair
+from mimicbench.objects.families.sofa import make_sofa
 from mimicbench.objects.make import ObjectsConfig, make_objects
 from mimicbench.references.body.body import unihsi_body
 from mimicbench.references.body.posing import Trunk, pose
@@ -37,11 +37,11 @@ DATA = Path(__file__).parents[1].parent / "shared" / "data"
 def workdir(tmp_path_factory) -> Path:
     """Six clips of sitting on chairs."""
     root = tmp_path_factory.mktemp("work")
-    task = TASKS["sit-chair"]
-    folder = root / task.slug
-    objects = make_objects(folder / "objects", task.slug, task.family, ObjectsConfig(4), 0)
+    task = TASKS.get("sit-chair")
+    folder = root / task.name
+    objects = make_objects(folder / "objects", task.name, task.family, ObjectsConfig(4), 0)
     make_references(
-        folder / "references", objects, task.slug, task.fulfilled_by_human, ReferencesConfig(6), 0, 1, quiet=True
+        folder / "references", objects, task.name, task.fulfilled_by_human, ReferencesConfig(6), 0, 1, quiet=True
     )
     return root
 
@@ -133,10 +133,10 @@ def test_commands_print_and_remake(workdir: Path, tmp_path: Path):
 
 
 def test_rejected_clips_are_replaced_and_counted(tmp_path: Path):
-    task = TASKS["sit-chair"]
-    objects = make_objects(tmp_path / "objects", task.slug, task.family, ObjectsConfig(3), 0)
+    task = TASKS.get("sit-chair")
+    objects = make_objects(tmp_path / "objects", task.name, task.family, ObjectsConfig(3), 0)
     stage = make_references(
-        tmp_path / "references", objects, task.slug, every_other, ReferencesConfig(4), 0, 1, quiet=True
+        tmp_path / "references", objects, task.name, every_other, ReferencesConfig(4), 0, 1, quiet=True
     )
     summary = stage.header["summary"]
     names = sorted(path.stem for path in (tmp_path / "references").glob("*.npz"))
@@ -147,9 +147,9 @@ def test_rejected_clips_are_replaced_and_counted(tmp_path: Path):
 
 
 def test_what_is_missing_is_made_again_the_same(tmp_path: Path):
-    task, folder = TASKS["sit-chair"], tmp_path / "references"
-    objects = make_objects(tmp_path / "objects", task.slug, task.family, ObjectsConfig(3), 0)
-    arguments = (folder, objects, task.slug, every_other, ReferencesConfig(4), 0)
+    task, folder = TASKS.get("sit-chair"), tmp_path / "references"
+    objects = make_objects(tmp_path / "objects", task.name, task.family, ObjectsConfig(3), 0)
+    arguments = (folder, objects, task.name, every_other, ReferencesConfig(4), 0)
     first = make_references(*arguments, 1, quiet=True)
     bytes_of = {path.name: path.read_bytes() for path in folder.glob("*.npz")}
     (folder / sorted(bytes_of)[1]).unlink()  # as if killed before it

@@ -9,7 +9,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.curves import minimum_jerk, smooth_below
 from mimicbench.core.errors import BadObject, UnknownName
 from mimicbench.core.motion import HumanMotion
-from mimicbench.objects.families.chairs import make_chair
+from mimicbench.objects.families.chair import make_chair
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.actions.sitting import SitStyle
 from mimicbench.references.body import skeletons as human

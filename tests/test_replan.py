@@ -19,8 +19,8 @@ from mimicbench.references.body.body import body_of
 from mimicbench.references.checks.quality import Limits, check_clip, faults
 from mimicbench.references.locomotion.states import BodyState, BoxState, state_of_motion, state_of_points
 from mimicbench.references.synthesis.planning import plan
-from mimicbench.references.synthesis.registry import TASKS, synthesize
-from mimicbench.tasks.registry import get_task
+from mimicbench.references.synthesis.registry import synthesize
+from mimicbench.tasks.registry import TASKS
 
 CLIPS, FRAMES = 2, 6
 LIMITS = Limits(
@@ -40,7 +40,7 @@ def clips(task: str) -> list[tuple[HumanMotion, SceneObject]]:
     """A few that the gate lets through."""
     found: list[tuple[HumanMotion, SceneObject]] = []
     for i in range(20):
-        obj = make_object(f"{get_task(task).family}-4-{i:05d}")
+        obj = make_object(f"{TASKS.get(task).family}-4-{i:05d}")
         motion = synthesize(task, i, obj, 4)
         found += [] if faults(check_clip(motion, obj)) else [(motion, obj)]
         if len(found) == CLIPS:
@@ -76,7 +76,7 @@ def test_plans_begin_at_the_pose_and_end_in_k(task: str):
                 np.linalg.norm(rates(made.local_quat[:3]) - state.pose.rate, axis=-1).max(),
             )
             assert off < 0.6 and turn < 2.0
-            assert get_task(task).fulfilled_by_human(made, obj)
+            assert TASKS.get(task).fulfilled_by_human(made, obj)
             good, smooth, count = (
                 good + (not faults(check_clip(made, obj), LIMITS)),
                 smooth + (off < 0.1 and turn < 0.5),
@@ -97,12 +97,12 @@ def test_closed_loops_end_in_k(task: str):
         spent.append(time.process_time() - begin)
         parts.append(cut(made, 0, 30))
         made = following
-        if made.frames < 80 and get_task(task).fulfilled_by_human(made, obj):
+        if made.frames < 80 and TASKS.get(task).fulfilled_by_human(made, obj):
             break
     parts.append(made)
     names = ("root_pos_w", "local_quat", "contacts", "object_pos_w", "object_quat_w")
     whole = replace(motion, **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
-    assert get_task(task).fulfilled_by_human(whole, obj)
+    assert TASKS.get(task).fulfilled_by_human(whole, obj)
     assert not faults(check_clip(whole, obj), LIMITS)
     assert whole.duration < motion.duration + 7.0
     assert np.median(spent) < 0.05  # 5 to 12 ms on a server's core
@@ -138,7 +138,7 @@ def test_feet_and_pelvis_are_enough(task: str):
         feet = [leg.end for leg in body_of(motion.skeleton).legs]
         assert places[0, 0] == pytest.approx(pos[frame, 0], abs=1e-3)
         assert np.linalg.norm(places[0, feet] - pos[frame, feet], axis=-1).max() < 0.01
-        assert get_task(task).fulfilled_by_human(made, obj)
+        assert TASKS.get(task).fulfilled_by_human(made, obj)
         assert not faults(
             check_clip(made, obj),
             replace(LIMITS, object_depth=0.08, jump=4.0, joint_speed=20.0, joint_acceleration=600.0),
@@ -156,7 +156,7 @@ def test_pushed_people_still_sit_down():
         )
         made = replanned(motion, obj, pushed)
         assert made.root_pos_w[0] == pytest.approx(pushed.pelvis_pos_w, abs=1e-6)
-        assert get_task("sit-chair").fulfilled_by_human(made, obj)
+        assert TASKS.get("sit-chair").fulfilled_by_human(made, obj)
 
 
 def test_a_box_that_stands_elsewhere_is_lifted_there():

@@ -43,13 +43,13 @@ from mimicbench.report.showcase import Clip, Recording, Showcase, ShowConfig, dr
 from mimicbench.report.tables import Reported, Table, to_csv, to_latex, to_markdown, to_terminal
 from mimicbench.report.video import strip, write_video
 from mimicbench.report.write import ReportInputs, draw_plots, write_report
-from mimicbench.robots.description import load_robot
+from mimicbench.robots.registry import ROBOTS
 from mimicbench.sensors.opengl import NoPictures
 from mimicbench.sim.scene import build_model
 
 SMALL = Picture(96, 64, shadow=0, samples=0)
 CAMERA = Camera((0.5, 0.0, 0.8), 4.0, 128.0)
-ROBOT = load_robot("h1")
+ROBOT = ROBOTS.get("h1")
 CHAIR = make_object("chair-0-00003")
 
 
@@ -552,7 +552,7 @@ def test_video_leaves_nothing_behind_when_it_fails(tmp_path):
 
 
 def test_contact_sheet():
-    objects = [FAMILIES["chair"](i, 0) for i in range(4)]
+    objects = [FAMILIES.get("chair").make(i, 0) for i in range(4)]
     try:
         sheet = contact_sheet(objects, columns=3, cell=SMALL)
     except NoPictures as error:

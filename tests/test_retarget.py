@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion, UnknownName
 from mimicbench.core.motion import HumanMotion, RobotMotion, Skeleton
-from mimicbench.objects.families.chairs import make_chair
+from mimicbench.objects.families.chair import make_chair
 from mimicbench.references.body.skeletons import UNIHSI
 from mimicbench.retarget.baselines.adam import adam
 from mimicbench.retarget.baselines.speed import frames_per_second
@@ -27,9 +27,9 @@ from mimicbench.retarget.methods.copy_rotation import copy_rotations
 from mimicbench.retarget.methods.optimization import PAPER, OptimizationConfig, optimize
 from mimicbench.retarget.registry import METHODS
 from mimicbench.retarget.solver import _solve_with, move, solve
-from mimicbench.robots.description import load_robot
+from mimicbench.robots.registry import ROBOTS
 
-H1 = load_robot("h1")
+H1 = ROBOTS.get("h1")
 TREE = tree_of(H1)
 LIMITS = H1.joint_range
 SIDES = {"left": "right", "right": "left"}
@@ -332,7 +332,7 @@ def test_stance_comes_from_labels_or_from_low_slow_ankles() -> None:
 
 
 def test_frames_per_second_counts() -> None:
-    assert frames_per_second([Clip(walk(30), make_chair(0, 0), H1)], METHODS["copy-rotation"]) > 0
+    assert frames_per_second([Clip(walk(30), make_chair(0, 0), H1)], METHODS.get("copy-rotation")) > 0
 
 
 @pytest.mark.skipif(not CLIPS.is_dir(), reason="the recorded UniHSI clips are not here")

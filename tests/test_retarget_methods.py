@@ -16,8 +16,8 @@ from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError, UnknownN
 from mimicbench.core.files import read_json
 from mimicbench.core.motion import HumanMotion, RobotMotion, Skeleton, forward_kinematics
 from mimicbench.core.stage import Stage, open_stage
-from mimicbench.objects.families.boxes import make_box
-from mimicbench.objects.families.chairs import make_chair
+from mimicbench.objects.families.box import make_box
+from mimicbench.objects.families.chair import make_chair
 from mimicbench.objects.shape import SceneObject, save_object
 from mimicbench.references.body.body import body_of
 from mimicbench.references.body.skeletons import CORE4D, ROAM, UNIHSI
@@ -34,13 +34,13 @@ from mimicbench.retarget.mapping import bind
 from mimicbench.retarget.mappings import find_mapping
 from mimicbench.retarget.methods import optimization as opt
 from mimicbench.retarget.methods.copy_rotation import copy_rotations
+from mimicbench.retarget.methods.omnih2o import align
 from mimicbench.retarget.methods.optimization import PAPER
-from mimicbench.retarget.methods.shape_alignment import align
-from mimicbench.retarget.registry import METHODS, get_method
+from mimicbench.retarget.registry import METHODS
 from mimicbench.retarget.solver import solve
-from mimicbench.robots.description import load_robot
+from mimicbench.robots.registry import ROBOTS
 
-H1 = load_robot("h1")
+H1 = ROBOTS.get("h1")
 TREE = tree_of(H1)
 SKELETONS = (UNIHSI, ROAM, CORE4D)
 FEET = ("left_foot", "right_foot")
@@ -193,7 +193,7 @@ def test_aligned_skeleton_has_the_robots_limbs(skeleton: Skeleton) -> None:
 @pytest.mark.parametrize("skeleton", SKELETONS, ids=lambda skeleton: skeleton.name)
 @pytest.mark.parametrize("name", METHODS)
 def test_every_method_keeps_its_contract(name: str, skeleton: Skeleton) -> None:
-    box, method = make_box(0, 0), METHODS[name]
+    box, method = make_box(0, 0), METHODS.get(name)
     motion = reach(skeleton, obj=box)
     for preset in method.presets:
         result = method.retarget(Clip(motion, box, H1), preset)
@@ -217,7 +217,7 @@ def test_every_method_keeps_its_contract(name: str, skeleton: Skeleton) -> None:
         assert set(MEASURES) <= set(result.measures) and not unsolved(
             {**result.measures, "goal_error": 0.0}, method.limits
         )
-        again = method.retarget(Clip(motion, box, load_robot("h1")), preset)
+        again = method.retarget(Clip(motion, box, ROBOTS.get("h1")), preset)
         assert (again.joint_pos == result.joint_pos).all() and (again.root_pos_w == result.root_pos_w).all()
         assert dict(again.measures) == dict(result.measures)
 
@@ -248,7 +248,7 @@ def test_recovers_what_the_robot_itself_did(skeleton: Skeleton) -> None:
 
 def test_wrist_and_pelvis_errors_are_distances_to_the_human() -> None:
     motion = reach(UNIHSI)
-    result = METHODS["copy-rotation"].retarget(Clip(motion, make_box(0, 0), H1), "paper")
+    result = METHODS.get("copy-rotation").retarget(Clip(motion, make_box(0, 0), H1), "paper")
     pos, quat = H1.forward_kinematics(result.root_pos_w, result.root_quat_w, result.joint_pos)
     human, _ = motion.forward_kinematics()
     wrists = [
@@ -411,10 +411,10 @@ def test_bad_input_is_named(tmp_path: Path) -> None:
         UnknownName,
         match=r"unknown retargeting method 'guess'; known are: copy-rotation, interaction, omnih2o, optimization",
     ):
-        get_method("guess")
-    assert get_method("omnih2o").preset(None) == "paper" and get_method("interaction").preset(None) == "improved"
+        METHODS.get("guess")
+    assert METHODS.get("omnih2o").preset(None) == "paper" and METHODS.get("interaction").preset(None) == "improved"
     with pytest.raises(MimicbenchError, match="omnih2o has no preset 'improved'"):
-        get_method("omnih2o").preset("improved")
+        METHODS.get("omnih2o").preset("improved")
     box = make_box(0, 0)
     stage = stage_of(tmp_path, [], box)
 

@@ -6,11 +6,11 @@ import pytest
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import UnknownName
-from mimicbench.objects.families.chairs import make_chair
-from mimicbench.robots.description import load_robot
+from mimicbench.objects.families.chair import make_chair
+from mimicbench.robots.registry import ROBOTS
 from mimicbench.sim.scene import build_model
 
-H1 = load_robot("h1")
+H1 = ROBOTS.get("h1")
 LEG, ARM = (
     ("hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle"),
     ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow"),
@@ -114,7 +114,7 @@ def test_presets():
     with pytest.raises(UnknownName, match="known are: improved, paper"):
         build_model(H1, make_chair(0), "fast")
     with pytest.raises(UnknownName, match="known are: h1"):
-        load_robot("r2d2")
+        ROBOTS.get("r2d2")
 
 
 def test_it_can_sit(model):

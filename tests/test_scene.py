@@ -11,7 +11,7 @@ import torch
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import UnknownName
-from mimicbench.objects.families.chairs import make_chair
+from mimicbench.objects.families.chair import make_chair
 from mimicbench.objects.shape import SLOTS
 from mimicbench.sim.native import NativePhysics
 from mimicbench.sim.scene import CONTROL_DT, PHYSICS_DT, SUBSTEPS, build_model

@@ -12,17 +12,17 @@ from mimicbench.bench.sensors import bench_senses
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import RobotMotion
 from mimicbench.evaluate.rollout import run_policy
-from mimicbench.objects.families.chairs import make_chair
+from mimicbench.objects.families.chair import make_chair
+from mimicbench.robots.rigs import HEAD_RIG, PELVIS_RIG
 from mimicbench.sensors.cameras import CameraMaps
 from mimicbench.sensors.elevation import camera_map, down_map, map_from_depth
 from mimicbench.sensors.heightmap import CELL, box_heightmap, cell_centers
 from mimicbench.sensors.opengl import NoPictures
 from mimicbench.sensors.proprioception import Odometry, body_state, gravity, s_current
 from mimicbench.sensors.render import RigCameras
-from mimicbench.sensors.rigs import HEAD_RIG, PELVIS_RIG
 from mimicbench.sim.native import NativePhysics
 from mimicbench.sim.physics import RobotState
-from mimicbench.tasks.sit_chair import SIT_CHAIR
+from mimicbench.tasks.sit_chair import TASK as SIT_CHAIR
 from stool import H1, block, standing
 
 

@@ -10,7 +10,7 @@ import pytest
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadObject
 from mimicbench.core.motion import HumanMotion
-from mimicbench.objects.families.sofas import make_sofa
+from mimicbench.objects.families.sofa import make_sofa
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.actions.seats import armrest, lean_against, place_at, places
 from mimicbench.references.actions.sitting import SitStyle

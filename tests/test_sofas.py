@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 
 from furniture_checks import ball_at_rest, check_plane, check_stands_in_one_piece, sizes
 from mimicbench.core.errors import BadObject
+from mimicbench.objects.families.couch import COUCHES, make_couch
 from mimicbench.objects.families.joinery import GROOVE
-from mimicbench.objects.families.sofas import COUCHES, SOFAS, make_couch, make_sofa
+from mimicbench.objects.families.sofa import SOFAS, make_sofa
 from mimicbench.objects.families.upholstery import (
     MIN_BETWEEN_ARMS,
     MIN_LYING_DEPTH,

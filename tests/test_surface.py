@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mimicbench.core import rotations as rot
-from mimicbench.objects.families.chairs import make_chair
+from mimicbench.objects.families.chair import make_chair
 from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.surface import signed_distance
 

@@ -14,7 +14,7 @@ from mimicbench.core.errors import BadMotion, UnknownName
 from mimicbench.core.motion import RobotMotion
 from mimicbench.sensors.proprioception import body_state
 from mimicbench.sim.physics import RobotState
-from mimicbench.tasks.sit_chair import SIT_CHAIR
+from mimicbench.tasks.sit_chair import TASK as SIT_CHAIR
 from mimicbench.track import hst, residual
 from mimicbench.track.checkpoint import Tracker, TrackerConfig, load_tracker, save_tracker
 from mimicbench.track.env import TrackingConfig, TrackingEnv, deviations

@@ -16,7 +16,7 @@ pytest.importorskip("mujoco_warp", reason="MuJoCo Warp is not installed: pip ins
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadObject, UnknownName
-from mimicbench.objects.families.boxes import make_box
+from mimicbench.objects.families.box import make_box
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.objects.shape import SceneObject
 from mimicbench.sim.backends import make_physics
@@ -50,7 +50,7 @@ def on(request):
 
 def scenes():
     """A stool to stand before; a stool, a chair and a sofa to sit on."""
-    objects = [block(), block(), FAMILIES["chair"](0, 0), FAMILIES["sofa"](1, 0)]
+    objects = [block(), block(), FAMILIES.get("chair").make(0, 0), FAMILIES.get("sofa").make(1, 0)]
     pos = np.stack([POS, *([0, 0, obj.require_seat() + 0.237] for obj in objects[1:])])
     joints = np.stack([JOINTS, *[seated(0.4)[1]] * 3])
     return objects, pos, joints
@@ -123,7 +123,7 @@ def test_boxes_move_alike(device):
 
 @pytest.mark.parametrize("family", ["box", "household"])
 def test_exchanged_objects_are_as_in_a_fresh_scene(on, family):
-    old, new = [FAMILIES[family](i, 0) for i in range(3)], [FAMILIES[family](i, 0) for i in (9, 4, 6)]
+    old, new = [FAMILIES.get(family).make(i, 0) for i in range(3)], [FAMILIES.get(family).make(i, 0) for i in (9, 4, 6)]
     exchanged, fresh = WarpPhysics(H1, old, on), WarpPhysics(H1, new, on)
     lift(exchanged, 5)
     exchanged.set_objects([new[1]], np.array([1]))
@@ -147,7 +147,7 @@ def test_nothing_else_of_a_scene_depends_on_its_object():
     # colors, trees that Warp does not have, short cuts that it does not take, and what only sleeping bodies need
     harmless = {"geom_rgba", "bvh_aabb", "bvh_nodeid", "geom_sameframe", "body_sameframe", "dof_M0", "dof_length"}
     for family in ("household", "box"):
-        models = [build_model(H1, FAMILIES[family](i, 0)) for i in range(6)]
+        models = [build_model(H1, FAMILIES.get(family).make(i, 0)) for i in range(6)]
         differ = set()
         for name in dir(models[0]):
             values = [getattr(model, name) for model in models] if not name.startswith("_") else []

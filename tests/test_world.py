@@ -14,7 +14,7 @@ from mimicbench.tasks.registry import TASKS
 from stool import H1, place, standing
 
 BATCHES = {
-    movable: Batch(build_model(H1, FAMILIES[family](0, 0)), 1, 1)
+    movable: Batch(build_model(H1, FAMILIES.get(family).make(0, 0)), 1, 1)
     for movable, family in ((False, "chair"), (True, "box"))
 }
 
@@ -22,7 +22,7 @@ BATCHES = {
 @settings(max_examples=60, deadline=None)
 @given(st.sampled_from(list(FAMILIES)), st.floats(0, 1, exclude_max=True), st.integers(0, 3))
 def test_every_object_compiles_and_shares_a_batch(family, place, seed):
-    obj = FAMILIES[family](int(place * PAPER_COUNTS[family]), seed)
+    obj = FAMILIES.get(family).make(int(place * PAPER_COUNTS[family]), seed)
     assert obj.movable == (family == "box")
     BATCHES[obj.movable].set_models(build_model(H1, obj))  # raises if it does not fit
     BATCHES[obj.movable].reset(stage=0)
@@ -31,11 +31,11 @@ def test_every_object_compiles_and_shares_a_batch(family, place, seed):
 
 
 def test_maps_of_many_robots_are_those_of_each_alone():
-    physics = NativePhysics(H1, [FAMILIES["chair"](i, 0) for i in range(70)], workers=2)
+    physics = NativePhysics(H1, [FAMILIES.get("chair").make(i, 0) for i in range(70)], workers=2)
     pos, joints = standing()
     place(physics, pos, joints)
     for task in ("sit-chair", "touch-points"):
-        rig, cell = TASKS[task].rig, TASKS[task].map_cell
+        rig, cell = TASKS.get(task).rig, TASKS.get(task).map_cell
         together = camera_map(physics, None, 30, 40, rig, cell).numpy()
         for env in (0, 33, 69):
             np.testing.assert_array_equal(

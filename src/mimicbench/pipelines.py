@@ -180,7 +180,7 @@ def compare_retargeting(
     results, sides = [], {}
     configs = [
         RetargetConfig(method=method.name, preset=preset if preset in method.presets else None)
-        for method in METHODS.values()
+        for method in METHODS.all()
     ]
     for slug in tasks:
         ws = Workspace(workdir, slug, seed, workers, quiet)
@@ -190,7 +190,7 @@ def compare_retargeting(
         obj = ws.objects()[human.object_id]
         shown = {}
         for stage in stages:
-            method, used = METHODS[stage.header["config"]["method"]], stage.header["config"]["preset"]
+            method, used = METHODS.get(stage.header["config"]["method"]), stage.header["config"]["preset"]
             rate = frames_per_second([Clip(human, obj, ws.robot)], method, used)
             results.append(MethodResult(slug, method.name, used, stage.header["summary"], rate))
             shown[f"{method.title} ({used})"] = RobotMotion.load(stage.folder / name, ws.robot.name)

@@ -19,10 +19,11 @@ from mimicbench.objects.make import ObjectsConfig, make_objects, read_objects
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.make import ReferencesConfig, import_references, make_references, remake
 from mimicbench.retarget.make import RetargetConfig, make_retargeted, read_retargeted
-from mimicbench.retarget.registry import get_method
-from mimicbench.robots.description import Robot, load_robot
+from mimicbench.retarget.registry import METHODS
+from mimicbench.robots.description import Robot
+from mimicbench.robots.registry import ROBOTS
 from mimicbench.sim.devices import CPU
-from mimicbench.tasks.registry import get_task
+from mimicbench.tasks.registry import TASKS
 from mimicbench.tasks.task import Task
 
 if TYPE_CHECKING:  # these bring torch, which the earlier stages do without
@@ -64,12 +65,12 @@ class Workspace:
     @cached_property
     def task(self) -> Task:
         """The task. Raises UnknownName."""
-        return get_task(self.slug)
+        return TASKS.get(self.slug)
 
     @cached_property
     def robot(self) -> Robot:
         """The robot. Raises UnknownName."""
-        return load_robot(self.robot_name)
+        return ROBOTS.get(self.robot_name)
 
     def folder(self, stage: str) -> Path:
         """`<workdir>/<task>/<stage>`."""
@@ -147,7 +148,7 @@ def reference_statistics(workdir: Path, tasks: Sequence[str]) -> list[SetStatist
 
     spaces = [Workspace(workdir, task) for task in tasks]
     there = [ws for ws in spaces if any(ws.folder("references").glob("*.npz"))] or spaces[:1]
-    return [set_statistics(ws.task.slug, ws.folder("objects"), ws.folder("references")) for ws in there]
+    return [set_statistics(ws.task.name, ws.folder("objects"), ws.folder("references")) for ws in there]
 
 
 def reference_motions(workdir: Path, tasks: Sequence[str]) -> dict[str, list[HumanMotion]]:
@@ -176,7 +177,7 @@ def retarget_stage(ws: Workspace, config: RetargetConfig, beside: bool = False) 
     `<task>/retarget-<method>-<preset>` instead, so that
     several methods can be had side by side in one workdir.
     """
-    method = get_method(config.method)
+    method = METHODS.get(config.method)
     folder = ws.folder(f"retarget-{method.name}-{method.preset(config.preset)}" if beside else "retarget")
     return make_retargeted(
         folder,
@@ -194,7 +195,7 @@ def compared_stages(ws: Workspace, methods: Sequence[RetargetConfig], clips: int
     """The first `clips` clips by each method, in `<task>/compare/<clips>-<method>-<preset>`."""
     found = []
     for config in methods:
-        method = get_method(config.method)
+        method = METHODS.get(config.method)
         folder = ws.folder("compare") / f"{clips}-{method.name}-{method.preset(config.preset)}"
         references = ws.finished("references")
         found.append(

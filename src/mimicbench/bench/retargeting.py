@@ -9,8 +9,8 @@ from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.report.tables import Table
 from mimicbench.retarget.baselines.speed import RetargetBenchConfig, bench_retargeting
 from mimicbench.retarget.clip import Clip
-from mimicbench.robots.description import load_robot
-from mimicbench.tasks.registry import get_task
+from mimicbench.robots.registry import ROBOTS
+from mimicbench.tasks.registry import TASKS
 
 
 @dataclass(frozen=True)
@@ -27,9 +27,9 @@ class ClipsConfig:
 
 def bench(clips: ClipsConfig, config: RetargetBenchConfig, say: Callable[[str], None]) -> dict[str, object]:
     """Measure the methods; see retarget.bench.bench_retargeting."""
-    robot, made, paper = load_robot(clips.robot), {}, {}
+    robot, made, paper = ROBOTS.get(clips.robot), {}, {}
     for slug in clips.tasks:
-        objects = [FAMILIES[get_task(slug).family](index, clips.seed) for index in range(clips.clips)]
+        objects = [FAMILIES.get(TASKS.get(slug).family).make(index, clips.seed) for index in range(clips.clips)]
         made[slug] = [Clip(synthesize(slug, index, obj, clips.seed), obj, robot) for index, obj in enumerate(objects)]
         paper[slug] = PAPER_SETS[slug].clips * PAPER_SETS[slug].duration[0] * made[slug][0].motion.fps
     return {**bench_retargeting(made, paper, config, say), "clips": asdict(clips), "config": asdict(config)}

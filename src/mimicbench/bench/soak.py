@@ -19,9 +19,10 @@ from mimicbench.core.seeds import rng
 from mimicbench.envs.gym import TaskVectorEnv
 from mimicbench.envs.spaces import action_space
 from mimicbench.objects.registry import FAMILIES
-from mimicbench.robots.description import Robot, load_robot
+from mimicbench.robots.description import Robot
+from mimicbench.robots.registry import ROBOTS
 from mimicbench.sim.scene import build_model
-from mimicbench.tasks.registry import TASKS, get_task
+from mimicbench.tasks.registry import TASKS
 
 PAPER_COUNTS = {"chair": 4600, "sofa": 1500, "bed": 350, "couch": 1800, "household": 2300, "box": 30}
 """Objects of each family in the paper's table: 10.6 thousand."""
@@ -86,7 +87,7 @@ def soak(config: SoakConfig, say: Callable[[str], None]) -> dict[str, Any]:
 
     `sound` sums up whether all is as it should be.
     """
-    robot = load_robot("h1")
+    robot = ROBOTS.get("h1")
     compiled = [
         compile_family(robot, family, config.objects or PAPER_COUNTS[family], config.seed, say) for family in FAMILIES
     ]
@@ -118,11 +119,11 @@ def soak(config: SoakConfig, say: Callable[[str], None]) -> dict[str, Any]:
 def compile_family(robot: Robot, family: str, count: int, seed: int, say: Callable[[str], None]) -> CompiledFamily:
     """Make objects 0 to count - 1 of a family, compile their scenes, and have one batch take each of them."""
     started = time.perf_counter()
-    batch = Batch(build_model(robot, FAMILIES[family](0, seed)), 1, 1)
+    batch = Batch(build_model(robot, FAMILIES.get(family).make(0, seed)), 1, 1)
     failed = []
     for index in range(count):
         try:
-            batch.set_models(build_model(robot, FAMILIES[family](index, seed)))
+            batch.set_models(build_model(robot, FAMILIES.get(family).make(index, seed)))
         except (MimicbenchError, ValueError) as error:  # MuJoCo says with ValueError what it cannot compile
             failed.append(f"{family}-{seed}-{index:05d}")
             say(f"{failed[-1]}: {error}")
@@ -135,7 +136,7 @@ def soak_task(
     task: str, control: str, steps: int, threads: int, config: SoakConfig, say: Callable[[str], None]
 ) -> SoakedTask:
     """Step environments of a task with random targets, `steps` control steps in all, rounded up."""
-    pool = config.objects or PAPER_COUNTS[get_task(task).family]
+    pool = config.objects or PAPER_COUNTS[TASKS.get(task).family]
     envs = min(config.envs, steps)
     env = TaskVectorEnv(task, envs, split="all", pool=pool, control=control, time_limit=config.episode, workers=threads)
     env.reset(seed=config.seed)

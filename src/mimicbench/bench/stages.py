@@ -11,7 +11,7 @@ from mimicbench.objects.registry import FAMILIES
 from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.retarget.baselines.speed import frames_per_second
 from mimicbench.retarget.clip import Clip
-from mimicbench.retarget.registry import get_method
+from mimicbench.retarget.registry import METHODS
 from mimicbench.robots.description import Robot
 from mimicbench.sim.backends import check_device
 from mimicbench.tasks.task import Task
@@ -46,13 +46,13 @@ def bench(
 ) -> dict[str, float]:
     """Measure everything; each part runs for about `seconds`."""
     check_device(device)
-    objects = [FAMILIES[task.family](index, 0) for index in range(CLIPS)]
+    objects = [FAMILIES.get(task.family).make(index, 0) for index in range(CLIPS)]
     started = time.perf_counter()
-    humans = [synthesize(task.slug, index, obj, 0) for index, obj in enumerate(objects)]
+    humans = [synthesize(task.name, index, obj, 0) for index, obj in enumerate(objects)]
     synthesis = (time.perf_counter() - started) / CLIPS
     say(f"one clip synthesized in {1e3 * synthesis:.0f} ms")
     method, clips = (
-        get_method("optimization"),
+        METHODS.get("optimization"),
         [Clip(human, obj, robot) for human, obj in zip(humans, objects, strict=True)],
     )
     retarget = frames_per_second(clips[: max(2, CLIPS // 4)], method)

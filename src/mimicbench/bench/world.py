@@ -21,7 +21,7 @@ from mimicbench.bench.sensors import bench_senses
 from mimicbench.core.seeds import rng
 from mimicbench.envs.gym import TaskVectorEnv
 from mimicbench.objects.registry import make_object
-from mimicbench.robots.description import load_robot
+from mimicbench.robots.registry import ROBOTS
 from mimicbench.tasks.registry import TASKS
 
 WITHOUT_MAP = ("proprio", "state", "time")
@@ -87,7 +87,7 @@ def bench_world(config: WorldBenchConfig, say: Callable[[str], None]) -> dict[st
     rows = [bench_task(task, envs, config, say) for task in config.tasks for envs in config.sizes]
     memory = [_memory_row(config.tasks[0], envs, config, say) for envs in config.sizes] if config.memory else []
     senses = bench_senses(
-        load_robot("h1"),
+        ROBOTS.get("h1"),
         [make_object(f"chair-0-{index:05d}") for index in range(16)],
         config.seconds / 4,
         device=config.device,

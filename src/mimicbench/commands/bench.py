@@ -24,10 +24,10 @@ def bench(
 ) -> None:
     """Measure how fast this machine makes clips, retargets, simulates and learns."""
     from mimicbench.bench.stages import bench as measure
-    from mimicbench.robots.description import load_robot
-    from mimicbench.tasks.registry import get_task
+    from mimicbench.robots.registry import ROBOTS
+    from mimicbench.tasks.registry import TASKS
 
-    _measured(measure(load_robot("h1"), get_task(task), workers, seconds, say, device), as_json)
+    _measured(measure(ROBOTS.get("h1"), TASKS.get(task), workers, seconds, say, device), as_json)
 
 
 @app.command(name="retarget")
@@ -44,9 +44,9 @@ def bench_retarget(
     from mimicbench.bench.retargeting import ClipsConfig, bench, speed_table
     from mimicbench.report.tables import to_terminal
     from mimicbench.retarget.baselines.speed import RetargetBenchConfig
-    from mimicbench.tasks.registry import TASKS, get_task
+    from mimicbench.tasks.registry import TASKS
 
-    chosen = tuple(get_task(task).slug for task in tasks or TASKS)
+    chosen = tuple(TASKS.get(task).name for task in tasks or TASKS)
     found = bench(ClipsConfig(chosen, clips), RetargetBenchConfig(epochs, frames), say)
     _measured(found, as_json)
     if not as_json:
@@ -66,9 +66,9 @@ def bench_world_(
 ) -> None:
     """Measure the environments of all tasks beside bare physics, their memory, and the senses."""
     from mimicbench.bench.world import WorldBenchConfig, bench_world
-    from mimicbench.tasks.registry import TASKS, get_task
+    from mimicbench.tasks.registry import TASKS
 
-    chosen = tuple(get_task(task).slug for task in tasks or TASKS)
+    chosen = tuple(TASKS.get(task).name for task in tasks or TASKS)
     _measured(
         bench_world(WorldBenchConfig(chosen, sizes, seconds, maps, memory, workers=workers, device=device), say),
         as_json,

@@ -29,7 +29,7 @@ def objects(
 
     for slug in slugs(task):
         ws = workspace.Workspace(workdir, slug, seed, workers, as_json)
-        config = ObjectsConfig(PAPER_SETS[ws.task.slug].objects if count == "paper" else count)
+        config = ObjectsConfig(PAPER_SETS[ws.task.name].objects if count == "paper" else count)
         done(workspace.objects_stage(ws, config).header, as_json)
 
 

@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
+from mimicbench.tasks.registry import TASKS
+
 if TYPE_CHECKING:
     from mimicbench.evaluate.rows import EpisodeRow
 
-Task = Annotated[str, tyro.conf.arg(help="which task, such as `sit-chair`")]
-Tasks = Annotated[str, tyro.conf.arg(name="task", help="which task, such as `sit-chair`, or `all`")]
+Task = Annotated[str, tyro.conf.arg(help=f"which task: {', '.join(TASKS)}")]
+Tasks = Annotated[str, tyro.conf.arg(name="task", help=f"which task: {', '.join(TASKS)}, or all")]
 Count = Annotated[int | Literal["paper"], tyro.conf.arg(help="how many, or `paper` for as many as the paper has")]
 Workdir = Annotated[Path, tyro.conf.arg(help="where all artefacts go, in <workdir>/<task>/<stage>")]
 Seed = Annotated[int, tyro.conf.arg(help="same seed, same results, whatever the number of workers")]
@@ -33,8 +35,6 @@ WORK = Path("work")
 
 def slugs(task: str) -> list[str]:
     """The tasks that the user means, `all` for all six."""
-    from mimicbench.tasks.registry import TASKS
-
     return list(TASKS) if task == "all" else [task]
 
 

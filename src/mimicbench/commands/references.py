@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 import tyro
 
 from mimicbench.commands.options import WORK, Axis, Count, Json, Seed, Task, Tasks, Workdir, Workers, done, say, slugs
+from mimicbench.references.importers.registry import AUTO, FORMATS
 
 app = tyro.extras.SubcommandApp()
 
@@ -30,7 +31,7 @@ def references(
 
     for slug in slugs(task):
         ws = workspace.Workspace(workdir, slug, seed, workers, as_json)
-        config = ReferencesConfig(PAPER_SETS[ws.task.slug].clips if count == "paper" else count)
+        config = ReferencesConfig(PAPER_SETS[ws.task.name].clips if count == "paper" else count)
         done(workspace.references_stage(ws, config).header, as_json)
 
 
@@ -166,9 +167,9 @@ def import_(
     files: tyro.conf.Positional[tuple[Path, ...]],
     task: Task = "sit-chair",
     form: Annotated[
-        Literal["auto", "unihsi", "unihsi-states", "roam", "core4d", "amass", "bvh", "intermimic"],
-        tyro.conf.arg(name="format", help="the files' format; by default found out"),
-    ] = "auto",
+        str,
+        tyro.conf.arg(name="format", help=f"the files' format, by default found out: {', '.join(FORMATS)}"),
+    ] = AUTO,
     fps: Annotated[
         float | None,
         tyro.conf.arg(help="the files' frames per second; by default as they say, or as is usual in the format"),

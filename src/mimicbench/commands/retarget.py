@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 import tyro
 
 from mimicbench.commands.options import WORK, Json, Seed, Tasks, Workdir, Workers, say, slugs
+from mimicbench.retarget.registry import METHODS
 
 app = tyro.extras.SubcommandApp()
 
@@ -16,7 +17,7 @@ app = tyro.extras.SubcommandApp()
 @app.command(name="make", is_default=True)
 def retarget(
     task: Tasks = "sit-chair",
-    method: Annotated[str, tyro.conf.arg(help="copy-rotation, optimization, omnih2o or interaction")] = "optimization",
+    method: Annotated[str, tyro.conf.arg(help=", ".join(METHODS))] = "optimization",
     preset: Annotated[
         Literal["improved", "paper"] | None, tyro.conf.arg(help="what we find to be better, or the paper to the letter")
     ] = None,

@@ -14,7 +14,7 @@ from mimicbench.envs.eyes import Eyes
 from mimicbench.envs.judge import Judge
 from mimicbench.envs.start import Start, Starts, put_at_start
 from mimicbench.objects.shape import SceneObject
-from mimicbench.robots.description import load_robot
+from mimicbench.robots.registry import ROBOTS
 from mimicbench.sensors.elevation import camera_map
 from mimicbench.sensors.proprioception import body_state, root_turn, s_current
 from mimicbench.sensors.rays import ray_depth
@@ -105,7 +105,7 @@ class Episodes:
         if num_envs < 1:
             raise MimicbenchError(f"{num_envs} environments are none; give at least 1")
         self.task, self.num_envs, self.config = task, num_envs, config
-        self.robot = load_robot(config.robot)
+        self.robot = ROBOTS.get(config.robot)
         self.limit = round((config.time_limit or task.time_limit) / CONTROL_DT)
         """Control steps to a truncation."""
         self._draw = Starts(task, self.robot, config.split, config.objects, config.pool, config.starts).draw

@@ -6,9 +6,9 @@ import numpy as np
 
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
+from mimicbench.robots.rigs import Rig
 from mimicbench.sensors.opengl import SharedCanvas
 from mimicbench.sensors.render import RigCameras
-from mimicbench.sensors.rigs import Rig
 from mimicbench.sensors.targets import mark_targets
 from mimicbench.sim.scene import build_model
 

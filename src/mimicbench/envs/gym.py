@@ -18,7 +18,7 @@ from mimicbench.envs.episodes import EnvConfig, Episodes
 from mimicbench.envs.spaces import action_space, batched, observation_space
 from mimicbench.envs.view import View
 from mimicbench.sim.scene import CONTROL_DT
-from mimicbench.tasks.registry import get_task
+from mimicbench.tasks.registry import TASKS
 
 Observation = dict[str, Any]
 """Arrays by the names of senses; see TaskEnv."""
@@ -130,7 +130,7 @@ class TaskEnv(gymnasium.Env[Observation, np.ndarray]):
         config = _config(arguments)
         _check_render_mode(render_mode)
         self.render_mode = render_mode
-        self.episodes = Episodes(get_task(task), 1, replace(config, workers=1))
+        self.episodes = Episodes(TASKS.get(task), 1, replace(config, workers=1))
         self.action_space = action_space(self.episodes.robot, config.control)
         self.observation_space = observation_space(self.episodes)
         self._view: View | None = None
@@ -213,7 +213,7 @@ class TaskVectorEnv(VectorEnv[Observation, np.ndarray, np.ndarray]):
         self.autoreset_mode = _mode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
         self.num_envs = num_envs
-        self.episodes = Episodes(get_task(task), num_envs, config)
+        self.episodes = Episodes(TASKS.get(task), num_envs, config)
         self.single_action_space = action_space(self.episodes.robot, config.control)
         self.single_observation_space = observation_space(self.episodes)
         self.action_space = batch_space(self.single_action_space, num_envs)

@@ -216,8 +216,7 @@ class Starts:
         )
         self._ids: Sequence[str] = [obj if isinstance(obj, str) else obj.id for obj in objects or ()]
         if objects is None and motions is None:
-            if task.family not in FAMILIES:
-                raise UnknownName("family of objects", task.family, list(FAMILIES))
+            FAMILIES.get(task.family)  # now rather than in the middle of an episode
             every = (f"{task.family}-0-{index:05d}" for index in range(pool))
             self._ids = [object_id for object_id in every if split in ("all", split_of(object_id))]
         if self._motions is not None and not self._motions:
@@ -233,7 +232,7 @@ class Starts:
 
     def draw(self, seed: int) -> Start:
         """The start of the episode `seed`."""
-        random = rng(seed, "episode", self.task.slug)
+        random = rng(seed, "episode", self.task.name)
         if self._motions is not None:
             motion = self._motions[int(random.integers(len(self._motions)))]
             return start_of(motion, self._object(motion.object_id), self.robot, self.task)
@@ -256,11 +255,11 @@ def _read_workdir(
     workdir: Path, task: Task, robot: Robot, own: Mapping[str, SceneObject]
 ) -> tuple[Mapping[str, SceneObject], Sequence[RobotMotion]]:
     """The objects and the retargeted clips that fulfil K of a work folder."""
-    folder = workdir / task.slug
+    folder = workdir / task.name
     motions = read_retargeted(folder / "retarget", robot.name)
     if not motions:
         raise BadMotion(
-            f"{folder} holds no retargeted clips; run `mimicbench retarget --task {task.slug} "
+            f"{folder} holds no retargeted clips; run `mimicbench retarget --task {task.name} "
             f"--workdir {workdir}` first"
         )
     return {**read_objects(folder / "objects"), **own}, motions

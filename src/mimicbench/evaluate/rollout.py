@@ -231,7 +231,7 @@ def _row(
     obj = objects[motion.object_id]
     stage, policy, preset = who
     return EpisodeRow(
-        task=task.slug,
+        task=task.name,
         stage=stage,
         policy=policy,
         preset=preset,

@@ -59,7 +59,7 @@ def make_demos(
     Killed and started again, it goes on after the last whole shard. Raises BadMotion if K was never fulfilled.
     """
     stage = open_stage(
-        folder, "demos", task.slug, seed, asdict(config), {"retarget": retarget.fingerprint, "tracker": made_by}
+        folder, "demos", task.name, seed, asdict(config), {"retarget": retarget.fingerprint, "tracker": made_by}
     )
     if stage.complete:
         return stage
@@ -94,7 +94,7 @@ def make_demos(
         writer.finish()
     made = len(writer.written)
     if not made:
-        raise BadMotion(f"the tracker fulfilled {task.slug} on none of {len(clips)} clips; train it longer")
+        raise BadMotion(f"the tracker fulfilled {task.name} on none of {len(clips)} clips; train it longer")
     return stage.finish(clips=len(clips), demonstrations=made, rate=made / len(clips), device=device)
 
 

@@ -99,7 +99,7 @@ def make_planner(
     device: str = "cpu",
 ) -> Stage:
     """Learn the planner over the tracker beside it."""
-    stage = open_stage(folder, "planner", task.slug, seed, asdict(config), made_from)
+    stage = open_stage(folder, "planner", task.name, seed, asdict(config), made_from)
     if stage.complete:
         return stage
     tracker = load_tracker(folder.parent / "tracker", robot)
@@ -116,7 +116,7 @@ def make_planner(
         robot,
         network,
         config,
-        {"seed": seed, "task": task.slug, "samples": config.samples, "clips": len(motions)},
+        {"seed": seed, "task": task.name, "samples": config.samples, "clips": len(motions)},
     )
     return stage.finish(clips=len(motions), samples=config.samples, device=device)
 
@@ -137,7 +137,7 @@ def make_clone(
     if name not in LEARNERS:
         raise UnknownName("learner", name, list(LEARNERS))
     learner = LEARNERS[name]
-    stage = open_stage(folder, name, task.slug, seed, {"learner": asdict(learner), **asdict(config)}, made_from)
+    stage = open_stage(folder, name, task.name, seed, {"learner": asdict(learner), **asdict(config)}, made_from)
     if stage.complete:
         return stage
     demos = load_demos(demos_folder, robot.name, state=learner.inputs.body == "state")
@@ -147,7 +147,7 @@ def make_clone(
         demos, objects, learner.inputs, chunk, maps=_plain_maps(scene) if learner.inputs.elevation else None
     )
     trained = train(learner, frames, config.train, folder, quiet)
-    save_learner(folder, trained, robot.name, {"seed": seed, "task": task.slug, "demonstrations": demos.episodes})
+    save_learner(folder, trained, robot.name, {"seed": seed, "task": task.name, "demonstrations": demos.episodes})
     return stage.finish(demonstrations=demos.episodes, frames=demos.frames)
 
 

@@ -21,7 +21,7 @@ def make_objects(folder: Path, task: str, family: str, config: ObjectsConfig, se
     stage = open_stage(folder, "objects", task, seed, asdict(config))
     if stage.complete:
         return stage
-    made = [FAMILIES[family](index, seed) for index in range(config.count)]
+    made = [FAMILIES.get(family).make(index, seed) for index in range(config.count)]
     for obj in made:
         save_object(folder, obj)
     return stage.finish(count=len(made), test=sum(obj.split == "test" for obj in made))

@@ -1,25 +1,25 @@
 """The families of objects, and how an object is made again from its id alone."""
 
+from __future__ import annotations
+
 import re
-from collections.abc import Callable
+from typing import TYPE_CHECKING
 
-from mimicbench.core.errors import BadObject, UnknownName
-from mimicbench.objects.families.beds import make_bed
-from mimicbench.objects.families.boxes import make_box
-from mimicbench.objects.families.chairs import make_chair
-from mimicbench.objects.families.household import make_household
-from mimicbench.objects.families.sofas import make_couch, make_sofa
-from mimicbench.objects.shape import SceneObject
+from mimicbench.core.errors import BadObject
+from mimicbench.core.registry import Registry
 
-FAMILIES: dict[str, Callable[[int, int], SceneObject]] = {
-    "chair": make_chair,
-    "sofa": make_sofa,
-    "couch": make_couch,
-    "bed": make_bed,
-    "household": make_household,
-    "box": make_box,
-}
-"""family -> function of (index, seed). Ids are `<family>-<seed>-<index>`."""
+if TYPE_CHECKING:
+    from mimicbench.objects.family import Family
+    from mimicbench.objects.shape import SceneObject
+
+FAMILIES: Registry[Family] = Registry(
+    what="family of objects",
+    package="mimicbench.objects.families",
+    attribute="FAMILY",
+    kind="mimicbench.objects.family:Family",
+    group="mimicbench.families",
+    first=("chair", "sofa", "couch", "bed", "household", "box"),
+)
 
 
 def make_object(object_id: str) -> SceneObject:
@@ -31,6 +31,4 @@ def make_object(object_id: str) -> SceneObject:
             "objects are read from their files"
         )
     family, seed, index = match.groups()
-    if family not in FAMILIES:
-        raise UnknownName("family of objects", family, list(FAMILIES))
-    return FAMILIES[family](int(index), int(seed))
+    return FAMILIES.get(family).make(int(index), int(seed))

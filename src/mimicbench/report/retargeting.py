@@ -21,7 +21,7 @@ from mimicbench.report.showcase import moments, positions
 from mimicbench.report.tables import Cell, Reported, Table, to_csv, to_markdown
 from mimicbench.report.video import strip, write_jpeg
 from mimicbench.retarget.registry import METHODS
-from mimicbench.robots.description import load_robot
+from mimicbench.robots.registry import ROBOTS
 from mimicbench.sim.scene import build_model
 
 ORDER = ("optimization", "omnih2o", "copy-rotation")
@@ -113,11 +113,11 @@ class Comparison:
         rows: list[tuple[Cell, ...]] = []
         for r in self.results:
             told = r.summary
-            theirs = _published(r.task, METHODS[r.method].title)
+            theirs = _published(r.task, METHODS.get(r.method).title)
             rows.append(
                 (
                     r.task,
-                    METHODS[r.method].title,
+                    METHODS.get(r.method).title,
                     Rate(told["fulfilled"], told["clips"]),
                     Rate(told["kept"], told["clips"]),
                     _digits(r.mean("wrist_error")),
@@ -152,7 +152,7 @@ class Comparison:
         rows = tuple(
             (
                 r.task,
-                METHODS[r.method].title,
+                METHODS.get(r.method).title,
                 _digits(r.mean("penetration")),
                 _digits(r.worst("depth")),
                 _digits(r.mean("contact_kept")),
@@ -229,7 +229,7 @@ def draw_side_by_side(sides: SideBySide, count: int = MOMENTS, still: Picture = 
     first = next(iter(robots.values()), None)
     if first is None:
         raise MimicbenchError("there is no robot motion to draw")
-    model = build_model(load_robot(first.robot), obj, visuals=True)
+    model = build_model(ROBOTS.get(first.robot), obj, visuals=True)
     paths = np.concatenate([human.root_pos_w, *(motion.root_pos_w for motion in robots.values())])
     camera = frame_all(obj, paths, still.width / still.height)
     frames = moments(human.root_pos_w, human.local_quat[:, 0], count)
@@ -258,7 +258,7 @@ def write_comparison(folder: Path, found: Comparison, pictures: Mapping[str, tup
         shown.append(page.stage(task, caption, folder / f"retargeting-{task}.jpg"))
     sections = [page.Section(data.title, page.table(data)) for data in found.tables()]
     sections += [page.Section("The same clip by every method", "".join(shown))] if shown else []
-    names = ", ".join(dict.fromkeys(METHODS[result.method].title for result in found.results))
+    names = ", ".join(dict.fromkeys(METHODS.get(result.method).title for result in found.results))
     text = page.page(
         "From people to the robot",
         "mimicbench · retargeting",

@@ -18,7 +18,7 @@ from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.objects.shape import SceneObject
 from mimicbench.report.render import Camera, Picture, frame_all, human_frames, robot_frames, with_object
 from mimicbench.report.video import strip, write_jpeg, write_video
-from mimicbench.robots.description import load_robot
+from mimicbench.robots.registry import ROBOTS
 from mimicbench.sensors.opengl import draw_apart
 from mimicbench.sim.scene import build_model
 
@@ -56,7 +56,7 @@ class Showcase:
 
     obj: SceneObject
     robot: str
-    """Whose name `load_robot` knows."""
+    """Whose name ROBOTS knows."""
     clips: tuple[Clip, ...]
 
 
@@ -117,7 +117,7 @@ def _draw_clip(showcase: Showcase, config: ShowConfig, shown: Sequence[Shown], i
 
 def _prepared(showcase: Showcase, config: ShowConfig) -> tuple[mujoco.MjModel, "list[_Track]", list[Camera]]:
     """The scene, all motions in it, and the cameras of stills and videos."""
-    model = build_model(load_robot(showcase.robot), showcase.obj, visuals=True)
+    model = build_model(ROBOTS.get(showcase.robot), showcase.obj, visuals=True)
     tracks = [_track(clip.motion, model) for clip in showcase.clips]
     paths = np.concatenate([track.root_pos_w for track in tracks])
     return (

@@ -16,7 +16,7 @@ from mimicbench.report.provenance import Provenance
 from mimicbench.report.showcase import Showcase, ShowConfig, Shown, draw
 from mimicbench.report.tables import Table, to_csv, to_latex, to_markdown
 from mimicbench.sensors.opengl import NoPictures
-from mimicbench.tasks.registry import get_task
+from mimicbench.tasks.registry import TASKS
 
 MAX_FAILURES = 60
 """Failed episodes that the page lists; the file of episodes has all."""
@@ -146,7 +146,7 @@ def _page(
     drawn: dict[str, str],
     pictures: list[Shown] | str,
 ) -> str:
-    task = get_task(inputs.task)
+    task = TASKS.get(inputs.task)
     sections = [page.Section("From a person to a policy", _pictures_html(inputs, pictures))] if inputs.showcase else []
     beside = page.plot(
         drawn["rates"], "Filled: ours, with 95 % Wilson intervals. Hollow: as the paper reports them."

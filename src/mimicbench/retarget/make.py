@@ -15,8 +15,9 @@ from mimicbench.objects.shape import SceneObject, load_object
 from mimicbench.retarget.acceptance import Outcome, outcome, summary
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.mapping import Preset
-from mimicbench.retarget.registry import get_method
-from mimicbench.robots.description import Robot, load_robot
+from mimicbench.retarget.registry import METHODS
+from mimicbench.robots.description import Robot
+from mimicbench.robots.registry import ROBOTS
 
 Fulfils = Callable[[RobotMotion, SceneObject, Robot], bool]
 """A task's K on a whole motion (tasks.task.Task.fulfilled)."""
@@ -54,7 +55,7 @@ def make_retargeted(
         UnknownName: There is no such method, or no mapping from the clips' skeleton to the robot.
         BadMotion: There are no clips, or none is passed on.
     """
-    method = get_method(config.method)
+    method = METHODS.get(config.method)
     config = replace(config, preset=method.preset(config.preset))
     paths = sorted(references.folder.glob("*.npz"))[:first]
     if not paths:
@@ -87,8 +88,8 @@ def make_retargeted(
 
 
 def _retarget_one(folder: Path, objects_folder: Path, fulfils: Fulfils, config: RetargetConfig, path: Path) -> Outcome:
-    target, method = folder / path.name, get_method(config.method)
-    robot = load_robot(config.robot)
+    target, method = folder / path.name, METHODS.get(config.method)
+    robot = ROBOTS.get(config.robot)
     if target.exists():
         motion = RobotMotion.load(target, robot.name)
     else:

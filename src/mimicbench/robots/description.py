@@ -176,13 +176,3 @@ class Robot:
                 turned = rot.multiply(turned, rot.from_rotvec(self.joint_axis[j] * joint_pos[..., j, None]))
             quat[..., i, :] = turned
         return pos, quat
-
-
-def load_robot(name: str) -> Robot:
-    """A robot by name. Raises UnknownName."""
-    from mimicbench.robots.h1 import H1
-
-    robots = {robot.name: robot for robot in (H1,)}
-    if name not in robots:
-        raise UnknownName("robot", name, list(robots))
-    return robots[name]

@@ -309,7 +309,7 @@ def _visual() -> tuple[Shape, ...]:
     return tuple(shapes)
 
 
-H1 = Robot(
+ROBOT = Robot(
     name="h1",
     links=LINKS,
     joints=JOINTS,

@@ -12,9 +12,9 @@ from torch import Tensor
 
 from mimicbench.core import rotations as rot
 from mimicbench.objects.shape import SceneObject
+from mimicbench.robots.rigs import PELVIS_RIG, Rig
 from mimicbench.sensors.elevation import RANGE
 from mimicbench.sensors.heightmap import CELL, CELLS, BoxTable
-from mimicbench.sensors.rigs import PELVIS_RIG, Rig
 
 
 class CameraMaps:

@@ -18,9 +18,9 @@ import numpy as np
 import torch
 
 from mimicbench.objects.shape import SceneObject
+from mimicbench.robots.rigs import HEIGHT, PELVIS_RIG, WIDTH, Rig
 from mimicbench.sensors.elevation_cpu import RANGE, Poses, maps_by_cameras, maps_by_rays, tilts
 from mimicbench.sensors.heightmap import CELL, CELLS
-from mimicbench.sensors.rigs import HEIGHT, PELVIS_RIG, WIDTH, Rig
 from mimicbench.sim.physics import Physics
 
 SMALL = 90, 120

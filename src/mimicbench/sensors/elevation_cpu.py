@@ -14,9 +14,9 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.parallel import cpu_count
 from mimicbench.objects.shape import SceneObject
+from mimicbench.robots.rigs import Rig
 from mimicbench.sensors.faces import raise_to
 from mimicbench.sensors.heightmap import CELLS, cell_centers
-from mimicbench.sensors.rigs import Rig
 from mimicbench.sensors.surfaces import Surfaces
 
 RANGE = 6.0

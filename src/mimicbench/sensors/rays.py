@@ -3,7 +3,7 @@
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.sensors.rigs import HEIGHT, PELVIS_RIG, WIDTH, Rig
+from mimicbench.robots.rigs import HEIGHT, PELVIS_RIG, WIDTH, Rig
 from mimicbench.sim.physics import Physics
 from mimicbench.sim.scene import FLOOR_GROUP, OBJECT_GROUP, ROBOT_GROUP, VISUAL_GROUP
 

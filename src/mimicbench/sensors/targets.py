@@ -6,8 +6,8 @@ import numpy as np
 import torch
 
 from mimicbench.core import rotations as rot
+from mimicbench.robots.rigs import Rig
 from mimicbench.sensors.heightmap import CELLS
-from mimicbench.sensors.rigs import Rig
 
 TARGET_CELL = 0.01
 """[m] Side of a cell of the maps of touch-points."""

@@ -16,7 +16,7 @@ import numpy as np
 from mimicbench.core.errors import BadFile
 from mimicbench.core.files import read_npz, write_npz
 from mimicbench.objects.shape import SceneObject
-from mimicbench.robots.description import load_robot
+from mimicbench.robots.registry import ROBOTS
 from mimicbench.sim.scene import SUBSTEPS, build_model
 
 MAX_KEPT = 8
@@ -104,7 +104,7 @@ def replay(broken: BrokenScene) -> Replay:
     numbers, may survive here: then the fault is in rounding, not in the scene. Raises BadFile if the state does not
     fit the robot and the object.
     """
-    model = build_model(load_robot(broken.robot), broken.obj, broken.preset, broken.control)
+    model = build_model(ROBOTS.get(broken.robot), broken.obj, broken.preset, broken.control)
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     data = mujoco.MjData(model)
     for name, there in (

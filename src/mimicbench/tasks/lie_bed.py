@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mimicbench.sensors.rigs import PELVIS_RIG
+from mimicbench.robots.rigs import PELVIS_RIG
 from mimicbench.tasks.task import BodyPoints, ObjectFacts, Task
 
 BODY_BAND = 0.4
@@ -17,8 +17,8 @@ def pelvis_and_ankles_on_bed(body: BodyPoints, obj: ObjectFacts) -> np.ndarray:
     return obj.on_plane(body.pelvis_pos_w, BODY_BAND) & obj.on_plane(left, BODY_BAND) & obj.on_plane(right, BODY_BAND)
 
 
-LIE_BED = Task(
-    slug="lie-bed",
+TASK = Task(
+    name="lie-bed",
     abbreviation="LB",
     title="Lie on a bed",
     family="bed",

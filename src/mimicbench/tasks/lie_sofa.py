@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mimicbench.sensors.rigs import PELVIS_RIG
+from mimicbench.robots.rigs import PELVIS_RIG
 from mimicbench.tasks.task import BodyPoints, ObjectFacts, Task
 
 PELVIS_BAND = 0.4
@@ -15,8 +15,8 @@ def pelvis_on_sofa_and_ankles_up(body: BodyPoints, obj: ObjectFacts) -> np.ndarr
     return obj.on_plane(body.pelvis_pos_w, PELVIS_BAND) & (body.ankle_pos_w[..., 2] > half[:, None]).all(-1)
 
 
-LIE_SOFA = Task(
-    slug="lie-sofa",
+TASK = Task(
+    name="lie-sofa",
     abbreviation="LS",
     title="Lie on a sofa",
     family="couch",

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mimicbench.sensors.rigs import HEAD_RIG
+from mimicbench.robots.rigs import HEAD_RIG
 from mimicbench.tasks.task import BodyPoints, ObjectFacts, Task
 
 LIFT = 0.2
@@ -17,8 +17,8 @@ def box_lifted_by_the_wrists(body: BodyPoints, obj: ObjectFacts) -> np.ndarray:
     return lifted & (obj.distance(body.wrist_pos_w, lifted).max(-1) <= NEAR)
 
 
-LIFT_BOX = Task(
-    slug="lift-box",
+TASK = Task(
+    name="lift-box",
     abbreviation="L",
     title="Lift a box",
     family="box",

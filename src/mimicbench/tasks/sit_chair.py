@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mimicbench.sensors.rigs import PELVIS_RIG
+from mimicbench.robots.rigs import PELVIS_RIG
 from mimicbench.tasks.task import BodyPoints, ObjectFacts, Task
 
 PELVIS_BAND = 0.27
@@ -14,8 +14,8 @@ def pelvis_above_seat(body: BodyPoints, obj: ObjectFacts) -> np.ndarray:
     return obj.on_plane(body.pelvis_pos_w, PELVIS_BAND)
 
 
-SIT_CHAIR = Task(
-    slug="sit-chair",
+TASK = Task(
+    name="sit-chair",
     abbreviation="SC",
     title="Sit on a chair",
     family="chair",

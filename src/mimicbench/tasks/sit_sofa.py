@@ -1,11 +1,11 @@
 """Sitting on a sofa (SS): navigate, locate, and stably sit on a fixed, unseen sofa."""
 
-from mimicbench.sensors.rigs import PELVIS_RIG
+from mimicbench.robots.rigs import PELVIS_RIG
 from mimicbench.tasks.sit_chair import pelvis_above_seat
 from mimicbench.tasks.task import Task
 
-SIT_SOFA = Task(
-    slug="sit-sofa",
+TASK = Task(
+    name="sit-sofa",
     abbreviation="SS",
     title="Sit on a sofa",
     family="sofa",

@@ -10,7 +10,7 @@ from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body.body import body_of
 from mimicbench.robots.description import Robot
-from mimicbench.sensors.rigs import Rig
+from mimicbench.robots.rigs import Rig
 
 REST = 1.5
 """[s] What is learned from a clip ends so long after it first fulfils K; clips rest for much longer."""
@@ -124,7 +124,8 @@ class BodyPoints:
 class Task:
     """One task of the benchmark."""
 
-    slug: str
+    name: str
+    """As on the command line and in artefacts, such as `sit-chair`."""
     abbreviation: str
     """As in the paper's tables."""
     title: str

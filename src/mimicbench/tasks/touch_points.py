@@ -4,7 +4,7 @@ handled.
 
 import numpy as np
 
-from mimicbench.sensors.rigs import HEAD_RIG
+from mimicbench.robots.rigs import HEAD_RIG
 from mimicbench.tasks.task import BodyPoints, ObjectFacts, Task
 
 REACHED = 0.1
@@ -16,8 +16,8 @@ def wrists_at_targets(body: BodyPoints, obj: ObjectFacts) -> np.ndarray:
     return (np.linalg.norm(body.wrist_pos_w - obj.wrist_goal_w, axis=-1) <= REACHED).all(-1)
 
 
-TOUCH_POINTS = Task(
-    slug="touch-points",
+TASK = Task(
+    name="touch-points",
     abbreviation="T",
     title="Touch points near an object",
     family="household",

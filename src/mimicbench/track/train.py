@@ -113,7 +113,7 @@ def train_tracker(
                 robot,
                 shape,
                 learner.network_tensors(),
-                {**progress, "seed": seed, "task": task.slug},
+                {**progress, "seed": seed, "task": task.name},
             )
             saved = time.monotonic()
         now = time.monotonic()

@@ -17,6 +17,7 @@ from mimicbench.core.seeds import rng
 from mimicbench.objects.families import appliances, containers, furniture
 from mimicbench.objects.families.draws import WOODS, Range, tint, truncated
 from mimicbench.objects.families.furnishing import METALS, PAINTS, WHITE_GOODS, Draft, Furnishing
+from mimicbench.objects.family import Family
 from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.touch import with_touch_points
 
@@ -140,3 +141,6 @@ def build(
         np.round(array, 5) + 0.0 for array in (parts.centered(), np.array(parts.half), np.array(parts.rgb))
     )
     return SceneObject(object_id, "household", kind, pos, np.array(parts.quat), half, rgb), parts.faces
+
+
+FAMILY = Family("household", make_household)

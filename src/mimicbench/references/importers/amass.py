@@ -17,6 +17,7 @@ from mimicbench.core.untrusted import load_npz
 from mimicbench.references.body.body import core4d_body
 from mimicbench.references.body.skeletons import CORE4D
 from mimicbench.references.importers.core4d import FEET, HEAD, check_joints, smpl_recording
+from mimicbench.references.importers.format import Format
 from mimicbench.references.importers.recording import (
     MAX_BYTES,
     Recording,
@@ -146,3 +147,8 @@ def _size(trans: np.ndarray, bare: np.ndarray, up: str, fps: float) -> tuple[flo
             else (1.0, "for want of anything to tell its size by")
         )
     return size, f"no joints are stored: bones are {size:.3f} times those of our 1.80 m tall skeleton, {how}"
+
+
+FORMAT = Format(
+    "amass", import_amass, lambda file: file.content == "zip" and bool(file.names & {"poses", *ROOTS, *BODIES})
+)

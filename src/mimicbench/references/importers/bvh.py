@@ -16,6 +16,7 @@ from mimicbench.core.motion import Skeleton
 from mimicbench.references.body.body import Body, roam_body
 from mimicbench.references.body.skeletons import ROAM
 from mimicbench.references.importers.bvh_file import Bvh, read_bvh, world
+from mimicbench.references.importers.format import Format
 from mimicbench.references.importers.hip_joints import reach_ankles
 from mimicbench.references.importers.joint_names import Limbs, find_limbs, onto_roam
 from mimicbench.references.importers.recording import LEG, UNITS, Recording, Wishes, check_rate, finish
@@ -126,3 +127,6 @@ def _between(sources: list[int | None]) -> list[int]:
         if j in below:
             below.add(ROAM.parents[j])
     return [j for j in missing if j in below]
+
+
+FORMAT = Format("bvh", import_bvh, lambda file: file.content == "bvh" or (not file.content and file.suffix == ".bvh"))

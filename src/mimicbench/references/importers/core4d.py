@@ -15,6 +15,7 @@ from mimicbench.core.errors import BadMotion
 from mimicbench.core.untrusted import load_npz, load_restricted
 from mimicbench.references.body.body import core4d_body
 from mimicbench.references.body.skeletons import CORE4D
+from mimicbench.references.importers.format import Format
 from mimicbench.references.importers.recording import (
     MAX_BYTES,
     ObjectTrack,
@@ -148,3 +149,6 @@ def _object_track(path: Path, frames: int, up: str) -> tuple[ObjectTrack | None,
     return ObjectTrack(
         rot.rotate(turn, poses[:, :3, 3]), rot.multiply(turn, rot.from_matrix(turns))
     ), f"the object moves as {OBJECT_POSES} says"
+
+
+FORMAT = Format("core4d", import_core4d, lambda file: file.content == "zip" and file.pickled)

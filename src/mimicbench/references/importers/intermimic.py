@@ -11,6 +11,7 @@ from mimicbench.core.errors import BadMotion
 from mimicbench.core.untrusted import load_torch
 from mimicbench.references.body.body import core4d_body
 from mimicbench.references.body.skeletons import CORE4D
+from mimicbench.references.importers.format import Format, Glimpse
 from mimicbench.references.importers.recording import (
     MAX_BYTES,
     ObjectTrack,
@@ -75,3 +76,12 @@ def import_intermimic(path: Path, wishes: Wishes) -> Recording:
         rot.rotate(turn, table[:, OBJECT_POS]), rot.multiply(turn, check_unit_quat(path, table[:, OBJECT_QUAT]))
     )
     return finish(path, Recording(path.stem, skeleton, fps, adopted.pos, local, tuple(assumed), track, wishes))
+
+
+def _recognizes(file: Glimpse) -> bool:
+    if file.content == "zip":
+        return any(name.endswith("data.pkl") for name in file.names)
+    return not file.content and file.suffix in (".pt", ".pth")
+
+
+FORMAT = Format("intermimic", import_intermimic, _recognizes)

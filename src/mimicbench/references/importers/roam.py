@@ -15,6 +15,7 @@ from mimicbench.core.untrusted import NPY, load_restricted, read_bytes
 from mimicbench.references.body.body import roam_body
 from mimicbench.references.body.skeletons import ROAM
 from mimicbench.references.importers.bvh_file import numbers
+from mimicbench.references.importers.format import Format, Glimpse
 from mimicbench.references.importers.recording import (
     MAX_BYTES,
     UNITS,
@@ -140,3 +141,12 @@ def _turns(path: Path, adopted: Adopted) -> np.ndarray:
         return hanging_turns(roam_body(), adopted.offsets, np.tile(rot.IDENTITY, (BONES, 1)), np.array([0.0, 1.0, 0.0]))
     except BadMotion as error:
         raise BadMotion(f"{path}: {error}; its bones are in another order, or it is damaged") from None
+
+
+def _recognizes(file: Glimpse) -> bool:
+    if file.content == "npy":
+        return not file.pickled and file.shape[-2:] != (15, 13)  # those are rigid-body states
+    return not file.content and file.suffix in (".txt", ".csv")
+
+
+FORMAT = Format("roam", import_roam, _recognizes)

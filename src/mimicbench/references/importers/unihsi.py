@@ -13,6 +13,7 @@ from mimicbench.core.motion import forward_kinematics
 from mimicbench.core.untrusted import load_npz, load_restricted
 from mimicbench.references.body.body import unihsi_body
 from mimicbench.references.body.skeletons import UNIHSI
+from mimicbench.references.importers.format import Format, Glimpse
 from mimicbench.references.importers.recording import (
     MAX_BYTES,
     Recording,
@@ -195,3 +196,10 @@ def _check_bones(path: Path, offsets: Any, bodies: list[int]) -> None:
             f"{path}: its bones differ from UniHSI's by up to {off.max():.2g} m ({', '.join(wrong)}); scale it to "
             "that skeleton first"
         )
+
+
+def _recognizes(file: Glimpse) -> bool:
+    return (file.content == "npy" and file.pickled) or (not file.content and file.suffix in (".npy", ".pkl", ".pickle"))
+
+
+FORMAT = Format("unihsi", import_skeleton_motion, _recognizes)

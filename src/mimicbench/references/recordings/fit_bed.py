@@ -8,8 +8,9 @@ import numpy as np
 from mimicbench.core.errors import BadMotion, BadObject
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
-from mimicbench.objects.families.beds import build_bed, draw_bed
-from mimicbench.objects.families.sofas import COUCHES, draw_sofa
+from mimicbench.objects.families.bed import build_bed, draw_bed
+from mimicbench.objects.families.couch import COUCHES
+from mimicbench.objects.families.sofa import draw_sofa
 from mimicbench.objects.families.upholstery import build_sofa
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body.body import body_of

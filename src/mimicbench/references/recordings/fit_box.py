@@ -9,7 +9,7 @@ from scipy.spatial import ConvexHull
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.seeds import rng
-from mimicbench.objects.families.boxes import KINDS, build_box
+from mimicbench.objects.families.box import KINDS, build_box
 from mimicbench.objects.importing.convex import box_around
 from mimicbench.objects.importing.mesh import read_mesh
 from mimicbench.objects.shape import SceneObject

@@ -9,8 +9,8 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion, BadObject
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
-from mimicbench.objects.families.chairs import KINDS, build_chair, draw_shape
-from mimicbench.objects.families.sofas import draw_sofa
+from mimicbench.objects.families.chair import KINDS, build_chair, draw_shape
+from mimicbench.objects.families.sofa import draw_sofa
 from mimicbench.objects.families.upholstery import build_sofa
 from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.surface import box_distance

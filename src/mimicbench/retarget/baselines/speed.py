@@ -13,9 +13,10 @@ from mimicbench.retarget.baselines.mink_ik import solve_frames
 from mimicbench.retarget.clip import Clip, storable
 from mimicbench.retarget.kinematics import Pose, tree_of
 from mimicbench.retarget.mapping import Preset
+from mimicbench.retarget.method import Method
 from mimicbench.retarget.methods.copy_rotation import copy_rotations
 from mimicbench.retarget.methods.optimization import PAPER, Problem, make_problem
-from mimicbench.retarget.registry import METHODS, Method
+from mimicbench.retarget.registry import METHODS
 from mimicbench.retarget.solver import solve
 
 
@@ -71,14 +72,14 @@ def bench_retargeting(
         larger the process became over a second round of all clips.
     """
     speeds = {
-        name: {task: _best(config.repetitions, of_task, method) for task, of_task in clips.items()}
-        for name, method in METHODS.items()
+        name: {task: _best(config.repetitions, of_task, METHODS.get(name)) for task, of_task in clips.items()}
+        for name in METHODS
         if say(f"measuring {name}") is None
     }
     before = _peak()
     for of_task in clips.values():
         for clip in of_task:
-            METHODS["interaction"].retarget(clip, "improved")
+            METHODS.get("interaction").retarget(clip, "improved")
     growth = _peak() - before
     hours = {
         name: sum(paper_frames[task] / rate for task, rate in by_task.items()) / 2 / 3600

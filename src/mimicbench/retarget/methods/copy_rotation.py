@@ -11,6 +11,7 @@ from mimicbench.core.motion import RobotMotion
 from mimicbench.retarget.clip import Clip, storable
 from mimicbench.retarget.kinematics import Pose, Tree, tree_of
 from mimicbench.retarget.mapping import Bound, Preset, followed_points
+from mimicbench.retarget.method import Method
 
 
 def copy_rotation(clip: Clip, preset: Preset = "improved") -> RobotMotion:
@@ -71,3 +72,6 @@ def copy_rotations(bound: Bound, tree: Tree, limits: np.ndarray, pos_w: np.ndarr
     joints = np.unwrap(joints, axis=0)
     joints -= 2 * np.pi * np.round((joints - np.mean(limits, 1)).mean(0) / (2 * np.pi))
     return Pose(followed_points(bound, pos_w, quat_w)[:, 0], turned[0], np.clip(joints, limits[:, 0], limits[:, 1]))
+
+
+METHOD = Method("copy-rotation", "Copy rotation", copy_rotation)

@@ -23,10 +23,12 @@ from scipy.interpolate import CubicSpline
 from mimicbench.core import rotations as rot
 from mimicbench.core.curves import smooth_above
 from mimicbench.core.motion import RobotMotion
+from mimicbench.retarget.acceptance import PROMISED
 from mimicbench.retarget.clip import Clip, storable
 from mimicbench.retarget.kinematics import Pose, tree_of
 from mimicbench.retarget.mapping import followed_points
 from mimicbench.retarget.mappings import find_mapping
+from mimicbench.retarget.method import Method
 from mimicbench.retarget.methods.anchors import Anchors, anchors_of
 from mimicbench.retarget.methods.copy_rotation import copy_rotations
 from mimicbench.retarget.methods.interaction_loss import InteractionConfig, Problem
@@ -214,3 +216,6 @@ def _balance(
     heading = rot.rotate(anchors.foot_quat_w, np.array([1.0, 0.0, 0.0])).mean(1) * [1.0, 1.0, 0.0]
     heading /= np.maximum(np.linalg.norm(heading, axis=-1, keepdims=True), 1e-6)
     return alone, heading, anchors.foot_pos_w.mean(1)
+
+
+METHOD = Method("interaction", "Interaction (ours)", lambda clip, _: interact(clip), ("improved",), PROMISED)

@@ -20,6 +20,7 @@ from mimicbench.core.motion import RobotMotion
 from mimicbench.retarget.clip import Clip, storable
 from mimicbench.retarget.kinematics import Jacobian, Links, Pose, Tree, tree_of
 from mimicbench.retarget.mapping import Bound, Preset, followed_points
+from mimicbench.retarget.method import Method
 from mimicbench.retarget.methods.copy_rotation import copy_rotations
 from mimicbench.retarget.solver import Model, solve
 
@@ -260,3 +261,7 @@ def make_problem(
 def _size(squared: np.ndarray, softness: float | np.ndarray) -> np.ndarray:
     """The softened absolute value."""
     return np.sqrt(squared + softness**2)
+
+
+CONFIGS: dict[Preset, OptimizationConfig] = {"paper": PAPER, "improved": OptimizationConfig()}
+METHOD = Method("optimization", "Optimization", lambda clip, preset: optimize(clip, CONFIGS[preset]))

@@ -24,6 +24,7 @@ from mimicbench.core.seeds import rng
 from mimicbench.objects.families.draws import WOODS, shade, tint
 from mimicbench.objects.families.furnishing import METALS, PAINTS
 from mimicbench.objects.families.parts import Color, Parts
+from mimicbench.objects.family import Family
 from mimicbench.objects.shape import SceneObject
 
 KINDS = ("carton", "wooden case", "tote", "flight case")
@@ -141,3 +142,6 @@ def _flight_case(parts: Parts, size: tuple[float, float, float], random: np.rand
     for side in (-1, 1):
         middle = side * 0.45 * y
         parts.box((x - SKIN, x), (middle - 0.03, middle + 0.03), (0.70 * h - 0.05, 0.70 * h + 0.07), shade(metal, 0.6))
+
+
+FAMILY = Family("box", make_box)

@@ -13,6 +13,7 @@ from mimicbench.core.errors import BadObject
 from mimicbench.core.seeds import rng
 from mimicbench.objects.families.draws import FABRICS, WOODS, SizeDistribution, tint, truncated
 from mimicbench.objects.families.parts import Color, Parts
+from mimicbench.objects.family import Family
 from mimicbench.objects.shape import SceneObject
 
 KINDS = ("dining", "stool", "armchair", "easy")
@@ -365,3 +366,6 @@ def _legs(parts: Parts, shape: ChairShape, x: tuple[float, float], top: float) -
                 (height - 0.015, height + 0.015),
                 shape.wood,
             )
+
+
+FAMILY = Family("chair", make_chair)

@@ -16,6 +16,7 @@ from mimicbench.core.seeds import rng
 from mimicbench.objects.families.draws import WOODS, Range, SizeDistribution, shade, tint, truncated
 from mimicbench.objects.families.joinery import feet, lean, roll
 from mimicbench.objects.families.parts import Color, Parts
+from mimicbench.objects.family import Family
 from mimicbench.objects.shape import SceneObject
 
 MIN_MATTRESS = (1.70, 0.78)
@@ -333,3 +334,6 @@ def _sleigh(parts: Parts, shape: BedShape, half_width: float) -> tuple[float, fl
         ends.append(end * min(x, half_length - 2 * radius))  # the roll may overhang the foot of its board
     _rails(parts, shape, (ends[0] - 0.045, ends[1] + 0.045), half_width - 0.012, low)
     return ends[0], ends[1]
+
+
+FAMILY = Family("bed", make_bed)

@@ -1,0 +1,18 @@
+"""The robots by name."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mimicbench.core.registry import Registry
+
+if TYPE_CHECKING:
+    from mimicbench.robots.description import Robot
+
+ROBOTS: Registry[Robot] = Registry(
+    what="robot",
+    package="mimicbench.robots",
+    attribute="ROBOT",
+    kind="mimicbench.robots.description:Robot",
+    group="mimicbench.robots",
+)
