@@ -29,7 +29,7 @@ DATA = Path(__file__).parents[1].parent / "shared" / "data"
 
 
 def clip(task: str, index: int) -> HumanMotion:
-    return synthesize(task, index, FAMILIES[TASKS[task].family](index, 0), 0)
+    return synthesize(task, index, FAMILIES.get(TASKS.get(task).family).make(index, 0), 0)
 
 
 @pytest.fixture(scope="module")

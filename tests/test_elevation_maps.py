@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from mimicbench.objects.families.beds import make_bed
-from mimicbench.objects.families.boxes import make_box
-from mimicbench.objects.families.chairs import make_chair
 
 from mimicbench.core import rotations as rot
+from mimicbench.objects.families.bed import make_bed
+from mimicbench.objects.families.box import make_box
+from mimicbench.objects.families.chair import make_chair
 from mimicbench.robots.rigs import HEAD_RIG, PELVIS_RIG
 from mimicbench.sensors import surfaces
 from mimicbench.sensors.elevation_cpu import RANGE, Poses, maps_by_cameras, maps_by_rays
