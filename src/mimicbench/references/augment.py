@@ -26,7 +26,7 @@ from mimicbench.references.checks.quality import Fulfils, gate
 from mimicbench.references.warp import approach_end, rescaled, turned_approach
 
 Kind = Literal["mirror", "speed", "start", "size"]
-LATERAL = ("turn", "seat_y", "habits")
+LATERAL = ("turn", "seat_y", "twist", "tilt", "askew", "first", "habits")
 """Choices of a clip's style that change their sign in a mirror."""
 _SPECULAR = np.array([1.0, -1.0, 1.0])
 _SPECULAR_QUAT = np.array([1.0, -1.0, 1.0, -1.0])
@@ -66,10 +66,7 @@ def mirrored_joints(skeleton: Skeleton) -> list[int]:
 
 def mirror(motion: HumanMotion, obj: SceneObject) -> tuple[HumanMotion, SceneObject]:
     """Left and right exchanged, of the person, the object and the goals. Twice gives the same clip again."""
-    names = [
-        name.replace("left", "\0").replace("right", "left").replace("\0", "right") for name in motion.contact_names
-    ]
-    columns = [motion.contact_names.index(name) for name in names]
+    columns = [motion.contact_names.index(_other_side(name)) for name in motion.contact_names]
     quat = motion.local_quat[:, mirrored_joints(motion.skeleton)] * _SPECULAR_QUAT
     other = mirrored_object(obj)
     return replace(
@@ -79,7 +76,7 @@ def mirror(motion: HumanMotion, obj: SceneObject) -> tuple[HumanMotion, SceneObj
         root_pos_w=motion.root_pos_w * _SPECULAR,
         local_quat=quat,
         contacts=motion.contacts[:, columns] if columns else motion.contacts,
-        style={name: -value if name in LATERAL else value for name, value in motion.style.items()},
+        style={_other_side(name): -value if name in LATERAL else value for name, value in motion.style.items()},
         object_pos_w=motion.object_pos_w * _SPECULAR,
         object_quat_w=motion.object_quat_w * _SPECULAR_QUAT,
         wrist_goal_w=motion.wrist_goal_w[::-1] * _SPECULAR,
@@ -234,6 +231,11 @@ def _augment_one(
             good.append(kind)
     motion.save(references_to / path.name)
     return good
+
+
+def _other_side(name: str) -> str:
+    """With left in place of right and right in place of left."""
+    return name.replace("left", "\0").replace("right", "left").replace("\0", "right")
 
 
 def _toggled(name: str) -> str:

@@ -1,9 +1,9 @@
-"""What a seat offers to a body: where to stand and sit, a back to lean against, and places for the hands.
+"""What a seat offers to a body: where to stand and sit, how far back, and a back to lean against.
 
 Found from boxes alone.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,12 +17,20 @@ ARM_ROOM = 0.28
 """From the end of a seat to the middle of who sits there [m]."""
 PLACE = 0.50
 """Between people who sit side by side [m]."""
-THIGH = 0.037
+THIGH = 0.042
 """Least height of a thigh's axis over the seat's front edge [m], of body size 1."""
+SHIN = 0.045
+"""Least distance of a knee from that edge [m], of body size 1."""
+LOWER = 0.012
+"""Feet come out only so far that a pelvis so much lower would do, too [m]: thighs spread, and shift at rest."""
 SINK = 0.01
 """How deep a body sinks into what it sits on or leans against [m]."""
-WRIST = 0.045
-"""Height of a wrist over what the palm rests on [m]."""
+REAR = 0.10
+"""Between a pelvis and the rear edge of a seat, at least [m]."""
+LEANS = np.array([0.0, 0.07, -0.07, 0.14, -0.14, 0.21, 0.28, 0.36])
+"""How much farther or less far than wanted somebody leans to reach a back [rad], the likeliest first."""
+FREE = 0.01
+"""Who does not lean against what is behind them keeps so far off it [m]."""
 
 
 @dataclass(frozen=True)
@@ -36,13 +44,17 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Leaning:
-    """How to sit against a back."""
+class Seated:
+    """How somebody sits in the end."""
 
     pelvis: np.ndarray
     """(3,) [m]."""
     pitch: float
-    """How far pelvis and trunk lean back [rad]."""
+    """How far the pelvis leans back [rad]."""
+    bend: float
+    """How far the chest is bent forward over it [rad]."""
+    bears: bool
+    """Whether the trunk leans against a back."""
 
 
 def places(obj: SceneObject) -> np.ndarray:
@@ -54,7 +66,8 @@ def places(obj: SceneObject) -> np.ndarray:
 
 
 def place_at(obj: SceneObject, body: Body, y: float, forward: float = 0.0) -> Place:
-    """The place at `y` [m], `forward` [m] of the usual depth. Raises BadObject if there is no seat.
+    """The place at `y` [m], `forward` [m] of the usual depth or as far behind it as the thighs clear the seat's front
+    edge. Raises BadObject if there is no seat.
 
     The feet are drawn in until the heels are near the seat's front edge, or just in front of what stands below it.
     """
@@ -65,37 +78,65 @@ def place_at(obj: SceneObject, body: Body, y: float, forward: float = 0.0) -> Pl
     below = float(high[in_the_way, 0].max()) if in_the_way.any() else -np.inf
     ankle = max(front + 0.06, below + 0.125)
     depth = np.clip(0.155 - 0.5 * (ankle - front - 0.06), 0.12, 0.5 * np.ptp(obj.seat_polygon[:, 0]))
-    return Place(np.array([ankle, y]), np.array([front - depth + forward, y, height + body.buttock - SINK]))
+    usual = np.array([front - depth + max(forward, 0.0), y, height + body.buttock - SINK])
+    place = Place(np.array([ankle, y]), usual)
+    return replace(place, pelvis=usual + _ways_back(obj, body, place, -forward)[-1]) if forward < 0 else place
 
 
-def lean_against(obj: SceneObject, body: Body, place: Place, pitch: float, bend: float) -> Leaning | None:
+def lean_against(obj: SceneObject, body: Body, place: Place, pitch: float, bend: float) -> Seated | None:
     """The way to lean at about `pitch` [rad] against what is behind a place, with the chest bent forward by `bend`
     [rad] over the pelvis.
 
     The pelvis goes back until the trunk bears, but not so far that the knees do not clear the seat's front edge; None
     if nothing is reached.
     """
-    back = np.arange(0.0, 0.5 * body.length(body.legs[0])[0], 0.01)[:, None] * [-1.0, 0.0, 0.0]
-    back = back[: _knees_clear(obj, body, place, back)]
-    for angle in pitch + np.array([0.0, 0.07, -0.07, 0.14, 0.21]):
-        points, radius = _trunk_points(body, -angle, bend)
-        gap = (obj.distance(place.pelvis + back[:, None] + points) - radius).min(-1)
+    back = _ways_back(obj, body, place, 0.75 * body.length(body.legs[0])[0])
+    for angle in pitch + LEANS:
+        gap = _behind(obj, body, place.pelvis + back, -angle, bend)
         bears = np.flatnonzero(gap <= -SINK / 2)
         if len(bears) and gap[bears[0]] > -1.5 * SINK:
-            return Leaning(place.pelvis + back[bears[0]], float(angle))
+            return Seated(place.pelvis + back[bears[0]], float(angle), bend, True)
     return None
 
 
-def feet_allowed(obj: SceneObject, body: Body, place: Place, leaning: Leaning | None, forward: float) -> float:
-    """Share of `forward` [m] by which a foot of who sits may come forward with the thigh above the seat's front
-    edge.
+def sit_free(obj: SceneObject, body: Body, place: Place, back: float, pitch: float, bend: float) -> Seated:
+    """The way to sit up to `back` [m] behind a place, leaning back by up to `pitch` [rad], that bears on no back."""
+    ways = _ways_back(obj, body, place, back)
+    for share in (1.0, 0.75, 0.5, 0.25) if pitch > 0 else (1.0,):
+        free = _behind(obj, body, place.pelvis + ways, -share * pitch, bend) > FREE
+        if free[0]:
+            last = len(free) if free.all() else int(np.argmin(free))
+            return Seated(place.pelvis + ways[last - 1], share * pitch, bend, False)
+    return Seated(place.pelvis, min(pitch, 0.0), bend, False)
+
+
+def foot_allowed(obj: SceneObject, body: Body, hip: np.ndarray, ankle: np.ndarray, way: np.ndarray) -> float:
+    """Share of a way (3,) that a foot may go from an ankle (3,) while thigh and shin below a hip (3,) keep off what
+    somebody sits on [m].
     """
-    seated = place.pelvis if leaning is None else leaning.pelvis
-    shares = (1.0, 0.8, 0.6, 0.4, 0.2)
-    there = (Place(place.ankles + [share * forward, 0.0], seated) for share in shares)
-    return next(
-        (share for share, at in zip(shares, there, strict=True) if _knees_clear(obj, body, at, np.zeros((1, 3)))), 0.0
-    )
+    shares = np.array([1.0, 0.8, 0.6, 0.4, 0.2])
+    ankles, upper, lower = ankle + shares[:, None] * way, *body.length(body.legs[0])
+    hips = np.broadcast_to(hip - [0.0, 0.0, LOWER], ankles.shape)
+    thigh, shin, _ = two_link(hips, ankles, np.array([[0.0, 1.0, 0.0]]), upper, lower, True)
+    along = np.linspace(0.15, 0.85, 8)[:, None, None] * [0.0, 0.0, -1.0]
+    knees = hips + rot.rotate(thigh, np.array([0.0, 0.0, -upper]))
+    clear = (obj.distance(hips + rot.rotate(thigh, upper * along)) > THIGH * body.size).all(0)
+    clear &= (obj.distance(knees + rot.rotate(shin, lower * along)) > THIGH * body.size).all(0)
+    short = np.linalg.norm(ankles - hips, axis=-1) < 0.99 * (upper + lower)
+    return float(shares[np.argmax(clear & short)]) if (clear & short).any() else 0.0
+
+
+def _ways_back(obj: SceneObject, body: Body, place: Place, most: float) -> np.ndarray:
+    """(N, 3) shifts of the pelvis, ever farther back, up to `most` [m], on the seat and with the knees before it."""
+    most = min(most, float(place.pelvis[0] - obj.seat_polygon[:, 0].min()) - REAR)
+    back = np.arange(0.0, max(most, 0.0) + 0.005, 0.01)[:, None] * [-1.0, 0.0, 0.0]
+    return back[: max(1, _knees_clear(obj, body, place, back))]
+
+
+def _behind(obj: SceneObject, body: Body, pelvis: np.ndarray, pitch: float, bend: float) -> np.ndarray:
+    """(N,) how far the trunk over pelvises (N, 3) [m] is off the object [m], negative inside it."""
+    points, radius = _trunk_points(body, pitch, bend)
+    return (obj.distance(pelvis[:, None] + points) - radius).min(-1)
 
 
 def _knees_clear(obj: SceneObject, body: Body, place: Place, back: np.ndarray) -> int:
@@ -107,8 +148,11 @@ def _knees_clear(obj: SceneObject, body: Body, place: Place, back: np.ndarray) -
     upper, lower = body.length(body.legs[0])
     thigh, _, _ = two_link(hips, ankles, np.array([[0.0, 1.0, 0.0]]), upper, lower, True)
     knees = hips + rot.rotate(thigh, np.array([0.0, 0.0, -upper]))
-    edge = (obj.seat_polygon[:, 0].max() - hips[:, 0]) / (knees[:, 0] - hips[:, 0])
-    clear = (edge < 0.98) & (hips[:, 2] + edge * (knees[:, 2] - hips[:, 2]) > obj.require_seat() + THIGH * body.size)
+    front = float(obj.seat_polygon[:, 0].max())
+    edge = (front - hips[:, 0]) / (knees[:, 0] - hips[:, 0])
+    clear = (knees[:, 0] > front + SHIN * body.size) & (
+        hips[:, 2] + edge * (knees[:, 2] - hips[:, 2]) > obj.require_seat() + THIGH * body.size
+    )
     return len(clear) if clear.all() else int(np.argmin(clear))
 
 
@@ -123,49 +167,3 @@ def _trunk_points(body: Body, pitch: float, bend: float) -> tuple[np.ndarray, np
     parts = [part for part in body.parts if part.role == "trunk"]
     points = [pos[part.joint] + rot.rotate(world[part.joint], np.linspace(part.start, part.end, 5)) for part in parts]
     return np.concatenate(points), np.repeat([part.radius for part in parts], 5)
-
-
-def armrest(obj: SceneObject, body: Body, pelvis: np.ndarray, shoulder: np.ndarray, side: int) -> np.ndarray | None:
-    """Where the wrist (3,) [m] of the left (0) or right (1) hand rests on an arm beside who sits with the pelvis at
-    (3,); None without one in reach.
-
-    Looks straight down on a grid beside the body for what is between 6 and 28 cm above the seat and has nothing above
-    it. `shoulder` is (3,).
-    """
-    height, sign = obj.require_seat(), 1.0 - 2.0 * side
-    x = pelvis[0] + np.arange(0.04, 0.30, 0.04)
-    y = pelvis[1] + sign * np.arange(0.20, 0.56, 0.02)
-    z = height + np.arange(0.06, 0.50, 0.02)
-    points = np.stack(np.meshgrid(x, y, z, indexing="ij"), -1)
-    solid = obj.distance(points) <= 0.0
-    top = np.where(solid, z, -np.inf).max(-1)
-    good = solid.any(-1) & (top < height + 0.28)
-    # a hand is wide: the arm goes on to one side at least
-    level = good[:, 1:] & good[:, :-1] & (np.abs(np.diff(np.where(good, top, 0.0), axis=1)) < 0.03)
-    wide = np.pad(level, ((0, 0), (0, 1))) | np.pad(level, ((0, 0), (1, 0)))
-    wrists = np.stack([*np.meshgrid(x, y, indexing="ij"), top + WRIST + 0.01], -1)
-    away = np.linalg.norm(wrists - shoulder, axis=-1)
-    reach = sum(body.length(body.arms[side]))
-    fits = wide & (away < 0.94 * reach) & (away > 0.55 * reach)
-    fits[fits] = obj.distance(wrists[fits]) > 0.04
-    fits[fits] = obj.distance(wrists[fits] + 0.3 * (shoulder - wrists[fits])) > 0.05
-    if not fits.any():
-        return None
-    # the most comfortable: the arm nearly straight, a little in front of the hips
-    cost = np.where(
-        fits,
-        np.abs(away / reach - 0.88)
-        + np.abs(wrists[..., 0] - pelvis[0] - 0.20)
-        + 0.5 * np.abs(wrists[..., 1] - shoulder[1]),
-        np.inf,
-    )
-    return wrists[np.unravel_index(int(np.argmin(cost)), cost.shape)]
-
-
-def beside_thigh(obj: SceneObject, body: Body, pelvis: np.ndarray, side: int) -> np.ndarray | None:
-    """Where the wrist (3,) [m] of a hand rests on the seat beside the thighs; None if the seat ends there."""
-    right, left = float(obj.seat_polygon[:, 1].min()), float(obj.seat_polygon[:, 1].max())
-    edge = left - pelvis[1] if side == 0 else pelvis[1] - right
-    beside = min(body.hip_half_width + 0.135 * body.size, edge - 0.01)  # or on the seat's edge
-    wrist = np.array([pelvis[0] + 0.03, pelvis[1] + (1.0 - 2.0 * side) * beside, obj.require_seat() + WRIST])
-    return wrist if beside > body.hip_half_width + 0.10 * body.size and obj.distance(wrist) > 0.03 else None

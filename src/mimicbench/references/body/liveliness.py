@@ -35,6 +35,8 @@ SWIVEL = 0.05
 """How far elbows drift about the line from shoulder to wrist [rad]."""
 LIFT = 0.010
 """A hand that settles elsewhere is lifted so high [m]."""
+BENT = 0.97
+"""No hand settles where the arm would be stretched to more than this share of its length."""
 STRAIGHTEST = 0.9985
 """Share of its length to which a leg may be stretched: a pelvis that is too high for it sinks."""
 
@@ -171,6 +173,13 @@ def _keep_feet(body: Body, quat: np.ndarray, before: Poses, after: Poses) -> Non
         quat[:, leg.end] = rot.multiply(rot.conjugate(shin), before[1][:, leg.end])
 
 
+def _in_reach(away: np.ndarray, settle: np.ndarray, arm: float) -> float:
+    """Share of a way (3,) that hands may settle which are `away` (T, 3) from their shoulders, with arms so long [m]."""
+    shares = np.array([1.0, 0.7, 0.4, 0.0])[:, None, None]
+    ends = np.linalg.norm(np.concatenate([away + shares * settle, away - shares * settle], 1), axis=-1)
+    return float(shares[np.argmax(np.append(ends[:-1].max(-1) < BENT * arm, True)), 0, 0])
+
+
 def _keep_hands(own: _Habits, body: Body, quat: np.ndarray, before: Poses, after: Poses, rest: Rest) -> None:
     """Solve the arms for wrists that stay as far as they are held or settle elsewhere, and elbows that drift."""
     one = np.ones(1)
@@ -181,7 +190,8 @@ def _keep_hands(own: _Habits, body: Body, quat: np.ndarray, before: Poses, after
         settled = own.begun * own.wander((2.0, 6.0), (0.5, 0.9), one)
         swivel = SWIVEL * own.side * own.begun * own.wander((1.2, 4.0), (0.6, 1.4), one)
         if rest.settle_w is not None and rest.settle_w[side].any():
-            wrist = wrist + settled * rest.settle_w[side]
+            most = rest.settle_w[side] * _in_reach(wrist - shoulder, rest.settle_w[side], sum(body.length(arm)))
+            wrist = wrist + settled * most
             speed = np.gradient(settled[:, 0], own.clock) if len(settled) > 2 else np.zeros(len(settled))
             wrist[:, 2] += LIFT * np.tanh(2.0 * speed**2)
         away = wrist - shoulder

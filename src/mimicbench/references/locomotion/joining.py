@@ -146,8 +146,7 @@ def _keep_feet(
     for side in (0, 1):
         if not (start.bears[side] and stands[0, side]):
             _fade(state, body, ankle, foot, side, fps, JOINS)
-            if stands[0, side]:  # it has to come down first
-                stands[: round(JOINS * fps), side] = False
+            stands[: round(JOINS * fps), side] = False  # it has to come down first
             continue
         end = len(stands) if stands[:, side].all() else int(np.argmin(stands[:, side]))
         pitch = start.pitch[side]

@@ -11,7 +11,7 @@ from mimicbench.core.errors import BadMotion, UnknownName
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.actions.lying import LieStyle
-from mimicbench.references.actions.sitting import LoungeStyle, SitStyle
+from mimicbench.references.actions.sit_styles import SitStyle
 from mimicbench.references.locomotion.course import Course
 from mimicbench.references.synthesis.lie_bed import lie_bed_courses, synthesize_lie_bed
 from mimicbench.references.synthesis.lie_sofa import lie_sofa_courses, synthesize_lie_sofa
@@ -42,7 +42,7 @@ class Courses(NamedTuple):
 
 COURSES: dict[str, Courses] = {
     "sit-chair": Courses(SitStyle, lambda obj, style, _: sit_chair_courses(obj, style)),
-    "sit-sofa": Courses(LoungeStyle, lambda obj, style, _: sit_sofa_courses(obj, style)),
+    "sit-sofa": Courses(SitStyle, lambda obj, style, _: sit_sofa_courses(obj, style)),
     "lie-bed": Courses(LieStyle, lambda obj, style, _: lie_bed_courses(obj, style)),
     "lie-sofa": Courses(LieStyle, lambda obj, style, _: lie_sofa_courses(obj, style)),
     "lift-box": Courses(LiftStyle, lambda obj, style, _: (lift_course(obj, style),)),

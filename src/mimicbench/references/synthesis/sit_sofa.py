@@ -1,7 +1,5 @@
 """`sit-sofa`: walk to the nearest place on a sofa, turn the back to it, sit down, perhaps lean back, rest."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from mimicbench.core.errors import BadMotion
@@ -9,16 +7,8 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.actions.seats import place_at, places
-from mimicbench.references.actions.sitting import (
-    LEAN_BACK,
-    PAUSE,
-    UPRIGHT,
-    LoungeStyle,
-    SitStyle,
-    route_to,
-    sit_course,
-    sit_down,
-)
+from mimicbench.references.actions.sit_styles import SitStyle, draw_manner
+from mimicbench.references.actions.sitting import route_to, settled, sit_course, sit_down
 from mimicbench.references.body.body import roam_body
 from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait, plan_footsteps
@@ -30,7 +20,7 @@ TRIES = 60
 """Starts that are drawn to find one from which there is time enough."""
 
 
-def draw_style(random: np.random.Generator, obj: SceneObject, start_xy: np.ndarray) -> LoungeStyle:
+def draw_style(random: np.random.Generator, obj: SceneObject, start_xy: np.ndarray) -> SitStyle:
     """The free choices of a clip: people of any size, on the place that is nearest to where they start (2,) [m].
 
     The shortest people stay away from the highest seats, where their feet would hang.
@@ -41,33 +31,19 @@ def draw_style(random: np.random.Generator, obj: SceneObject, start_xy: np.ndarr
         every[np.argmin(np.abs(every - start_xy[1]))]
         - (obj.seat_polygon[:, 1].min() + obj.seat_polygon[:, 1].max()) / 2
     )
-    hands = str(random.choice(["free", "on_thighs", "on_seat", "on_arms"], p=[0.4, 0.15, 0.2, 0.25]))
-    slow, drops, leans = random.uniform(size=3) < (0.15, 0.15, 0.7)
-    out, ahead = random.uniform(0.0, 0.20), random.uniform(-0.11, 0.11)
-    style = LoungeStyle(
+    slow, drops = random.uniform(size=2) < (0.10, 0.12)
+    return SitStyle(
         body_scale=random.uniform(shortest, 1.15),
         speed=random.uniform(0.68, 0.82),
-        sit_duration=random.uniform(2.4, 2.9),
-        lean=random.uniform(0.54, 0.64),
-        recline=random.uniform(-0.04, 0.14),
-        seat_x=random.uniform(-0.02, 0.02),
+        sit_duration=random.uniform(3.0, 3.4) if slow else random.uniform(2.4, 2.9),
+        seat_x=random.uniform(-0.10, 0.0),
         seat_y=place + random.uniform(-0.035, 0.035),
         arm_swing=random.uniform(0.7, 1.2),
         duration=12.1 + 0.05 * float(np.clip(random.standard_normal(), -2, 2)),
-        against=1.0 if leans else -1.0,
-        lean_back=random.uniform(0.15, 0.50),
         lead=random.uniform(0.0, 1.4),
-        habits=float(random.integers(1, 2**24)),
-        left_foot=max(0.0, out + ahead),
-        right_foot=max(0.0, out - ahead),
-        apart=random.uniform(-0.02, 0.18),
-        hands_back=random.uniform(0.0, 0.30),
+        drop=random.uniform(0.03, 0.05) if drops else 0.0,
+        **draw_manner(random),
     )
-    if slow:
-        style = replace(style, sit_duration=random.uniform(3.1, 3.5))
-    elif drops:
-        style = replace(style, drop=random.uniform(0.04, 0.06))
-    return style if hands == "free" else replace(style, **{hands: 1.0})
 
 
 def synthesize_sit_sofa(clip_id: str, obj: SceneObject, seed: int) -> HumanMotion:
@@ -77,7 +53,7 @@ def synthesize_sit_sofa(clip_id: str, obj: SceneObject, seed: int) -> HumanMotio
     for _ in range(TRIES):
         start_xy, start_yaw = draw_start(random, obj)
         style = draw_style(random, obj, start_xy)
-        if arrival(obj, start_xy, start_yaw, style) + time_to_settle(style) <= style.duration:
+        if arrival(obj, start_xy, start_yaw, style) + settled(style) + REST <= style.duration:
             return make_sit_sofa(clip_id, obj, start_xy, start_yaw, style)
     raise BadMotion(f"clip {clip_id}: sofa {obj.id} is too large to walk to and sit down on in time; use a smaller one")
 
@@ -89,14 +65,12 @@ def make_sit_sofa(
 
     The point between the ankles starts at `start_xy` (2,) [m] with heading `start_yaw` [rad].
     """
-    return sit_down(
-        clip_id, "sit-sofa", roam_body(style.body_scale), obj, start_xy, start_yaw, style, gait_of(style), True
-    )
+    return sit_down(clip_id, "sit-sofa", roam_body(style.body_scale), obj, start_xy, start_yaw, style, gait_of(style))
 
 
 def sit_sofa_courses(obj: SceneObject, style: SitStyle) -> tuple[Course, ...]:
     """The one way to sit down on a sofa in a style."""
-    return (sit_course("sit-sofa", roam_body(style.body_scale), obj, style, gait_of(style), True),)
+    return (sit_course("sit-sofa", roam_body(style.body_scale), obj, style, gait_of(style)),)
 
 
 def gait_of(style: SitStyle) -> Gait:
@@ -115,13 +89,4 @@ def arrival(obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: Sit
             start_yaw, route_to(obj, start_xy, place), place.ankles, 0.0, gait_of(style), style.body_scale
         ).end
         - style.lead
-    )
-
-
-def time_to_settle(style: SitStyle) -> float:
-    """From the arrival until the person is at rest, and for REST seconds more [s]."""
-    return (
-        PAUSE
-        + max(UPRIGHT * style.sit_duration, style.sit_duration + 0.3 + LEAN_BACK if style.against > 0 else 0.0)
-        + REST
     )
