@@ -8,15 +8,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.motion import HumanMotion
+from mimicbench.core.motion import HumanMotion, Skeleton
 from mimicbench.objects.families.chair import make_chair
 from mimicbench.objects.shape import SceneObject
+from mimicbench.references.body.skeletons import CORE4D, ROAM, UNIHSI
 from mimicbench.references.synthesis.registry import synthesize
+from mimicbench.retarget.acceptance import PROMISED, unsolved
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.kinematics import Pose, tree_of
 from mimicbench.retarget.methods.interaction import InteractionConfig, interact, make_problem, refine
 from mimicbench.retarget.samples import Masses, Scene, balls_of, point_rows
 from mimicbench.retarget.solver import move
+from mimicbench.retarget.trunk import swung, trunk_up
 from mimicbench.robots.registry import ROBOTS
 
 H1 = ROBOTS.get("h1")
@@ -169,3 +172,64 @@ def test_settling_on_few_frames_ends_no_worse() -> None:
     settled = interact(clip)
     assert settled.measures["loss"] < 1.05 * direct.measures["loss"]
     assert settled.joint_pos == pytest.approx(direct.joint_pos, abs=0.1)
+
+
+def leaning_back(angle: float, frames: int = 12) -> Clip:
+    """Somebody sits still, the trunk turned back about the pelvis [rad], the legs as before."""
+    clip = sitting_down()
+    still = np.full(frames, clip.motion.frames - 1)
+    last = replace(
+        clip.motion,
+        root_pos_w=clip.motion.root_pos_w[still],
+        local_quat=clip.motion.local_quat[still],
+        contacts=clip.motion.contacts[still],
+    )
+    quat = last.local_quat.copy()
+    turn = rot.from_rotvec(np.array([0.0, -angle, 0.0]))
+    quat[:, 0] = rot.multiply(quat[:, 0], turn)
+    for thigh in ("left_thigh", "right_thigh"):
+        joint = last.skeleton.index(thigh)
+        quat[:, joint] = rot.multiply(rot.conjugate(turn), quat[:, joint])
+    motion = replace(last, local_quat=quat)
+    return Clip(motion, clip.obj, H1)
+
+
+def test_a_trunk_leans_as_the_persons_does() -> None:
+    for angle in (-0.3, 0.3):
+        clip = leaning_back(angle)
+        kept = interact(clip).measures
+        assert kept["lean_error"] < np.radians(4.0) and kept["support_lost"] == 0.0
+        config = InteractionConfig()
+        free = interact(clip, replace(config, lean=config.orientation)).measures
+        assert kept["lean_error"] < free["lean_error"]
+
+
+@pytest.mark.parametrize("skeleton", [UNIHSI, ROAM, CORE4D], ids=lambda skeleton: skeleton.name)
+def test_a_trunk_points_where_the_body_does(skeleton: Skeleton) -> None:
+    turn = rot.multiply(rot.from_yaw(np.array(0.7)), rot.from_rotvec(np.array([0.0, 0.4, 0.0])))
+    quat = np.tile(rot.IDENTITY, (2, len(skeleton.joint_names), 1))
+    quat[:, 0] = turn
+    motion = HumanMotion("leans", "none", skeleton, 30.0, np.zeros((2, 3)), quat, "none")
+    ahead = np.sin(0.4) * np.array([np.cos(0.7), np.sin(0.7), 0.0])
+    assert trunk_up(motion)[0] == pytest.approx(ahead + [0.0, 0.0, np.cos(0.4)], abs=1e-6)
+
+
+def test_lean_and_support_by_hand() -> None:
+    """A robot that leans 0.3 rad more than the person and hovers a meter above where it sits."""
+    clip = leaning_back(0.1)
+    sits = interact(clip)
+    exact = swung(sits.root_quat_w, trunk_up(clip.motion))
+    tilted = rot.multiply(exact, rot.from_rotvec(np.array([0.0, -0.3, 0.0])))
+    joints = np.zeros_like(sits.joint_pos)
+    for quat, wanted in ((exact, 0.0), (tilted, 0.3)):
+        pose = Pose(sits.root_pos_w + [0.0, 0.0, 1.0], quat, joints)
+        found = clip.finished(TREE, pose, clip.bind("improved")).measures
+        assert found["lean_error"] == pytest.approx(wanted, abs=1e-6)
+    assert found["support_lost"] == 1.0
+    assert unsolved({**sits.measures, "lean_error": 0.15, "support_lost": 0.11}, PROMISED) == [
+        "support_lost",
+        "lean_error",
+    ]
+    walks = replace(clip.motion, contact_names=(), contacts=np.zeros((0, 0), bool))
+    found = Clip(walks, clip.obj, H1).finished(TREE, pose, clip.bind("improved")).measures
+    assert found["lean_error"] == 0.0 and found["support_lost"] == 0.0

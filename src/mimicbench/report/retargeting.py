@@ -50,6 +50,8 @@ _SHOWN = {
     "contact_kept": ("Contact kept", 100, "%"),
     "balance": ("Center of mass off the feet", 100, "cm"),
     "self_collision": ("Frames in itself", 100, "%"),
+    "support_lost": ("Rest without contact", 100, "% of the time"),
+    "lean_error": ("Resting trunk off", 180 / np.pi, "deg"),
 }
 
 

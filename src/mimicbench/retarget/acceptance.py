@@ -27,6 +27,8 @@ MEASURES = (
     "contact_kept",
     "balance",
     "self_collision",
+    "support_lost",
+    "lean_error",
 )
 """What the summary of a set tells, of what `measures.py` explains."""
 BEST_IS_MOST = frozenset({"contact_kept"})
@@ -49,10 +51,15 @@ class Limits:
     """[m] in floor or object."""
     step_skate: float = math.inf
     """[m] that a standing sole moves, in the mean over steps: the body is wedged in somewhere."""
+    support_lost: float = math.inf
+    """Share of the time that the person's pelvis, back or head rests on the object and the robot's does not: it
+    hovers."""
+    lean_error: float = math.inf
+    """[rad] between the trunk of who sits or lies and the person's."""
 
 
-PROMISED = Limits(depth=0.04, step_skate=0.04)
-"""Of methods that promise to stay out of things and to keep feet still."""
+PROMISED = Limits(depth=0.04, step_skate=0.04, support_lost=0.1, lean_error=math.radians(8.0))
+"""Of methods that promise to stay out of things, to keep feet still, and to rest on what the person rests on."""
 
 
 def unsolved(measures: Mapping[str, float], limits: Limits) -> list[str]:

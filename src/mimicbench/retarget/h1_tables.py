@@ -163,6 +163,7 @@ def _to_h1(names: Names, shoulder: str) -> Mapping:
         forearms=tuple((names.elbow.format(side), names.wrist.format(side)) for side in names.sides),
         palm=names.palm,
         ankle_height=names.sole,
+        trunk="torso_link",
     )
 
 

@@ -67,6 +67,8 @@ class Mapping:
     """[m] at size 1."""
     ankle_height: float
     """Of the human's ankle over the sole [m], at size 1."""
+    trunk: str
+    """The robot's link whose z axis leans as the person's trunk does."""
 
     def size_of(self, skeleton: Skeleton) -> float:
         """Body size of a skeleton: 1 for one as tall as the original."""

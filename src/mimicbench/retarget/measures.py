@@ -10,10 +10,14 @@ from mimicbench.retarget.kinematics import Links, Pose
 from mimicbench.retarget.mapping import Bound, Mapping, followed_points
 from mimicbench.retarget.samples import Balls, Masses, Scene, balls_of
 from mimicbench.retarget.self_contact import SelfContact
+from mimicbench.retarget.trunk import TRUNK, bears, head_rests, trunk_rests, trunk_up
 from mimicbench.robots.description import Robot
 
 DEEP, CLOSE = 0.01, 0.02
 """[m] What counts as penetration, and as contact."""
+NO_NECK = 0.08
+"""[m] What counts as contact of a head: with the back flat the head of a robot that cannot bend its neck is in the
+air."""
 
 
 def measure(
@@ -127,8 +131,10 @@ def measure_scene(
         labels; step_skate: farthest that a sole moves while it stands, mean over steps [m]; balance: mean distance of
         the center of mass from the
         strip between heels and toes while both feet alone bear [m]; self_collision: share of frames in which the
-        robot's own shapes that may
-        collide are more than DEEP in each other.
+        robot's own shapes that may collide are more than DEEP in each other; support_lost: of pelvis, back and head,
+        that of whose time on the object most is lost, as a share of the frames in which the person's rests there and
+        the robot's (thighs count as the pelvis) does not; lean_error: angle between the robot's trunk and the person's
+        while pelvis or back bears, mean over that time or over its last second, whichever is more [rad].
     """
     balls, scene = balls_of(robot), Scene.of(motion, obj)
     centers = balls.place(links)
@@ -156,6 +162,8 @@ def measure_scene(
         "step_skate": float(np.mean(moved)) if moved else 0.0,
         "balance": _balance(links, robot, bound, motion, standing),
         "self_collision": float((_self_depth(robot, links, balls, centers) > DEEP).mean()),
+        "support_lost": _support_lost(robot, mapping, motion, obj, balls, distance),
+        "lean_error": _lean_error(robot, mapping, links, motion),
     }
 
 
@@ -192,6 +200,35 @@ def _balance(links: Links, robot: Robot, bound: Bound, motion: HumanMotion, stan
     ahead = ((Masses.of(robot).center(links) - links.pos[:, feet].mean(1)) * heading)[:, :2].sum(-1)[alone]
     low, high = bound.sole[:, 0].min(), bound.sole[:, 0].max()
     return float(np.abs(ahead - np.clip(ahead, low, high)).mean())
+
+
+def _support_lost(
+    robot: Robot, mapping: Mapping, motion: HumanMotion, obj: SceneObject, balls: Balls, distance: np.ndarray
+) -> float:
+    """Most that pelvis, back or head lose of their time on the object; `distance` (T, S) is of the balls [m]."""
+    rests = trunk_rests(motion)
+    parts = [
+        (bears(motion, name), np.isin(balls.link, [robot.link_names.index(link) for link in mapping.bearers[name]]))
+        for name in TRUNK
+    ]
+    lost = [
+        float((distance[when][:, which].min(-1) >= CLOSE).mean()) for when, which in parts if when.any() and which.any()
+    ]
+    when, which = rests & head_rests(motion, obj), balls.group == "head"
+    if when.any() and which.any():
+        lost.append(float((distance[when][:, which].min(-1) >= NO_NECK).mean()))
+    return max(lost, default=0.0)
+
+
+def _lean_error(robot: Robot, mapping: Mapping, links: Links, motion: HumanMotion) -> float:
+    """Of the trunk, 0 of who neither sits nor lies [rad]."""
+    rests = np.flatnonzero(trunk_rests(motion))
+    if not len(rests):
+        return 0.0
+    trunk = links.quat[rests, robot.link_names.index(mapping.trunk)]
+    up = rot.rotate(trunk, np.array([0.0, 0.0, 1.0]))
+    error = np.arccos(np.clip((up * trunk_up(motion)[rests]).sum(-1), -1.0, 1.0))
+    return float(max(error.mean(), error[-max(1, round(motion.fps)) :].mean()))
 
 
 def _self_depth(robot: Robot, links: Links, balls: Balls, centers: np.ndarray) -> np.ndarray:

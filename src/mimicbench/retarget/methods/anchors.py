@@ -10,11 +10,11 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.curves import minimum_jerk, smooth_above
-from mimicbench.core.motion import HumanMotion
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.grounding import FEET, runs
 from mimicbench.retarget.mapping import Bound, Mapping, followed_points
 from mimicbench.retarget.samples import Scene, balls_of
+from mimicbench.retarget.trunk import bears
 
 HANDS = ("left_hand", "right_hand")
 STRETCH = 0.98
@@ -56,12 +56,12 @@ def anchors_of(clip: Clip, mapping: Mapping, bound: Bound, pos_w: np.ndarray, qu
     foot_pos, foot_quat, standing, on_floor = [], [], [], []
     for label, (joint, link) in zip(FEET, bound.feet, strict=True):
         pair = bound.links.tolist().index(link)
-        bears = _label(motion, label)
+        rests = bears(motion, label)
         human = rot.multiply(quat_w[:, joint], bound.turn_offsets[bound.turn_links.tolist().index(link)])
         clear = partial(_clear_of_object, Scene.of(motion, clip.obj), _shapes_of(clip, link))
         place, turn, floor = _foot(
             motion.fps,
-            bears,
+            rests,
             followed[:, pair],
             human,
             -float(bound.sole[:, 2].min()),
@@ -71,7 +71,7 @@ def anchors_of(clip: Clip, mapping: Mapping, bound: Bound, pos_w: np.ndarray, qu
         )
         foot_pos.append(place)
         foot_quat.append(turn)
-        standing.append(bears)
+        standing.append(rests)
         on_floor.append(floor)
     hands = [_hand(clip, mapping, bound, side, pos_w, quat_w) for side in range(len(bound.wrists))]
     feet = np.stack(foot_pos, 1)
@@ -79,13 +79,6 @@ def anchors_of(clip: Clip, mapping: Mapping, bound: Bound, pos_w: np.ndarray, qu
     floor = np.stack(on_floor, 1)
     lowering = _lowering(clip, bound, followed, quat_w, feet, floor)
     return Anchors(feet, np.stack(foot_quat, 1), np.stack(standing, 1), floor, hand_pos, holding, nearness, lowering)
-
-
-def _label(motion: HumanMotion, name: str) -> np.ndarray:
-    """(T,) a contact label, false where the clip has none."""
-    if name not in motion.contact_names:
-        return np.zeros(motion.frames, bool)
-    return motion.contacts[:, motion.contact_names.index(name)].astype(bool)
 
 
 def _foot(
@@ -169,7 +162,7 @@ def _hand(
     palm = pos_w[:, wrist] + forearm * (
         mapping.palm * mapping.size_of(motion.skeleton) / np.linalg.norm(forearm, axis=-1, keepdims=True)
     )
-    holds = _label(motion, HANDS[side])
+    holds = bears(motion, HANDS[side])
     scene, radius = Scene.of(motion, clip.obj), _hand_radius(clip, bound, side)
     target = pos_w[:, wrist].copy()
     near = holds.astype(float)

@@ -35,6 +35,7 @@ from mimicbench.retarget.methods.interaction_loss import InteractionConfig, Prob
 from mimicbench.retarget.samples import Masses, Scene, balls_of
 from mimicbench.retarget.self_contact import SelfContact
 from mimicbench.retarget.solver import solve
+from mimicbench.retarget.trunk import swung, trunk_rests, trunk_up
 from mimicbench.robots.description import Robot
 
 EDGE = 0.015
@@ -134,6 +135,7 @@ def make_problem(
         turn_targets[:, column] = anchors.foot_quat_w[:, foot]
         turn_tolerance[:, column] = np.where(anchors.on_floor[:, foot], *config.foot_turn)
 
+    _keep_lean(clip, config, turns[:, 1], turn_targets, turn_tolerance)
     balls = balls_of(robot)
     margins = np.where(np.isin(balls.link, feet), 0.0, config.margin) * np.ones((frames, 1))
     bearing = []
@@ -179,6 +181,21 @@ def make_problem(
         config.velocity_share * robot.velocity_limit,
         _legs(robot, feet),
     ), start
+
+
+def _keep_lean(
+    clip: Clip, config: InteractionConfig, links: np.ndarray, targets: np.ndarray, tolerance: np.ndarray
+) -> None:
+    """Let the trunk lean as the person's does while it bears, in targets (T, Q, 4) and tolerances (T, Q) of links (Q,).
+
+    A robot without a waist would lean somewhere between pelvis and chest, or as its arms and feet would have it.
+    """
+    motion, robot = clip.motion, clip.robot
+    mapping = find_mapping(motion.skeleton.name, robot.name)
+    share, up = _eased(trunk_rests(motion), motion.fps), trunk_up(motion)
+    for column in np.flatnonzero(np.isin(links, [0, robot.link_names.index(mapping.trunk)])):
+        targets[:, column] = rot.slerp(targets[:, column], swung(targets[:, column], up), share)
+        tolerance[:, column] *= (config.lean / config.orientation) ** share
 
 
 def _room(clip: Clip, pelvis_w: np.ndarray, way: np.ndarray) -> float:

@@ -26,6 +26,8 @@ class InteractionConfig:
     """Of a link from the point that it follows [m]."""
     orientation: float = 0.25
     """Of a limb from the human's [rad]."""
+    lean: float = 0.05
+    """Of a trunk from the person's, sitting and lying [rad]."""
     foot: tuple[float, float] = (0.002, 0.02)
     """Of a foot from its anchor, standing and swinging [m]."""
     foot_rest: float = 0.015
