@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mimicbench.core import rotations as rot
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.rigs import HEAD_RIG, PELVIS_RIG
-from mimicbench.sensors.surfaces import Surfaces
+from mimicbench.sensors.surfaces import Surfaces, faces_of
 from mimicbench.sim.native import NativePhysics
 from stool import H1, block
 
@@ -21,7 +21,7 @@ def inverse_depth(obj, eye, quat, rig=HEAD_RIG):
     """(C, height, width) of cameras of a rig whose root is at `eye` (3,) and turned by `quat`."""
     turn = rot.to_matrix(quat)
     eyes, looks = (eye + rig.origins() @ turn.T)[None], (turn @ rig.sights(HEIGHT, WIDTH))[None]
-    return filled(Surfaces.of([obj]).seen_from(eyes, looks, HEIGHT, WIDTH), len(rig.mounts))
+    return filled(Surfaces.of([faces_of(obj)]).seen_from(eyes, looks, HEIGHT, WIDTH), len(rig.mounts))
 
 
 def filled(faces, count):
@@ -76,7 +76,7 @@ def test_faces_are_nowhere_but_in_their_rows(seed, near):
     quat = rot.normalize(random.normal(size=4))
     eye, turn = random.uniform(-1, 1, 3) * (0.5 if near else 2.0), rot.to_matrix(quat)
     eyes, looks = (eye + PELVIS_RIG.origins() @ turn.T)[None], (turn @ PELVIS_RIG.sights(HEIGHT, WIDTH))[None]
-    faces = Surfaces.of([heap(seed)]).seen_from(eyes, looks, HEIGHT, WIDTH)
+    faces = Surfaces.of([faces_of(heap(seed))]).seen_from(eyes, looks, HEIGHT, WIDTH)
     everywhere = replace(faces, first=0 * faces.first, last=0 * faces.last + HEIGHT - 1)
     np.testing.assert_array_equal(filled(faces, 4), filled(everywhere, 4))
 
@@ -113,7 +113,7 @@ def test_convex_pieces_are_those_of_the_physics(seed):
 
 def test_boxes_and_convex_pieces_share_a_scene_list():
     corners = np.array([(x, y, z) for x in (-0.25, 0.25) for y in (-0.25, 0.25) for z in (0, 0.42)])
-    both = Surfaces.of([block(), replace(block(), hulls=(corners,))])
+    both = Surfaces.of([faces_of(block()), faces_of(replace(block(), hulls=(corners,)))])
     eyes = np.tile(np.array([-1.0, 0.1, 0.5]) + HEAD_RIG.origins(), (2, 1, 1))
     pictures = filled(both.seen_from(eyes, np.tile(HEAD_RIG.sights(HEIGHT, WIDTH), (2, 1, 1, 1)), HEIGHT, WIDTH), 2)
     assert (pictures[0] > 0).sum() > 15

@@ -13,7 +13,7 @@ from torch import Tensor
 from mimicbench.core import rotations as rot
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.rigs import PELVIS_RIG, Rig
-from mimicbench.sensors.elevation import RANGE
+from mimicbench.sensors.elevation_cpu import RANGE
 from mimicbench.sensors.heightmap import CELL, CELLS, BoxTable
 
 

@@ -13,11 +13,10 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.parallel import cpu_count
-from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.rigs import Rig
 from mimicbench.sensors.faces import raise_to
 from mimicbench.sensors.heightmap import CELLS, cell_centers
-from mimicbench.sensors.surfaces import Surfaces
+from mimicbench.sensors.surfaces import ObjectFaces, Surfaces
 
 RANGE = 6.0
 """[m] Depth beyond this is left out (C.2)."""
@@ -31,15 +30,15 @@ _SIDE = CELLS + 2
 
 @dataclass(frozen=True)
 class Poses:
-    """Where N robots and their objects are, float64."""
+    """Where N robots and their objects are, float64, as arrays or as tensors."""
 
-    root_pos_w: np.ndarray
+    root_pos_w: rot.Array
     """(N, 3) [m]."""
-    root_quat_w: np.ndarray
+    root_quat_w: rot.Array
     """(N, 4)."""
-    object_pos_w: np.ndarray
+    object_pos_w: rot.Array
     """(N, 3) [m]."""
-    object_quat_w: np.ndarray
+    object_quat_w: rot.Array
     """(N, 4)."""
 
     def part(self, some: slice) -> "Poses":
@@ -48,7 +47,7 @@ class Poses:
 
 
 def maps_by_cameras(
-    objects: Sequence[SceneObject],
+    faces: Sequence[ObjectFaces],
     poses: Poses,
     rig: Rig,
     size: tuple[int, int],
@@ -58,25 +57,25 @@ def maps_by_cameras(
     """(N, 128, 128) float32 maps of what the lines of sight through all pixels of a rig's cameras meet.
 
     Args:
-        objects: (N,) beside the robots.
+        faces: (N,) of the objects beside the robots.
         poses: Of robots and objects.
         rig: The cameras.
         size: Rows and columns of their pictures [px].
         cell: Side of a cell [m].
         workers: Threads; 0 for all processors. Changes no byte.
     """
-    maps = np.empty((len(objects), CELLS, CELLS), np.float32)
+    maps = np.empty((len(faces), CELLS, CELLS), np.float32)
 
     def make(some: slice) -> None:
-        _Pictures.of(objects[some], poses.part(some), rig, size).raise_cells(maps[some], cell)
+        _Pictures.of(faces[some], poses.part(some), rig, size).raise_cells(maps[some], cell)
 
-    _in_threads(make, len(objects), workers)
+    _in_threads(make, len(faces), workers)
     return maps
 
 
-def maps_by_rays(objects: Sequence[SceneObject], poses: Poses, cell: float, workers: int = 0) -> np.ndarray:
+def maps_by_rays(faces: Sequence[ObjectFaces], poses: Poses, cell: float, workers: int = 0) -> np.ndarray:
     """(N, 128, 128) float32 maps of what vertical rays through the cells' centers meet; see `maps_by_cameras`."""
-    maps = np.empty((len(objects), CELLS, CELLS), np.float32)
+    maps = np.empty((len(faces), CELLS, CELLS), np.float32)
     first = cell_centers(CELLS, cell)[0]
     centers = np.array([[first, cell, 0.0], [first, 0.0, cell], [0.0, 0.0, 0.0]])
 
@@ -85,11 +84,11 @@ def maps_by_rays(objects: Sequence[SceneObject], poses: Poses, cell: float, work
         starts = rot.to_matrix(rot.from_yaw(rot.yaw_of(part.root_quat_w))) @ centers
         starts[..., 0] += part.root_pos_w - part.object_pos_w
         outward = rot.to_matrix(part.object_quat_w).swapaxes(1, 2)
-        faces = Surfaces.of(objects[some]).seen_along(outward @ starts, -outward[:, :, 2], CELLS, CELLS)
+        seen = Surfaces.of(faces[some]).seen_along(outward @ starts, -outward[:, :, 2], CELLS, CELLS)
         maps[some] = -part.root_pos_w[:, 2].astype(np.float32)[:, None, None]
-        faces.fill(maps[some].reshape(-1, CELLS), np.arange(len(maps[some])) * CELLS)
+        seen.fill(maps[some].reshape(-1, CELLS), np.arange(len(maps[some])) * CELLS)
 
-    _in_threads(make, len(objects), workers)
+    _in_threads(make, len(faces), workers)
     return maps
 
 
@@ -131,7 +130,7 @@ class _Pictures:
     """(N,) [m] float32."""
 
     @staticmethod
-    def of(objects: Sequence[SceneObject], poses: Poses, rig: Rig, size: tuple[int, int]) -> "_Pictures":
+    def of(surfaces: Sequence[ObjectFaces], poses: Poses, rig: Rig, size: tuple[int, int]) -> "_Pictures":
         """Of some robots."""
         origins, sights = rig.origins(), rig.sights(*size)
         turn, object_turn = rot.to_matrix(poses.root_quat_w), rot.to_matrix(poses.object_quat_w)
@@ -139,8 +138,8 @@ class _Pictures:
         eyes = (poses.root_pos_w - poses.object_pos_w)[:, None] + (turn[:, None] @ origins[..., None])[..., 0]
         eyes = (eyes[..., None, :] @ object_turn[:, None])[:, :, 0]
         looks = (object_turn.swapaxes(1, 2) @ turn)[:, None] @ sights
-        faces = Surfaces.of(objects).seen_from(eyes, looks, *size)
-        first, last = np.full(len(objects) * len(sights), size[0]), np.full(len(objects) * len(sights), -1)
+        faces = Surfaces.of(surfaces).seen_from(eyes, looks, *size)
+        first, last = np.full(len(surfaces) * len(sights), size[0]), np.full(len(surfaces) * len(sights), -1)
         np.minimum.at(first, faces.picture, faces.first)
         np.maximum.at(last, faces.picture, faces.last)
         count = np.maximum(last - first + 1, 0)

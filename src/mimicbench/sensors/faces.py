@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-_CRACK = 1e-6
+CRACK = 1e-6
 """[px] Faces are this much wider on either side, so that no pixel's center falls between two that share an edge."""
 _PIXELS_AT_ONCE = 1 << 15
 """That are filled at a time; a picture has fewer columns."""
@@ -82,8 +82,8 @@ class Faces:
         per_row *= row
         left -= per_row
         right -= per_row
-        begin = np.maximum(np.maximum(left[0], left[1]), np.maximum(left[2], left[3])) - _CRACK
-        end = np.minimum(np.minimum(right[0], right[1]), np.minimum(right[2], right[3])) + _CRACK
+        begin = np.maximum(np.maximum(left[0], left[1]), np.maximum(left[2], left[3])) - CRACK
+        end = np.minimum(np.minimum(right[0], right[1]), np.minimum(right[2], right[3])) + CRACK
         begin, end = np.maximum(begin, 0), np.minimum(end, width - 1)
         for edge in np.flatnonzero(level.any(1)):
             end[level[edge, face] & (base[edge, face] + down[edge, face] * row < 0)] = -1

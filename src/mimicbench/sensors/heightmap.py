@@ -7,6 +7,7 @@ the surface there relative to the root [m]; where nothing is, or nothing can be 
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -15,13 +16,34 @@ from torch import Tensor
 
 from mimicbench.core import rotations as rot
 from mimicbench.objects.shape import SceneObject
+from mimicbench.robots.rigs import HEIGHT, PELVIS_RIG, WIDTH, Rig
 
 CELLS = 128
 CELL = 0.04
 """[m]; 128 cells of 4 cm are the paper's maps for all tasks but touch-points."""
+SMALL = 90, 120
+"""[px] Rows and columns of cameras whose pictures are only to fill cells of 4 cm."""
 BLIND = 0.06
 """[m] at the end of a line of sight that may lie inside the object: the front of a thin wall is in the same cell as its
 top."""
+
+
+@dataclass(frozen=True)
+class MapView:
+    """How a map is looked at, and how fine it is."""
+
+    rig: Rig | None = PELVIS_RIG
+    """The cameras whose pixels' lines of sight raise cells; None: vertical rays through the cells' centers."""
+    cell: float = CELL
+    """Side of a cell [m]."""
+    size: tuple[int, int] | None = None
+    """Rows and columns of the cameras' pictures [px]; None: 90 and 120, and for cells smaller than 4 cm the paper's
+    360 and 480, so that few cells are between the pixels."""
+
+    @property
+    def pixels(self) -> tuple[int, int]:
+        """Rows and columns of the cameras' pictures."""
+        return self.size or (SMALL if self.cell >= CELL else (HEIGHT, WIDTH))
 
 
 def cell_centers(cells: int = CELLS, cell: float = CELL) -> np.ndarray:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import ConvexHull
@@ -11,7 +12,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.objects.shape import SceneObject
 from mimicbench.sensors.faces import Faces
 
-_EDGE_ON = 1e-9
+EDGE_ON = 1e-9
 """Faces are not seen by who is so little before their plane [m], or looks along it but for so small a cosine."""
 _NEAR = 1e-6
 """[m] What is so little before a camera, or behind it, has no place in the picture."""
@@ -30,8 +31,18 @@ _BOX_CORNERS = np.array([[4, 5, 7, 6], [0, 1, 3, 2], [2, 3, 7, 6], [0, 1, 5, 4],
 _NEXT = np.array([1, 2, 3, 0])
 """The corner after each of a face's."""
 
-Parts = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""Normals (F, 5, 3), offsets (F, 5) and corners (F, 4, 3) of the faces of one object, as in Surfaces."""
+
+class ObjectFaces(NamedTuple):
+    """The faces of one object, in its frame: of its convex pieces if it has some, else of its boxes."""
+
+    normals: np.ndarray
+    """(F, 5, 3) of the plane that a face lies in, outwards, and of the planes that bound it."""
+    offsets: np.ndarray
+    """(F, 5) of these planes: points x of the object have normal x <= offset [m]."""
+    corners: np.ndarray
+    """(F, 4, 3) [m]; of a triangle the first comes twice."""
+    most_seen: int
+    """How many of them one eye can see at most."""
 
 
 @dataclass(frozen=True)
@@ -48,11 +59,10 @@ class Surfaces:
     """(F, 4, 3) [m]; of a triangle the first comes twice."""
 
     @staticmethod
-    def of(objects: Sequence[SceneObject]) -> "Surfaces":
-        """The faces of objects: of their convex pieces if they have some, else of their boxes."""
-        parts = [_faces(obj) for obj in objects]
-        scene = np.repeat(np.arange(len(objects)), [len(part[0]) for part in parts])
-        return Surfaces(scene, *(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+    def of(faces: Sequence[ObjectFaces]) -> "Surfaces":
+        """The faces of N objects."""
+        scene = np.repeat(np.arange(len(faces)), [len(part.normals) for part in faces])
+        return Surfaces(scene, *(np.concatenate(arrays) for arrays in list(zip(*faces, strict=True))[:3]))
 
     def seen_from(self, eyes: np.ndarray, looks: np.ndarray, height: int, width: int) -> "Faces":
         """The faces that cameras see, by the inverse of depth [1/m]. Picture n C + c is that of camera c in scene n.
@@ -67,7 +77,7 @@ class Surfaces:
             width: Columns of the pictures.
         """
         away = np.einsum("fi,fci->fc", self.normals[:, 0], eyes[self.scene]) - self.offsets[:, :1]
-        face, camera = np.nonzero(away > _EDGE_ON)
+        face, camera = np.nonzero(away > EDGE_ON)
         picture = self.scene[face] * eyes.shape[1] + camera
         # a corner is at eye + look (1, row, column) depth
         inverse = np.linalg.inv(looks).reshape(-1, 3, 3)
@@ -95,7 +105,7 @@ class Surfaces:
             width: Columns of the pictures.
         """
         facing = -(self.normals @ looks[self.scene, :, None])[..., 0]
-        face = np.flatnonzero(facing[:, 0] > _EDGE_ON)
+        face = np.flatnonzero(facing[:, 0] > EDGE_ON)
         # a corner is at start (1, row, column) + look depth
         inverse = np.linalg.inv(np.concatenate([looks[..., None], starts[..., 1:]], -1))
         _, *places = _into(inverse, (inverse @ starts[..., :1])[..., 0], self.scene[face], self.corners[face])
@@ -145,29 +155,33 @@ def _between(low: np.ndarray, high: np.ndarray, height: int, width: int) -> tupl
     return some, first[some].astype(np.intp), last[some].astype(np.intp)
 
 
-def _faces(obj: SceneObject) -> Parts:
+def faces_of(obj: SceneObject) -> ObjectFaces:
+    """The faces of an object, made or from those at hand."""
     return _of_hulls(obj) if obj.hulls else _of_boxes(obj)
 
 
 @lru_cache(maxsize=_KEPT)
-def _of_boxes(obj: SceneObject) -> Parts:
+def _of_boxes(obj: SceneObject) -> ObjectFaces:
     axes, (pos, half) = rot.to_matrix(obj.box_quat).swapaxes(1, 2), (obj.box_pos, obj.box_half)
     middle = (axes @ pos[..., None])[..., 0]
     normals, offsets = np.concatenate([axes, -axes], 1), np.concatenate([middle + half, half - middle], 1)
-    return (
+    return ObjectFaces(
         normals[:, _BOX_FACES].reshape(-1, 5, 3),
         offsets[:, _BOX_FACES].reshape(-1, 5),
         obj.corners()[:, _BOX_CORNERS].reshape(-1, 4, 3),
+        3 * len(pos),  # of two that are opposite one is turned away
     )
 
 
 @lru_cache(maxsize=_KEPT_HULLS)
-def _of_hulls(obj: SceneObject) -> Parts:
-    normals, offsets, corners = zip(*(_hull(hull.astype(float)) for hull in obj.hulls), strict=True)
-    return np.concatenate(normals), np.concatenate(offsets), np.concatenate(corners)
+def _of_hulls(obj: SceneObject) -> ObjectFaces:
+    normals, offsets, corners = map(
+        np.concatenate, zip(*(_hull(hull.astype(float)) for hull in obj.hulls), strict=True)
+    )
+    return ObjectFaces(normals, offsets, corners, len(normals))
 
 
-def _hull(corners: np.ndarray) -> Parts:
+def _hull(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Normals (T, 5, 3), offsets (T, 5) and corners (T, 4, 3) of the triangles of the convex hull around (V, 3).
 
     Of four bounds two are the same.
