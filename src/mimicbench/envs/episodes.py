@@ -208,7 +208,9 @@ class Episodes:
         if "time" in senses:
             seen["time"] = (self.judge.steps[:, None] * CONTROL_DT).astype(np.float32)
         if "elevation" in senses:
-            seen["elevation"] = camera_map(self.physics, rig=self.task.rig, cell=self.task.map_cell).numpy()
+            seen["elevation"] = camera_map(
+                self.physics, rig=self.task.rig, cell=self.task.map_cell, workers=self.config.workers
+            ).numpy()
         if "depth" in senses:
             seen["depth"] = ray_depth(self.physics, None, *self.config.cameras, rig=self.task.rig)
         if "color" in senses or "labels" in senses:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import mujoco
 import numpy as np
@@ -23,7 +24,7 @@ from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.task import Task
 from mimicbench.track.rollout import Rollout
 
-Eyes = Callable[[Physics, np.ndarray], torch.Tensor]
+Eyes = Callable[..., torch.Tensor]
 EYES: dict[str, Eyes] = {"cameras": camera_map, "rays": down_map}
 """Makers of the elevation maps (M, 128, 128) of some robots (M,), of which a policy names one."""
 
@@ -105,13 +106,14 @@ def _run_batch(
     everyone = torch.arange(n, device=physics.device)
     odometry.reset(everyone, physics.state())
     last_target = torch.zeros(n, len(robot.joints), device=physics.device)
+    eyes = partial(EYES[policy.eyes], workers=workers)
     start_distance = _distances(physics, scene)
     end_distance = start_distance.copy()
     limit = round(task.time_limit / CONTROL_DT)
     running = np.ones(n, bool)
     tracks: dict[int, list[np.ndarray]] = {episode: [physics.qpos()[episode].copy()] for episode in record}
     for step in range(limit):
-        senses = _sense(physics, odometry, last_target, step, EYES[policy.eyes])
+        senses = _sense(physics, odometry, last_target, step, eyes)
         if step == 0:
             policy.reset(everyone, senses)
         last_target = policy.act(senses)
