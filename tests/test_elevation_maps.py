@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from mimicbench.objects.families.beds import make_bed
-from mimicbench.objects.families.boxes import make_box
-from mimicbench.objects.families.chairs import make_chair
 
 from mimicbench.core import rotations as rot
+from mimicbench.objects.families.bed import make_bed
+from mimicbench.objects.families.box import make_box
+from mimicbench.objects.families.chair import make_chair
 from mimicbench.robots.rigs import HEAD_RIG, PELVIS_RIG
 from mimicbench.sensors import surfaces
 from mimicbench.sensors.elevation import ElevationMaps, camera_map, down_map
