@@ -75,6 +75,23 @@ def bench_world_(
     )
 
 
+@app.command(name="maps")
+def bench_maps_(
+    tasks: Annotated[tuple[str, ...], tyro.conf.arg(help="whose objects and cameras; by default all six")] = (),
+    sizes: Annotated[tuple[int, ...], tyro.conf.arg(help="robots at once")] = (64, 512, 4096),
+    seconds: Annotated[float, tyro.conf.arg(help="how long each figure is measured")] = 2.0,
+    workers: Workers = 0,
+    device: Device = "cpu",
+    as_json: Json = False,
+) -> None:
+    """Measure elevation maps, both kinds, beside bare physics."""
+    from mimicbench.bench.maps import MapBenchConfig, bench_maps
+    from mimicbench.tasks.registry import TASKS
+
+    chosen = tuple(TASKS.get(task).name for task in tasks or TASKS)
+    _measured(bench_maps(MapBenchConfig(chosen, sizes, seconds, workers=workers, device=device), say), as_json)
+
+
 @app.command(name="soak")
 def bench_soak(
     steps: Annotated[int, tyro.conf.arg(help="control steps, all tasks together")] = 10_000_000,
