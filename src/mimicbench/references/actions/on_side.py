@@ -6,17 +6,16 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.curves import minimum_jerk
+from mimicbench.references.actions.lying_style import BEGIN, END, Lying
 from mimicbench.references.actions.reaching import within_reach, wrists_of
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.limbs import about_x, about_y, two_link
 from mimicbench.references.body.posing import Arms, Legs, Trunk, reach, shoulders
 
-ROLL = 1.25
-"""How far the body turns over [rad]: a little less than onto its shoulder."""
-BEGIN, END = 5.4, 8.2
-"""On the clock of `lying`, at pace 1 [s]."""
-THIGH, SHIN = 0.85, -0.55
-"""How far thighs and shins point forward in the end [rad]."""
+SHIN = -0.55
+"""How far shins point forward in the end [rad]; thighs as far as the style says."""
+UPPER = 0.22
+"""The upper thigh is drawn up so much farther [rad]."""
 FRONT = ((0.27, -0.22, 0.055), (0.25, 0.0, 0.08))
 """Where the lower and the upper wrist lie, from their shoulders to the front and to the head, and above the bed, at
 body size 1 [m]."""
@@ -24,24 +23,12 @@ LEAVE = ((0.05, 0.80), (0.25, 1.0))
 """Between which parts of the turn the lower and the upper hand go there."""
 
 
-def turn_over(
-    body: Body, height: float, out: np.ndarray, side: int, clock: np.ndarray, trunk: Trunk, legs: Legs, arms: Arms
-) -> tuple[Trunk, Legs, Arms]:
-    """Who lies on the back rolls onto side 0 (left) or 1 (right).
-
-    Args:
-        body: Who lies.
-        height: Of the bed [m].
-        out: (2,) unit vector to where the body rolls.
-        side: Side that is below in the end.
-        clock: (T,) as in `lying`.
-        trunk: On the back.
-        legs: Stretched.
-        arms: Resting.
-    """
+def turn_over(act: Lying, trunk: Trunk, legs: Legs, arms: Arms) -> tuple[Trunk, Legs, Arms]:
+    """Who lies on the back, with stretched legs and resting arms, rolls onto the side that is at the free edge."""
+    body, height, out, side, clock = act.body, act.berth.height, act.berth.out, act.near, act.clock
     sign = 1.0 - 2.0 * side
     share = minimum_jerk((clock - BEGIN) / (END - BEGIN))
-    roll = sign * ROLL * share
+    roll = sign * act.style.roll * share
     # the hip below bears the weight, and the shoulder, which is wider, raises the chest
     rise = (body.hip_half_width + 0.07 * body.size - body.back) * np.sin(np.abs(roll))
     pos = trunk.pelvis_pos_w + np.stack(
@@ -59,33 +46,30 @@ def turn_over(
     rolled = Trunk(pos, pelvis, chest, head)
     return (
         rolled,
-        _knees_drawn_up(body, height, side, minimum_jerk((clock - BEGIN + 0.3) / (END - BEGIN - 0.2)), rolled, legs),
+        _knees_drawn_up(act, minimum_jerk((clock - BEGIN + 0.3) / (END - BEGIN - 0.2)), rolled, legs),
         _hands_in_front(body, height, out, side, rolled, arms, (clock - BEGIN) / (END - BEGIN)),
     )
 
 
-def _knees_drawn_up(body: Body, height: float, side: int, share: np.ndarray, trunk: Trunk, legs: Legs) -> Legs:
-    """Both knees bent, the lower leg on the bed and the upper one on it."""
+def _knees_drawn_up(act: Lying, share: np.ndarray, trunk: Trunk, legs: Legs) -> Legs:
+    """Both knees bent, the lower leg on the bed and the upper one on it, drawn up a little farther."""
+    body, height, side = act.body, act.berth.height, act.near
     upper, lower = body.length(body.legs[0])
     axis = rot.rotate(trunk.pelvis_quat_w, np.array([0.0, 1.0, 0.0]))
     ankle, foot = [], []
     for i, leg in enumerate(body.legs):
         # from the hip, forward, to the left, up; the upper leg comes down to the lower one
-        bent = np.array(
-            [
-                upper * np.sin(THIGH) + lower * np.sin(SHIN),
-                0.0 if i == side else (1 - 2 * side) * 0.045 * body.size,
-                0.0,
-            ]
-        )
-        bent[2] = -upper * np.cos(THIGH) - lower * np.cos(SHIN)
+        thigh, shin = (act.style.curl, SHIN) if i == side else (act.style.curl + UPPER, SHIN + UPPER)
+        aside = 0.0 if i == side else (1 - 2 * side) * 0.045 * body.size
+        ahead, down = upper * np.sin(thigh) + lower * np.sin(shin), upper * np.cos(thigh) + lower * np.cos(shin)
+        bent = np.array([ahead, aside, -down])
         goal = trunk.pelvis_pos_w[-1] + rot.rotate(trunk.pelvis_quat_w[-1], body.skeleton.offsets[leg.root] + bent)
         goal[2] = max(goal[2], height + (0.045 if i == side else 0.13) * body.size)
         place = legs.ankle_pos_w[:, i] + share[:, None] * (goal - legs.ankle_pos_w[:, i])
         hip = trunk.pelvis_pos_w + rot.rotate(trunk.pelvis_quat_w, body.skeleton.offsets[leg.root])
-        shin = two_link(hip, place, axis, upper, lower, True)[1]
+        calf = two_link(hip, place, axis, upper, lower, True)[1]
         ankle.append(place)
-        foot.append(rot.slerp(legs.foot_quat_w[:, i], rot.multiply(shin, about_y(np.full(len(share), 0.25))), share))
+        foot.append(rot.slerp(legs.foot_quat_w[:, i], rot.multiply(calf, about_y(np.full(len(share), 0.25))), share))
     blended = legs.knee_axis_w + share[:, None, None] * (axis[:, None] - legs.knee_axis_w)
     return Legs(np.stack(ankle, 1), np.stack(foot, 1), blended, legs.toe_bend)
 

@@ -2,7 +2,6 @@
 on the seat.
 """
 
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -12,7 +11,8 @@ from mimicbench.core.seeds import rng
 from mimicbench.objects.families.upholstery import HEAD_ROOM
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.actions.berths import Berth, perch
-from mimicbench.references.actions.lying import LieStyle, draw_style, lie_course, lie_down, needed_time
+from mimicbench.references.actions.lying import lie_course, lie_down
+from mimicbench.references.actions.lying_style import LieStyle, draw_style, needed_time
 from mimicbench.references.body.body import Body, roam_body
 from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait, Route, around_box, plan_footsteps
@@ -36,7 +36,7 @@ def synthesize_lie_sofa(clip_id: str, obj: SceneObject, seed: int) -> HumanMotio
     shortest = max(0.96, min(1.08, 2.0 * height))
     scale = random.uniform(shortest, max(shortest + 0.02, min(1.15, (span + 0.03) / 1.25)))
     duration = 12.1 + 0.05 * float(np.clip(random.standard_normal(), -2.0, 2.0))
-    style = replace(draw_style(random, scale, duration, (0.66, 0.72)), hands=1.0)
+    style = draw_style(random, scale, duration, (0.66, 0.72))
     plans, ends = [], []
     for _ in range(TRIES):
         start_xy, start_yaw = draw_start(random, obj)

@@ -10,7 +10,7 @@ import numpy as np
 from mimicbench.core.errors import BadMotion, UnknownName
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.shape import SceneObject
-from mimicbench.references.actions.lying import LieStyle
+from mimicbench.references.actions.lying_style import LieStyle
 from mimicbench.references.actions.sit_styles import SitStyle
 from mimicbench.references.locomotion.course import Course
 from mimicbench.references.synthesis.lie_bed import lie_bed_courses, synthesize_lie_bed

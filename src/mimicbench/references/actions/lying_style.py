@@ -1,0 +1,179 @@
+"""How somebody lies down: the choices of a clip, and its clocks."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mimicbench.core.curves import minimum_jerk
+from mimicbench.references.actions.berths import Berth
+from mimicbench.references.actions.resting_hands import SPOTS
+from mimicbench.references.body.body import Body
+from mimicbench.references.locomotion.walking import Walk
+
+PAUSE = 0.35
+"""Between the last step and the first bend [s]."""
+LYING_TIME = 6.1
+"""From the seat to rest at pace 1 [s]."""
+BEGIN, END = 5.8, 8.6
+"""When on the clock somebody turns onto the side, at pace 1 [s]."""
+HAND_SHARES = (0.28, 0.24, 0.14, 0.08, 0.12, 0.14)
+"""How often hands rest at each of the spots of `resting_hands`."""
+
+
+@dataclass(frozen=True)
+class LieStyle:
+    """What a clip chooses beyond its start and its object; stored with it."""
+
+    body_scale: float
+    """Size of the body; 1 is 1.6 m tall."""
+    speed: float
+    """Walking speed [m/s]."""
+    sit_duration: float
+    """From the first bend to the seat [s]."""
+    pace: float
+    """How slowly the person lies down; 1 takes LYING_TIME from the seat to rest."""
+    lean: float
+    """How far pelvis and trunk pitch forward on the way down [rad]."""
+    stagger: float
+    """The second leg follows the first one after this time, at pace 1 [s]."""
+    stretch: float
+    """How far the legs are stretched that are, as a share of their length, where there is room."""
+    bent: float
+    """And those whose knee stays up."""
+    left_up: float
+    """1 if the left knee stays up, 0 if not."""
+    right_up: float
+    """1 if the right knee stays up, 0 if not."""
+    side: float
+    """1 for who turns onto the side in the end, towards the free edge; 0 for who stays on the back."""
+    left_hand: float
+    """Where the left hand rests on the back: one of `resting_hands`."""
+    right_hand: float
+    """Where the right hand rests on the back: one of `resting_hands`."""
+    arm_swing: float
+    """Swing of the arms while walking, as a share of the usual."""
+    duration: float
+    """Of the whole clip, if walking and lying down leave something of it for the rest [s]."""
+    lead: float = 0.0
+    """How much of the walk is left out, so that the clip begins in motion [s]."""
+    left_farther: float = 0.0
+    """How much farther from the middle, or up the body, the left hand rests than usual, at body size 1 [m]."""
+    right_farther: float = 0.0
+    """And the right hand."""
+    apart: float = 0.0
+    """How much farther apart than the hips the feet rest where there is room, each, at body size 1 [m]."""
+    splay: float = 0.0
+    """How far knees that are up lean out [rad]."""
+    later: float = 3.0
+    """When who is at rest changes the posture once more [s]."""
+    later_hand: float = 0.0
+    """1 to move the left hand then, -1 the right one, 0 none."""
+    later_spot: float = 0.0
+    """Where to: one of `resting_hands`."""
+    later_leg: float = 0.0
+    """1 to draw up or stretch the left leg then, -1 the right one, 0 none."""
+    roll: float = 1.35
+    """How far who turns onto the side does [rad]."""
+    curl: float = 0.85
+    """How far the thighs are drawn up then [rad]."""
+    habits: float = 0.0
+    """A whole number from which follows how the person breathes, looks and settles."""
+
+
+def draw_style(random: np.random.Generator, body_scale: float, duration: float, pace: tuple[float, float]) -> LieStyle:
+    """The free choices of a clip, given the body's size, the clip's duration [s] and the range of its pace.
+
+    Who is quicker walks faster, too.
+    """
+    quick = pace[1] < 0.9
+    slow = random.uniform(*pace)
+    up = random.choice([0, 0, 1, 2, 3], p=[0.25, 0.2, 0.2, 0.2, 0.15])
+    return LieStyle(
+        body_scale=body_scale,
+        speed=random.uniform(0.70, 0.82),
+        sit_duration=random.uniform(1.85, 2.15) if quick else random.uniform(2.2, 2.9),
+        pace=slow,
+        lean=random.uniform(0.52, 0.62),
+        stagger=random.uniform(0.65, 0.95) / slow,
+        stretch=random.uniform(0.72, 0.985),
+        bent=random.uniform(0.53, 0.66),
+        left_up=float(up in (1, 3)),
+        right_up=float(up in (2, 3)),
+        side=0.0,
+        left_hand=float(random.choice(SPOTS, p=HAND_SHARES)),
+        right_hand=float(random.choice(SPOTS, p=HAND_SHARES)),
+        arm_swing=random.uniform(0.7, 1.2),
+        duration=duration,
+        lead=random.uniform(0.3, 1.5) if quick else 0.0,
+        left_farther=random.uniform(-0.05, 0.09),
+        right_farther=random.uniform(-0.05, 0.09),
+        apart=random.uniform(-0.02, 0.14),
+        splay=random.uniform(-0.05, 0.35),
+        later=random.uniform(1.2, 5.0),
+        later_hand=float(random.choice([0, 1, -1])),
+        later_spot=float(random.choice(SPOTS, p=HAND_SHARES)),
+        later_leg=float(random.choice([0, 1, -1], p=[0.5, 0.25, 0.25])),
+        roll=random.uniform(1.2, 1.45),
+        curl=random.uniform(0.55, 1.15),
+        habits=float(random.integers(1, 1 << 20)),
+    )
+
+
+@dataclass(frozen=True)
+class Lying:
+    """Who lies down where, after which walk, and when what happens; of T frames."""
+
+    body: Body
+    berth: Berth
+    way: Walk
+    style: LieStyle
+
+    @property
+    def sitting(self) -> np.ndarray:
+        """(T,) from 0 at the first bend to 1 on the seat."""
+        return (self.way.time - self.way.end - PAUSE) / self.style.sit_duration
+
+    @property
+    def clock(self) -> np.ndarray:
+        """(T,) since the seat, in seconds of pace 1."""
+        return (self.way.time - self.way.end - PAUSE - self.style.sit_duration) / self.style.pace
+
+    @property
+    def ends(self) -> float:
+        """When on the clock who lies is at rest."""
+        return END if self.style.side > 0.5 else LYING_TIME
+
+    @property
+    def rest(self) -> np.ndarray:
+        """(T,) since then [s]."""
+        return self.style.pace * (self.clock - self.ends)
+
+    @property
+    def near(self) -> int:
+        """The side (0 left, 1 right) at the pillow's side of who sits, at the free edge's of who lies."""
+        return 0 if self.berth.turn < 0 else 1
+
+    def late(self, side: int) -> float:
+        """How much later than the leg that is nearer to the foot end this one goes, on the clock."""
+        return 0.0 if (1.0 - 2.0 * side) * self.berth.turn > 0 else self.style.stagger
+
+    def swing(self, side: int) -> np.ndarray:
+        """(T,) from 0, where a leg points out of the bed, to 1, along it: one leg after the other."""
+        late = self.late(side)
+        start, end = (0.38, 2.55) if late == 0.0 else (0.25 + late, 2.5 + 0.6 * late)
+        return ease(self.clock, start, end)
+
+    @property
+    def turn(self) -> np.ndarray:
+        """(T,) the same of the pelvis: between both legs."""
+        return 0.5 * (self.swing(0) + self.swing(1))
+
+
+def ease(clock: np.ndarray, start: float, end: float) -> np.ndarray:
+    """From 0 at `start` to 1 at `end` of the clock (T,), at rest at both."""
+    return minimum_jerk((clock - start) / (end - start))
+
+
+def needed_time(style: LieStyle) -> float:
+    """From the last step to rest [s]."""
+    return PAUSE + style.sit_duration + style.pace * (END if style.side > 0.5 else LYING_TIME) + 0.3
