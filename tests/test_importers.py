@@ -23,6 +23,7 @@ from mimicbench.core.motion import forward_kinematics
 from mimicbench.core.untrusted import load_torch
 from mimicbench.references.body.body import body_of
 from mimicbench.references.body.skeletons import CORE4D, ROAM, SKELETONS, UNIHSI
+from mimicbench.references.checks.contacts import detect_feet
 from mimicbench.references.checks.quality import check_clip
 from mimicbench.references.importers.bvh_file import read_bvh, world
 from mimicbench.references.importers.intermimic import BODY_POS, SOURCES
@@ -32,7 +33,10 @@ from mimicbench.references.importers.registry import FORMATS, detect_format, imp
 from mimicbench.references.importers.rest_pose import axis_up, turned
 from mimicbench.references.importers.roam import read_pose
 from mimicbench.references.importers.stride import stride_scale
+from mimicbench.references.make import ImportConfig, import_references
+from mimicbench.references.recordings.fit_object import nearby_distance, sample_body
 from mimicbench.references.recordings.real_clips import TASKS, find_clips
+from mimicbench.tasks.registry import TASKS as ALL_TASKS
 
 DATA = Path(__file__).parents[1].parent / "shared" / "data"
 real = pytest.mark.skipif(not DATA.is_dir(), reason=f"the real recordings are not at {DATA}")
@@ -550,6 +554,13 @@ def test_real_people_do_the_tasks(name, task, mesh):
         assert 0.0 < pelvis[2] - obj.require_seat() < 0.2 and contact["pelvis"][-10:].all() and not contact["pelvis"][0]
         if task.startswith("lie"):
             assert contact["back"][-10:].any() and measures["object_depth"] < 0.12
+            body = sample_body(*motion.forward_kinematics(), motion)
+            walks = motion.root_pos_w[:, 2] > 0.85 * body_of(motion.skeleton).standing_height
+            away = nearby_distance(obj, body.points) - body.radii
+            assert away[walks].min() > -0.04, "nobody walks through what is lain on"
+            for side, feet in enumerate(detect_feet(motion).T):
+                stands = feet & (motion.root_pos_w[:, 2] > 0.5)
+                assert away[stands][:, body.side == side].min() > -0.04, "and nobody stands in it"
     elif task == "lift-box":
         rise = motion.object_pos_w[:, 2]
         assert (
@@ -564,8 +575,27 @@ def test_real_people_do_the_tasks(name, task, mesh):
         pos, _ = motion.forward_kinematics()
         assert motion.wrist_goal_w.shape == (2, 3) and pelvis[0] > high[0] and not obj.movable
         wrists = pos[-31:][:, [arm.end for arm in body_of(motion.skeleton).arms]]
-        assert np.linalg.norm(wrists - motion.wrist_goal_w, axis=-1).max() < 1e-6, "held for a second"
+        has = np.isfinite(motion.wrist_goal_w).all(-1)
+        assert np.linalg.norm((wrists - motion.wrist_goal_w)[:, has], axis=-1).max() < 1e-6, "held for a second"
+        away = obj.distance(wrists[-1])
+        assert has.any() and (away[has] <= 0.2).any() and (away[~has] > 0.2).all(), "a hand elsewhere has no goal"
+        assert has.all() == name.startswith("omomo"), "both hands of a table's carrier, one of who reaches"
+        assert measures["object_depth"] < 0.02
         assert np.linalg.norm(np.diff(pos, 2, axis=0), axis=-1).max() * 900 < 60, "comes to rest without a jerk"
+
+
+@real
+def test_what_the_gate_would_not_let_pass_is_said_and_can_be_left_out(tmp_path):
+    path, said = DATA / "unihsi" / "motion_clips" / "armchair.npy", []
+    fulfils = ALL_TASKS.get("sit-chair").fulfilled_by_human
+    _, stage = import_references(tmp_path / "o", tmp_path / "r", "sit-chair", fulfils, [path], said.append)
+    assert stage.header["summary"]["kept"] == 1 and "skate" in stage.header["summary"]["beyond_gate"]
+    [line] = [line for line in said if "the gate would not let this pass" in line]
+    assert re.search(r"skate 0\.\d+ \(0\.01 at most\)", line)
+    gated = ImportConfig(gated=True)
+    with pytest.raises(BadMotion, match="leave --gate out"):
+        import_references(tmp_path / "p", tmp_path / "q", "sit-chair", fulfils, [path], said.append, gated)
+    assert not (tmp_path / "q").exists()
 
 
 def test_every_task_says_when_it_is_not_there(tmp_path):

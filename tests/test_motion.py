@@ -84,6 +84,15 @@ def test_skeleton_survives(tmp_path):
     np.testing.assert_array_equal(skeleton.offsets, ARM.offsets)
 
 
+def test_a_hand_may_have_no_goal(tmp_path):
+    one = replace(human(), wrist_goal_w=np.array([[0.4, 0.2, 1.0], [np.nan] * 3]))
+    one.save(tmp_path / "one.npz")
+    np.testing.assert_allclose(HumanMotion.load(tmp_path / "one.npz").wrist_goal_w, one.wrist_goal_w, atol=1e-7)
+    for goals in ([[0.4, np.nan, 1.0], [0.4, 0.2, 1.0]], [[np.nan] * 3] * 2, [[np.inf] * 3, [0.4, 0.2, 1.0]]):
+        with pytest.raises(BadMotion, match="wrist_goal_w"):
+            replace(one, wrist_goal_w=np.array(goals))
+
+
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 @pytest.mark.parametrize("name", ["root_pos_w", "local_quat"])
 def test_human_clip_with_nan(name, bad):

@@ -17,7 +17,7 @@ from mimicbench.references.body.angles import joint_angles
 from mimicbench.references.body.body import Body, body_of, core4d_body, roam_body, unihsi_body
 from mimicbench.references.body.limbs import about_x, about_y
 from mimicbench.references.checks.penetration import depths, soft_boxes
-from mimicbench.references.checks.quality import check_clip, faults, gate, stance_slides
+from mimicbench.references.checks.quality import check_clip, faults, gate, stance_slides, told
 from mimicbench.tasks.sit_chair import TASK as SIT_CHAIR
 from mimicbench.tasks.task import Task
 
@@ -136,12 +136,21 @@ def test_jumps_are_named():
     assert faults(check_clip(carried, box)) == ["object_jump"]
 
 
+def test_faults_are_told_with_their_bounds():
+    measures = {"skate": 0.25, "knee_flexion_most": 3.0, "knee_flexion_least": -0.5}
+    assert told(measures, ["skate", "knee_flexion_most", "knee_flexion_least", "K"]) == (
+        "skate 0.25 (0.01 at most), knee_flexion_most 3 (2.6 at most), knee_flexion_least -0.5 (-0.02 at least), K"
+    )
+
+
 def test_wrists_have_to_stay_at_their_targets():
     body = BODIES[2]
     still = standing(body, frames=60)
     wrists = still.forward_kinematics()[0][0, [arm.end for arm in body.arms]]
     assert check_clip(replace(still, wrist_goal_w=wrists), FAR)["reach"] == pytest.approx(0, abs=1e-12)
     assert faults(check_clip(replace(still, wrist_goal_w=wrists + [0.06, 0, 0]), FAR)) == ["reach"]
+    one = replace(still, wrist_goal_w=np.array([wrists[0] + [0.03, 0, 0], [np.nan] * 3]))
+    assert check_clip(one, FAR)["reach"] == pytest.approx(0.03)  # the other hand may be anywhere
     moving = replace(
         still,
         root_pos_w=still.root_pos_w + np.linspace(0, 2, 60)[:, None] * [0, 1.0, 0],

@@ -307,6 +307,12 @@ def test_touching_points_needs_both_wrists_within_a_tenth_of_a_meter(off, expect
             wrists[wrist] += off * direction
             assert TOUCH_POINTS.holds(body(wrists=wrists), facts(goals=[goal]))[0] == expected
     assert not TOUCH_POINTS.holds(body(), facts())[0], "without a goal nothing is touched"
+    for wrist in (0, 1):  # a hand without a goal may be anywhere
+        one = goal.copy()
+        one[1 - wrist] = np.nan
+        wrists = goal + 5.0
+        wrists[wrist] = goal[wrist] + [off, 0.0, 0.0]
+        assert TOUCH_POINTS.holds(body(wrists=wrists), facts(goals=[one]))[0] == expected
     assert TOUCH_POINTS.hold_frames(50) == 50
 
 

@@ -17,7 +17,7 @@ from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.core.stage import Stage, open_stage, read_stage
 from mimicbench.objects.make import ObjectsConfig, make_objects, read_objects
 from mimicbench.objects.shape import SceneObject
-from mimicbench.references.make import ReferencesConfig, import_references, make_references, remake
+from mimicbench.references.make import ImportConfig, ReferencesConfig, import_references, make_references, remake
 from mimicbench.retarget.make import RetargetConfig, make_retargeted, read_retargeted
 from mimicbench.retarget.registry import METHODS
 from mimicbench.robots.description import Robot
@@ -34,7 +34,6 @@ if TYPE_CHECKING:  # these bring torch, which the earlier stages do without
     from mimicbench.imitate.make import ImitateConfig
     from mimicbench.references.augment import AugmentConfig
     from mimicbench.references.checks.stats import SetStatistics
-    from mimicbench.references.importers.recording import Wishes
     from mimicbench.track.train import TrackConfig
 
 Say = Callable[[str], None]
@@ -163,11 +162,10 @@ def reference_motions(workdir: Path, tasks: Sequence[str]) -> dict[str, list[Hum
     return found
 
 
-def import_stage(
-    ws: Workspace, files: Sequence[Path], say: Say, form: str = "auto", wishes: Wishes | None = None
-) -> Stage:
+def import_stage(ws: Workspace, files: Sequence[Path], say: Say, config: ImportConfig | None = None) -> Stage:
     """Human clips from recordings instead of made ones, on objects fitted to them."""
-    return import_references(ws.folder("objects"), ws.folder("references"), ws.slug, files, say, form, wishes)[1]
+    fulfils = ws.task.fulfilled_by_human
+    return import_references(ws.folder("objects"), ws.folder("references"), ws.slug, fulfils, files, say, config)[1]
 
 
 def retarget_stage(ws: Workspace, config: RetargetConfig, beside: bool = False) -> Stage:

@@ -188,6 +188,9 @@ def import_(
     floor: Annotated[
         float | None, tyro.conf.arg(help="height of the files' floor [m]; by default where the soles usually are")
     ] = None,
+    gate: Annotated[
+        bool, tyro.conf.arg(help="leave out clips that the quality gate would not let pass from a synthetic person")
+    ] = False,
     object_mesh: Annotated[
         Path | None, tyro.conf.arg(help="mesh of the object that the files track (core4d, intermimic), in meters")
     ] = None,
@@ -199,9 +202,7 @@ def import_(
     """Import recordings of real people, each beside its object, or one fitted to the person."""
     from mimicbench import workspace
     from mimicbench.references.importers.recording import Wishes
+    from mimicbench.references.make import ImportConfig
 
-    wishes = Wishes(fps, up, unit, floor, object_mesh, scale)
-    done(
-        workspace.import_stage(workspace.Workspace(workdir, task, quiet=as_json), files, say, form, wishes).header,
-        as_json,
-    )
+    config = ImportConfig(form, Wishes(fps, up, unit, floor, object_mesh, scale), gate)
+    done(workspace.import_stage(workspace.Workspace(workdir, task, quiet=as_json), files, say, config).header, as_json)

@@ -79,7 +79,8 @@ class HumanMotion:
     object_quat_w: np.ndarray = field(default_factory=lambda: np.zeros((0, 4)))
     """(T, 4) how it is turned; empty if it stays."""
     wrist_goal_w: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
-    """(2, 3) where left and right wrist are to go [m]; empty if the task has no such goal."""
+    """(2, 3) where left and right wrist are to go [m], NaN for a hand that has nothing to do; empty if the task has no
+    such goal."""
 
     def __post_init__(self) -> None:
         joints = len(self.skeleton.joint_names)
@@ -199,7 +200,8 @@ class RobotMotion:
     object_quat_w: np.ndarray = field(default_factory=lambda: np.zeros((0, 4)))
     """(T, 4) how it is turned; empty if it stays."""
     wrist_goal_w: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
-    """(2, 3) where left and right wrist are to go [m]; empty if the task has no such goal."""
+    """(2, 3) where left and right wrist are to go [m], NaN for a hand that has nothing to do; empty if the task has no
+    such goal."""
 
     def __post_init__(self) -> None:
         n = len(self.joint_names)
@@ -377,10 +379,14 @@ def _check_scene(
             },
         )
         _check_unit(clip, "object_quat_w", object_quat)
-    if wrist_goal.shape not in ((0, 3), (2, 3)) or not np.isfinite(wrist_goal).all():
+    known = np.isfinite(wrist_goal).all(-1)
+    if wrist_goal.shape not in ((0, 3), (2, 3)) or not (known | np.isnan(wrist_goal).all(-1)).all():
         raise BadMotion(
-            f"clip {clip}: wrist_goal_w must be two places of three finite numbers, left and right, or none"
+            f"clip {clip}: wrist_goal_w must be two places of three finite numbers, left and right, or none; three NaN "
+            "for a hand without a goal"
         )
+    if len(wrist_goal) and not known.any():
+        raise BadMotion(f"clip {clip}: wrist_goal_w has no place for either hand; leave it empty")
 
 
 _SCENE = {"object_pos_w": 3, "object_quat_w": 4, "wrist_goal_w": 3}

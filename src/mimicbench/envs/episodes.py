@@ -22,7 +22,7 @@ from mimicbench.sensors.targets import target_map
 from mimicbench.sim.backends import check_device, make_physics
 from mimicbench.sim.physics import LinkState, Physics
 from mimicbench.sim.scene import CONTROL_DT
-from mimicbench.tasks.task import Task
+from mimicbench.tasks.task import BodyPoints, Task
 
 SENSES = ("proprio", "state", "time", "elevation", "depth", "color", "labels")
 """What can be observed, besides the targets of tasks that have some."""
@@ -226,7 +226,10 @@ class Episodes:
         if self.task.wrist_goals:
             goal, qpos = self.judge.wrist_goal_w, self.physics.qpos()
             root_pos, root_quat = qpos[:, :3], qpos[:, 3:7]
-            seen["targets"] = rot.rotate_inverse(root_quat[:, None], goal - root_pos[:, None]).astype(np.float32)
+            links = self.physics.links()
+            wrists = BodyPoints.of(self.robot, links.pos_w.cpu().numpy(), links.quat_w.cpu().numpy()).wrist_pos_w
+            place = np.where(np.isnan(goal), wrists, goal)  # a hand that has nothing to do is where it should be
+            seen["targets"] = rot.rotate_inverse(root_quat[:, None], place - root_pos[:, None]).astype(np.float32)
             if "elevation" in senses:
                 seen["target_elevation"] = target_map(root_pos, root_quat, goal, self.task.map_cell).numpy()
         for values in seen.values():

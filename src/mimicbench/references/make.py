@@ -3,7 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
 
@@ -13,8 +13,8 @@ from mimicbench.core.errors import BadFile, BadMotion
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.parallel import map_items
 from mimicbench.core.stage import HEADER, Stage, open_stage
-from mimicbench.objects.shape import load_object, save_object, split_of
-from mimicbench.references.checks.quality import Fulfils, gate
+from mimicbench.objects.shape import SceneObject, load_object, save_object, split_of
+from mimicbench.references.checks.quality import METRIC, Fulfils, check_clip, faults, gate, told
 from mimicbench.references.importers.recording import Wishes
 from mimicbench.references.importers.registry import import_recording
 from mimicbench.references.recordings.real_clips import Clip, find_clips
@@ -119,27 +119,40 @@ def _counted(wrong: Counter[str]) -> str:
     )
 
 
+@dataclass(frozen=True)
+class ImportConfig:
+    """How to import recordings."""
+
+    form: str = "auto"
+    """One of the formats in references/importers, or `auto`."""
+    wishes: Wishes = field(default_factory=Wishes)
+    """What the user knows of the files."""
+    gated: bool = False
+    """Leave out clips that the gate would not let pass from a synthetic person."""
+
+
 def import_references(
     objects_folder: Path,
     folder: Path,
     task: str,
+    fulfils: Fulfils,
     files: Sequence[Path],
     say: Callable[[str], None],
-    form: str = "auto",
-    wishes: Wishes | None = None,
+    config: ImportConfig | None = None,
 ) -> tuple[Stage, Stage]:
     """Import recordings of people who do a task: stages `objects` and `references` made from files of the formats in
-    references/importers.py.
+    references/importers.
 
-    Each clip has the recorded object, or one fitted to the person. `say` hears what was assumed about every file. A
-    file that cannot be
-    read, or without the task in it, is left out, and `say` hears why. Raises BadMotion if nothing is left, before
-    anything is written.
+    Each clip has the recorded object, or one fitted to the person. `say` hears what was assumed about every file, and
+    what the gate would not let pass from a synthetic person. A file that cannot be read, or without the task in it, is
+    left out, and `say` hears why. Raises BadMotion if nothing is left, before anything is written.
     """
+    config = config or ImportConfig()
     clips: dict[str, Clip] = {}
+    beyond = Counter[str]()
     for path in files:
         try:
-            recording = import_recording(path, form, wishes)
+            recording = import_recording(path, config.form, config.wishes)
             found = find_clips(recording, task)
         except (BadFile, BadMotion) as error:
             if len(files) == 1:
@@ -149,7 +162,6 @@ def import_references(
         if set(clips) & {motion.id for motion, _ in found}:
             say(f"left out: {path} has the name of another file; rename it")
             continue
-        clips |= {motion.id: (motion, obj) for motion, obj in found}
         say(
             f"{path.name}: {len(found)} {task} {'clip' if len(found) == 1 else 'clips'} of "
             f"{recording.frames / recording.fps:.1f} s"
@@ -157,25 +169,37 @@ def import_references(
         for line in recording.assumed:
             say(f"  {line}")
         for motion, obj in found:
-            size = np.ptp(obj.corners().reshape(-1, 3), axis=0)
-            say(
-                f"  {motion.id}: {motion.duration:.1f} s with a {obj.kind} of {size[0]:.2f} x "
-                f"{size[1]:.2f} x {size[2]:.2f} m"
-            )
+            wrong = _say_clip(motion, obj, fulfils, say)
+            beyond.update(wrong)
+            if not (wrong and config.gated):
+                clips[motion.id] = (motion, obj)
     if not clips:
         raise BadMotion(
             f"none of the {len(files)} files holds a person who does {task}, see above; give other "
-            "files, or another task (--task)"
+            f"files, or another task (--task){', or leave --gate out' if config.gated and beyond else ''}"
         )
     source = {
         "imported": [path.name for path in files],
-        "format": form,
-        "wishes": asdict(wishes or Wishes()) | {"mesh": str((wishes or Wishes()).mesh)},
-    }
+        "format": config.form,
+        "wishes": asdict(config.wishes) | {"mesh": str(config.wishes.mesh)},
+    } | ({"gated": True} if config.gated else {})
     objects = open_stage(objects_folder, "objects", task, 0, source)
     references = open_stage(folder, "references", task, 0, source, {"objects": objects.fingerprint})
     for motion, obj in clips.values():
         save_object(objects_folder, obj)
         motion.save(folder / f"{motion.id}.npz")
     seconds = sum(motion.duration for motion, _ in clips.values())
-    return objects.finish(count=len(clips)), references.finish(kept=len(clips), seconds=seconds)
+    return objects.finish(count=len(clips)), references.finish(
+        kept=len(clips), seconds=seconds, beyond_gate=_counted(beyond) or "nothing"
+    )
+
+
+def _say_clip(motion: HumanMotion, obj: SceneObject, fulfils: Fulfils, say: Callable[[str], None]) -> list[str]:
+    """Tell what a real clip is and what the gate has against it; its names."""
+    size = np.ptp(obj.corners().reshape(-1, 3), axis=0)
+    say(f"  {motion.id}: {motion.duration:.1f} s with a {obj.kind} of {size[0]:.2f} x {size[1]:.2f} x {size[2]:.2f} m")
+    measures = check_clip(motion, obj)
+    wrong = [*faults(measures), *([] if fulfils(motion, obj) else [METRIC])]
+    if wrong:
+        say(f"    the gate would not let this pass from a synthetic person: {told(measures, wrong)}")
+    return wrong

@@ -288,4 +288,5 @@ def _add_shapes(scene: mujoco.MjvScene, placed: list[Placed]) -> None:
 
 def _add_goals(scene: mujoco.MjvScene, goals_w: np.ndarray | None) -> None:
     solid = Solid("", "ellipsoid", _GOAL_COLOR, (_GOAL_RADIUS, _GOAL_RADIUS, _GOAL_RADIUS), (0.0, 0.0, 0.0))
-    _add_shapes(scene, [Placed(solid, goal, goal, rot.IDENTITY) for goal in (() if goals_w is None else goals_w)])
+    known = [goal for goal in (() if goals_w is None else goals_w) if np.isfinite(goal).all()]
+    _add_shapes(scene, [Placed(solid, goal, goal, rot.IDENTITY) for goal in known])

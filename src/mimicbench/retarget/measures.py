@@ -173,13 +173,13 @@ def wrist_points(links: Links, bound: Bound) -> list[np.ndarray]:
 
 
 def _goal_error(links: Links, bound: Bound, goals_w: np.ndarray) -> float:
-    """Least over frames of the larger distance of the two wrists from their goals (2, 3) [m]; 0 without goals."""
+    """Least over frames of the larger distance of the wrists from their goals (2, 3) [m]; 0 without goals."""
     if not len(goals_w):
         return 0.0
     away = [
         np.linalg.norm(place - goal, axis=-1) for place, goal in zip(wrist_points(links, bound), goals_w, strict=True)
     ]
-    return float(np.max(away, 0).min())
+    return float(np.nanmax(away, 0).min())
 
 
 def _balance(links: Links, robot: Robot, bound: Bound, motion: HumanMotion, standing: np.ndarray) -> float:

@@ -26,10 +26,10 @@ def mark_targets(
         rig: The cameras.
         root_pos: (3,) where the robot's root is [m].
         root_quat: (4,) how it is turned.
-        targets_w: (K, 3) in the world [m].
+        targets_w: (K, 3) in the world [m]; NaN where there is none.
         radius: How many more pixels to color on each side, so that people see it too.
     """
-    marked = color.copy()
+    marked, targets_w = color.copy(), targets_w[np.isfinite(targets_w).all(-1)]
     height, width = color.shape[1:3]
     places, depth = rig.project(rot.rotate_inverse(root_quat, targets_w - root_pos), height, width)
     rows, columns = (np.floor(places[..., axis]).astype(int) for axis in (0, 1))

@@ -33,7 +33,7 @@ class ObjectFacts:
     quat_w: np.ndarray
     """(N, 4) how they are turned now."""
     wrist_goal_w: np.ndarray
-    """(N, 2, 3) where left and right wrist are to go [m]; NaN without such a goal."""
+    """(N, 2, 3) where left and right wrist are to go [m]; NaN for a wrist without such a goal."""
 
     @staticmethod
     def of(objects: Sequence[SceneObject], wrist_goals: Sequence[np.ndarray] | None = None) -> "ObjectFacts":

@@ -2,7 +2,7 @@
 that is too much.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -121,6 +121,23 @@ def check_clip(motion: HumanMotion, obj: SceneObject) -> dict[str, float]:
     return measures
 
 
+def told(measures: dict[str, float], names: Sequence[str], limits: Limits | None = None) -> str:
+    """What is wrong, for people: such as `skate 0.25 (0.01 at most), K`."""
+    limits = limits or Limits()
+    words = []
+    for name in names:
+        field, _, end = name.rpartition("_")
+        if isinstance(limit := getattr(limits, field, None), tuple):
+            bound = f"{limit[0]:.3g} at least" if end == "least" else f"{limit[1]:.3g} at most"
+        elif (limit := getattr(limits, name, None)) is not None:
+            bound = f"{limit:.3g} at most"
+        else:
+            words.append(name)
+            continue
+        words.append(f"{name} {measures[name]:.3g} ({bound})")
+    return ", ".join(words)
+
+
 def is_good(measures: dict[str, float], limits: Limits | None = None) -> bool:
     """Whether what `check_clip` measured is within the limits."""
     return not faults(measures, limits)
@@ -223,6 +240,6 @@ def _reach(motion: HumanMotion, wrists: np.ndarray) -> float:
     """Largest distance of the wrists (T, 2, 3) from their targets [m] during the best second; 0 without targets."""
     if not len(motion.wrist_goal_w):
         return 0.0
-    away = np.linalg.norm(wrists - motion.wrist_goal_w, axis=-1).max(-1)
+    away = np.nanmax(np.linalg.norm(wrists - motion.wrist_goal_w, axis=-1), axis=-1)
     window = min(len(away), max(1, round(HOLD * motion.fps)))
     return float(np.lib.stride_tricks.sliding_window_view(away, window).max(-1).min())

@@ -17,6 +17,8 @@ from mimicbench.references.importers.recording import ObjectTrack
 
 PALM = 0.03
 """Between a wrist that clasps and the side of the box [m]."""
+FINGERS = 0.12
+"""Between a wrist that reaches out and what it reaches for [m]."""
 GRIP = 0.8
 """Where on its height hands clasp a box."""
 SIZES = (0.08, 2.5)
@@ -122,7 +124,8 @@ def touched_box(object_id: str, palms: np.ndarray, pelvis: np.ndarray) -> tuple[
     direction = out[far] / away
     size = (0.4, 0.6, float(np.clip(palms[far, 2] + 0.15, 0.4, 2.0)))
     obj = build_box(object_id, "wooden case", size, 20.0, rng(0, "fitted", object_id))
-    centre = pelvis[:2] + direction * (max(away, float((out @ direction).max())) + size[0] / 2)
+    # in front of the fingers of the hand that reaches, and of the other hand
+    centre = pelvis[:2] + direction * (max(away, float((out @ direction).max())) + FINGERS + size[0] / 2)
     fixed = SceneObject(obj.id, "household", "cabinet", obj.box_pos, obj.box_quat, obj.box_half, obj.box_rgb)
     return fixed, centre, float(np.arctan2(-direction[1], -direction[0]))
 

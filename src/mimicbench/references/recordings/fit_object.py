@@ -51,6 +51,8 @@ class Samples:
     """(S,) whether a point belongs to a shin or foot."""
     arms: np.ndarray
     """(S,) whether a point belongs to an arm or hand."""
+    side: np.ndarray
+    """(S,) of a point of shin or foot 0 for left and 1 for right, else -1."""
 
 
 def seated_frame(motion: HumanMotion, seated: slice) -> tuple[np.ndarray, float, float]:
@@ -138,17 +140,27 @@ def _candidates(
 
 def sample_body(pos: np.ndarray, quat: np.ndarray, motion: HumanMotion) -> Samples:
     """The body's sample points in all frames."""
-    points, radii, roles = [], [], []
-    for part in body_of(motion.skeleton).parts:
+    points, radii, roles, side = [], [], [], []
+    body = body_of(motion.skeleton)
+    for part in body.parts:
         samples = np.linspace(part.start, part.end, 1 if part.start == part.end else 5)
         points.append(pos[:, part.joint, None] + rot.rotate(quat[:, part.joint, None], samples))
         radii += [part.radius] * len(samples)
         roles += [part.role] * len(samples)
+        side += [next((i for i, leg in enumerate(body.legs) if part.joint in leg[1:]), -1)] * len(samples)
     path = np.concatenate(points, 1)
     still = np.linalg.norm(path[-1] - path[-min(len(path), round(0.2 * motion.fps) + 1)], axis=-1) < 0.02
     resting = still & np.isin(roles, "hand")
     trunk, shins, arms = ("pelvis", "trunk", "head"), ("shin", "foot"), ("upper_arm", "lower_arm", "hand")
-    return Samples(path, np.array(radii), np.isin(roles, trunk), resting, np.isin(roles, shins), np.isin(roles, arms))
+    return Samples(
+        path,
+        np.array(radii),
+        np.isin(roles, trunk),
+        resting,
+        np.isin(roles, shins),
+        np.isin(roles, arms),
+        np.where(np.isin(roles, shins), side, -1),
+    )
 
 
 def _judge(

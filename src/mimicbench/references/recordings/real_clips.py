@@ -41,6 +41,9 @@ SLOWDOWN, HELD = 0.3, 1.1
 """The last SLOWDOWN [s] of a reach are stretched to twice as long, in which it comes to rest; then it is held for HELD
 [s]."""
 
+ELSEWHERE = 0.2
+"""[m] A wrist that ends farther from what the other hand reaches for does not reach for it."""
+
 Clip = tuple[HumanMotion, SceneObject]
 
 
@@ -212,7 +215,10 @@ def _lifting_clip(
 
 
 def _touching_clip(recording: Recording) -> Clip:
-    """The reach, the object at the origin facing the person along +x; where the wrists end is their goal."""
+    """The reach, the object at the origin facing the person along +x; where the wrists end is their goal.
+
+    A hand that ends farther than ELSEWHERE from the object has none.
+    """
     rules, wrists = HandlingRules(), _wrists(recording)
     before = round(rules.before_touch * recording.fps)
     tracked, sides = _tracked(recording)
@@ -245,6 +251,9 @@ def _touching_clip(recording: Recording) -> Clip:
         obj, centre, yaw = touched_box(motion.object_id, ends, pos[-1, 0])
     motion = _moved(motion, centre, yaw)
     goal = motion.forward_kinematics()[0][-1, [arm.end for arm in body.arms]]
+    if tracked is None:  # of a recorded object both hands are known to touch it
+        away = obj.distance(goal)
+        goal[(away > ELSEWHERE) & (away > away.min())] = np.nan
     return _with_contacts(replace(motion, wrist_goal_w=goal), obj)
 
 

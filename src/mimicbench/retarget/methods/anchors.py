@@ -168,7 +168,7 @@ def _hand(
     near = holds.astype(float)
     reach = max(1, round(REACHING * motion.fps))
     for start, end in runs(holds):
-        if len(motion.wrist_goal_w):
+        if len(motion.wrist_goal_w) and np.isfinite(motion.wrist_goal_w[side]).all():
             target[start:end] = motion.wrist_goal_w[side]
         else:
             target[start:end] = _grip(scene, np.arange(start, end), palm[start:end], radius)
