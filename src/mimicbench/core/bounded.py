@@ -8,6 +8,7 @@ import importlib
 import io
 import os
 import resource
+import signal
 import subprocess
 import sys
 import zipfile
@@ -17,6 +18,7 @@ import numpy as np
 
 from mimicbench.core.errors import BadFile, MimicbenchError
 
+PATIENCE = 3.0
 _OUT_OF_MEMORY, _FAILED = 3, 4
 
 
@@ -29,7 +31,7 @@ def run_bounded(
         module: full name of the module.
         function: name of the function in it.
         arrays: its arguments; plain arrays, no objects.
-        seconds: wall-clock time and processor time that it may take.
+        seconds: processor time that it may take; by the clock it may take PATIENCE times as long, on a busy machine.
         memory: address space that it may take [bytes].
         blame: start of the sentence if it fails, such as `chair.obj cannot be read: `.
 
@@ -49,12 +51,12 @@ def run_bounded(
                 "mimicbench.core.bounded",
                 module,
                 function,
-                str(int(seconds) + 1),
+                str(max(1, round(seconds))),
                 str(memory),
             ],
             input=stream.getvalue(),
             capture_output=True,
-            timeout=seconds,
+            timeout=PATIENCE * seconds,
             check=False,
             env={**os.environ, **one_thread},
         )
@@ -66,6 +68,8 @@ def run_bounded(
                 return {name: found[name] for name in found.files}
         except (OSError, ValueError, EOFError, zipfile.BadZipFile):
             raise BadFile(f"{blame}what came back from it is damaged") from None
+    if done.returncode == -signal.SIGXCPU:
+        raise BadFile(f"{blame}it takes more than {seconds:.0f} s")
     if done.returncode == _OUT_OF_MEMORY:
         raise BadFile(f"{blame}it takes more than {memory >> 20} MiB of memory")
     lines = done.stderr.decode(errors="replace").strip().splitlines()

@@ -17,6 +17,8 @@ from mimicbench.core.errors import BadFile
 from mimicbench.core.pickles import PLAIN_TYPE, RefusedError, Storage, StorageType, make_array, unpickle
 
 NPY = b"\x93NUMPY"
+POINTERS = (b"version https://git-lfs.github.com/spec/", b"/annex/objects/")
+"""What stands in a file whose content Git LFS or git-annex keeps elsewhere."""
 MAX_HEADER = 1_000
 """Bytes of an `.npy` file's header."""
 MAX_MEMBERS = 1_000
@@ -92,6 +94,11 @@ def read_bytes(path: Path, max_bytes: int) -> bytes:
         ) from None
     if not raw:
         raise BadFile(f"{path} is empty; get it again from where it came")
+    if len(raw) < 2000 and raw.startswith(POINTERS):
+        raise BadFile(
+            f"{path} is a pointer of Git LFS or git-annex, not the file itself; fetch it first (git lfs pull, or "
+            "git annex get)"
+        )
     return raw
 
 

@@ -5,99 +5,33 @@ others are split by coacd, in a process of its own with limits. If there are too
 the least volume.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.bounded import run_bounded
 from mimicbench.core.errors import BadFile, BadObject
 from mimicbench.objects.importing.mesh import Mesh, weld
+from mimicbench.objects.importing.topology import Topology, topology
 from mimicbench.objects.shape import SLOTS
 
 CORNERS = 24
 """Most corners of a convex piece."""
 SHEET = 0.01
 """[m]; what is thinner than half of this gets this thickness, as physics needs one."""
-CROWDED = 20_000
-"""Edges of more than two faces that are looked at."""
 MAX_PARTS = 96
 """Of more parts than this, the small ones are left to coacd together with the others."""
-SPLIT_FACES = 20_000
+SPLIT_FACES = 12_000
 """coacd gets a coarser mesh if there are more."""
-SPLIT_SECONDS = 45.0
+SPLIT_SECONDS = 30.0
 SPLIT_BYTES = 4 << 30
-
-
-@dataclass(frozen=True)
-class Topology:
-    """What a mesh hangs together by."""
-
-    part: np.ndarray
-    """(F,) the part that each face belongs to."""
-    closed: np.ndarray
-    """(parts,) whether every edge of a part has two faces of it, in opposite directions."""
-
-
-def topology(mesh: Mesh) -> Topology:
-    """Parts are faces joined by edges that two of them share; bodies that merely touch stay apart."""
-    edges = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    face = np.repeat(np.arange(len(mesh.faces)), 3)
-    ordered = np.sort(edges, axis=1)
-    key = ordered[:, 0] * len(mesh.vertices) + ordered[:, 1]
-    _, name, count = np.unique(key, return_inverse=True, return_counts=True)
-    order = np.argsort(name, kind="stable")
-    pairs = order[(count[name] == 2)[order]].reshape(-1, 2)
-    forward = edges[:, 0] < edges[:, 1]
-    ends = np.cumsum(count)
-    crowded = [
-        order[ends[edge] - count[edge] : ends[edge]] for edge in np.flatnonzero((count > 2) & (count < 100))[:CROWDED]
-    ]
-    pairs = np.concatenate(
-        [pairs, *(_around(mesh, ordered[uses[0]], uses, face[uses], forward[uses]) for uses in crowded)]
-    )
-    graph = coo_matrix((np.ones(len(pairs)), (face[pairs[:, 0]], face[pairs[:, 1]])), shape=(len(mesh.faces),) * 2)
-    parts, part = connected_components(graph, directed=False)
-    # within its part, an edge must be passed once in either direction
-    within = name * parts + part[face]
-    _, own = np.unique(within, return_inverse=True)
-    balance = np.bincount(own, np.where(forward, 1, -1))
-    uses = np.bincount(own)
-    open_edge = (balance != 0) | (uses % 2 != 0)
-    closed = np.ones(parts, bool)
-    closed[part[face[open_edge[own]]]] = False
-    return Topology(part, closed)
-
-
-def _around(mesh: Mesh, edge: np.ndarray, uses: np.ndarray, face: np.ndarray, forward: np.ndarray) -> np.ndarray:
-    """Pairs (n, 2) of an edge's uses that have the inside of one body between them, for an edge that several bodies
-    share.
-
-    Seen along the edge, the inside of a face that passes it forward lies clockwise of the face, up to the next face
-    that
-    passes it backward.
-    """
-    start, end = mesh.vertices[edge]
-    along = (end - start) / np.linalg.norm(end - start)
-    third = mesh.vertices[(mesh.faces[face].sum(1) - edge.sum())] - start
-    first = np.cross(along, np.eye(3)[int(np.argmin(np.abs(along)))])
-    angle = np.arctan2(third @ np.cross(along, first), third @ first)
-    back = np.flatnonzero(~forward)
-    if not len(back):
-        return np.zeros((0, 2), int)
-    clockwise = (angle[forward, None] - angle[None, back] - 1e-6) % (2 * np.pi)
-    return np.stack([uses[forward], uses[back[clockwise.argmin(1)]]], -1)
-
-
-def outward(mesh: Mesh, found: Topology) -> Mesh:
-    """The same with the closed parts turned inside in where they were inside out."""
-    a, b, c = (mesh.vertices[mesh.faces[:, i]] - mesh.vertices.mean(0) for i in range(3))
-    volume = np.bincount(found.part, (a * np.cross(b, c)).sum(1) / 6, len(found.closed))
-    flip = (found.closed & (volume < 0))[found.part]
-    return Mesh(mesh.vertices, np.where(flip[:, None], mesh.faces[:, ::-1], mesh.faces))
+FINENESS = (
+    {"threshold": 0.05, "preprocess_resolution": 40, "resolution": 400, "mcts_nodes": 8, "mcts_iterations": 15},
+    {"threshold": 0.1, "preprocess_resolution": 30, "resolution": 300, "mcts_nodes": 6, "mcts_iterations": 8},
+)
+"""How coacd looks for cuts, at first and if that takes too long; of a part that is as large as the whole."""
+COARSEST, CONVEX = 12, 0.8
+"""Least resolution of a small part, and largest threshold."""
 
 
 def split(mesh: Mesh, found: Topology, limit: int = SLOTS) -> tuple[list[np.ndarray], list[str]]:
@@ -119,8 +53,9 @@ def split(mesh: Mesh, found: Topology, limit: int = SLOTS) -> tuple[list[np.ndar
             pieces.append(piece)
     notes = [f"{len(pieces)} of {len(parts)} parts are convex as they are"]
     if rest:
-        concave = Mesh(mesh.vertices, mesh.faces[np.isin(found.part, rest)])
-        cut = _coacd(concave, max(limit - len(pieces), limit // 2))
+        concave = np.isin(found.part, rest)
+        part = np.where(np.isin(found.part, big), found.part, -1)  # crumbs are one part
+        cut = _coacd(Mesh(mesh.vertices, mesh.faces[concave]), part[concave], max(limit - len(pieces), limit // 2))
         pieces += cut
         notes.append(f"coacd split the other {len(rest)} into {len(cut)} pieces")
     if not pieces:
@@ -171,18 +106,20 @@ def _thickened(corners: np.ndarray, normal: np.ndarray, thin: float) -> np.ndarr
     )
 
 
-def _coacd(mesh: Mesh, limit: int) -> list[np.ndarray]:
+def _coacd(mesh: Mesh, part: np.ndarray, limit: int) -> list[np.ndarray]:
     """Convex pieces of a mesh. Two attempts: a fine one, then a coarse one."""
     low, high = mesh.bounds()
     cell = 0.002
     while len(mesh.faces) > SPLIT_FACES:
-        mesh = weld(mesh, cell)
+        mesh, part = weld(mesh, cell), np.zeros(0, int)
         cell *= 1.5
+    part = part if len(part) else topology(mesh).part
     reason = ""
-    for fineness in (2, 1):
+    for fineness in range(len(FINENESS)):
         arrays = {
             "vertices": mesh.vertices,
             "faces": mesh.faces,
+            "part": part,
             "limit": np.array(limit),
             "fineness": np.array(fineness),
         }
@@ -212,25 +149,28 @@ def _solid(piece: np.ndarray) -> np.ndarray:
 
 
 def coacd_pieces(
-    vertices: np.ndarray, faces: np.ndarray, limit: np.ndarray, fineness: np.ndarray
+    vertices: np.ndarray, faces: np.ndarray, part: np.ndarray, limit: np.ndarray, fineness: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """What runs in a process of its own: corners of all pieces one after the other, and how many each has."""
+    """What runs in a process of its own: corners of all pieces one after the other, and how many each has.
+
+    Parts (F,) are split one by one: small ones as coarsely, measured in meters, as large ones.
+    """
     import coacd
 
     coacd.set_log_level("off")
-    fine = int(fineness) > 1
-    found = coacd.run_coacd(
-        coacd.Mesh(vertices, faces),
-        threshold=0.04 if fine else 0.1,
-        max_convex_hull=int(limit),
-        preprocess_resolution=60 if fine else 40,
-        resolution=1000,
-        mcts_nodes=12 if fine else 8,
-        mcts_iterations=60 if fine else 20,
-        mcts_max_depth=3 if fine else 2,
-        seed=0,
-    )
-    corners = [np.asarray(piece[0], float) for piece in found]
+    options = FINENESS[int(fineness)]
+    extent = float(np.linalg.norm(np.ptp(vertices[np.unique(faces)], axis=0)))
+    corners: list[np.ndarray] = []
+    for name in np.unique(part):
+        used, own = np.unique(faces[part == name], return_inverse=True)
+        share = max(float(np.linalg.norm(np.ptp(vertices[used], axis=0))) / extent, 1e-3)
+        scaled = {
+            "threshold": min(options["threshold"] / share, CONVEX),
+            "preprocess_resolution": max(round(options["preprocess_resolution"] * share), COARSEST),
+        }
+        mesh = coacd.Mesh(vertices[used], own.reshape(-1, 3).astype(np.int32))
+        found = coacd.run_coacd(mesh, max_convex_hull=int(limit), mcts_max_depth=2, seed=0, **{**options, **scaled})
+        corners += [np.asarray(piece[0], float) for piece in found]
     return {
         "corners": np.concatenate(corners) if corners else np.zeros((0, 3)),
         "counts": np.array([len(piece) for piece in corners], np.int64),

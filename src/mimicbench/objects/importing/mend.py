@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from mimicbench.objects.importing.convex import Topology, outward, topology
 from mimicbench.objects.importing.mesh import Mesh
+from mimicbench.objects.importing.topology import Topology, outward, topology
 
 SMALL = 0.25
 """[m]; a hole within this is closed whatever its shape."""

@@ -6,19 +6,20 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import msgspec
 import numpy as np
 from scipy.spatial import ConvexHull, Delaunay
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile, BadObject, MimicbenchError
-from mimicbench.core.files import read_json, write_json
+from mimicbench.core.files import write_json
 from mimicbench.core.stage import HEADER, Stage, open_stage
 from mimicbench.objects.importing.convex import box_around, split
+from mimicbench.objects.importing.evidence import Evidence, read_evidence
 from mimicbench.objects.importing.mend import close_holes
 from mimicbench.objects.importing.mesh import MAX_BYTES, Mesh, read_mesh
 from mimicbench.objects.importing.placing import ANYTHING, KINDS, LIE, Placed, Wishes, place
 from mimicbench.objects.importing.planes import LevelPlane
+from mimicbench.objects.importing.sheets import one_sheet
 from mimicbench.objects.shape import SceneObject, save_object
 from mimicbench.objects.touch import UPRIGHT, with_touch_points
 
@@ -41,48 +42,6 @@ class ImportConfig:
     """[kg], of objects to be lifted."""
 
 
-@dataclass(frozen=True)
-class Evidence:
-    """What an imported object was made from, and why it came out as it did."""
-
-    id: str
-    file: str
-    sha256: str
-    meters_per_unit: float
-    up: str
-    front: str
-    size: tuple[float, float, float]
-    """Front to back, width, height [m]."""
-    pieces: int
-    boxes: int
-    """How many of the pieces are boxes."""
-    filled: float
-    """Volume of the convex pieces over the volume of the boxes around them."""
-    seat_height: float | None
-    """Of the pieces' top within the outline [m]."""
-    mesh_seat_height: float | None
-    """Of the mesh itself [m]."""
-    seat_area: float | None
-    """[m^2]"""
-    seat_polygon: list[list[float]]
-    reasons: tuple[str, ...]
-
-    def text(self) -> str:
-        """A few lines to read."""
-        lines = [
-            f"{self.file} -> {self.id}: {' x '.join(f'{side:.2f}' for side in self.size)} m, "
-            f"{self.pieces} pieces ({self.boxes} of them boxes)"
-        ]
-        if self.seat_height is not None and self.seat_area is not None:
-            low, high = np.min(self.seat_polygon, 0), np.max(self.seat_polygon, 0)
-            lines.append(
-                f"  plane at {self.seat_height:.3f} m, {self.seat_area:.2f} m2, x {low[0]:.2f} to "
-                f"{high[0]:.2f}, y {low[1]:.2f} to {high[1]:.2f}, "
-                f"{len(self.seat_polygon)} corners"
-            )
-        return "\n".join([*lines, *(f"  {reason}" for reason in self.reasons)])
-
-
 def import_mesh(
     path: Path, family: str, config: ImportConfig, object_id: str | None = None
 ) -> tuple[SceneObject, Evidence]:
@@ -98,6 +57,7 @@ def _make(mesh: Mesh, path: Path, family: str, config: ImportConfig, object_id: 
     kind = KINDS.get(family, ANYTHING)
     if not 0 < config.mass < 1000:
         raise BadObject(f"a mass of {config.mass} kg cannot be; give --mass between 0 and 1000")
+    mesh, pairs = one_sheet(mesh)
     placed = place(mesh, kind, path.suffix.lower()[1:], config.wishes)
     if kind.needs is not None and placed.plane is None:
         low, high = kind.needs.heights
@@ -108,7 +68,9 @@ def _make(mesh: Mesh, path: Path, family: str, config: ImportConfig, object_id: 
         )
     solid, found, mended = close_holes(placed.mesh, placed.topology)
     pieces, how = split(solid, found)
-    reasons = [*placed.reasons, *mended, *how]
+    sheets = [f"{pairs} faces come twice, once reversed: sheets, of use from both sides"] if pairs else []
+    leans = [f"the plane leans by {placed.plane.tilt:.0f} degrees"] if placed.plane and placed.plane.tilt > 3 else []
+    reasons = [*placed.reasons, *leans, *sheets, *mended, *how]
     boxes = [box_around(piece) for piece in pieces]
     volumes, filled = _volumes(pieces), np.array([8 * half.prod() for _, _, half in boxes])
     is_box = (volumes >= BOX_LIKE * filled) | (config.pieces == "boxes")
@@ -186,7 +148,7 @@ def import_objects(
     if (folder / HEADER).exists():
         stage = open_stage(folder, "objects", task, 0, source)
         if stage.complete:
-            return stage, [_read_evidence(folder, object_id) for object_id in ids]
+            return stage, [read_evidence(folder, object_id) for object_id in ids]
     made = []
     for path, object_id in zip(files, ids, strict=True):
         made.append(import_mesh(path, family, config, object_id))
@@ -198,14 +160,6 @@ def import_objects(
     return stage.finish(count=len(made), test=sum(obj.split == "test" for obj, _ in made)), [
         evidence for _, evidence in made
     ]
-
-
-def _read_evidence(folder: Path, object_id: str) -> Evidence:
-    path = folder / "evidence" / f"{object_id}.json"
-    try:
-        return msgspec.convert(read_json(path), Evidence)
-    except msgspec.ValidationError as error:
-        raise BadFile(f"{path} is no evidence of an import ({error}); delete {folder} and import again") from None
 
 
 def _sha256(path: Path) -> str:

@@ -9,11 +9,11 @@ from typing import Literal
 import numpy as np
 
 from mimicbench.core.errors import BadObject
-from mimicbench.objects.importing.convex import Topology, outward, topology
+from mimicbench.objects.importing.axes import Axis, rotation, usual_front
 from mimicbench.objects.importing.mesh import Mesh
 from mimicbench.objects.importing.planes import LIE, SIT, LevelPlane, PlaneNeeds, find_plane, surfaces
+from mimicbench.objects.importing.topology import Topology, outward, topology
 
-Axis = Literal["x+", "x-", "y+", "y-", "z+", "z-"]
 Unit = Literal["m", "cm", "mm", "in", "normalized"]
 METERS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 
@@ -51,8 +51,16 @@ _PRIOR = {
     "ply": {"y+": -0.3, "z+": 0.0},
     "stl": {"y+": -0.6, "z+": 0.0},
 }
-"""What is usual in a format: GLB has y up by its definition, ShapeNet's OBJ files too; what goes to a printer has z
-up."""
+"""What is usual in a format: GLB has y up by its definition, ShapeNet's OBJ files too; what goes to a printer has z up.
+Nobody has x up."""
+LENIENT = {
+    SIT: PlaneNeeds((0.15, 0.90), 0.3, (0.24, 0.24)),
+    LIE: PlaneNeeds((0.12, 1.00), 0.3, (0.40, 1.20)),
+}
+"""What could be meant for a plane to sit or lie on, though it does not do."""
+TOY = 0.25
+"""Meshes that are so much smaller than usual, as the mean logarithm, and have no plane as they are, are tried in the
+usual size: furniture of games."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +84,7 @@ class Placed:
     """A mesh on the floor at the origin, facing +x."""
 
     mesh: Mesh
-    """z up, metres."""
+    """z up, meters."""
     topology: Topology
     scale: float
     """Meters per unit of the file."""
@@ -88,65 +96,108 @@ class Placed:
 
 
 def place(mesh: Mesh, kind: Kind, file_format: str, wishes: Wishes) -> Placed:
-    """Scale, turn and centre a mesh and drop it to the floor.
+    """Scale, turn and center a mesh and drop it to the floor.
 
     Raises BadObject if no reading of its numbers makes sense.
     """
     if wishes.front and wishes.up and wishes.front[0] == wishes.up[0]:
         raise BadObject(f"front {wishes.front} and up {wishes.up} are the same axis; give two different ones")
-    ups = (
-        [wishes.up]
-        if wishes.up
-        else [up for up in ("y+", "z+", "x+") if not (wishes.front and wishes.front[0] == up[0])]
-    )
-    tried: list[tuple[float, str, Placed]] = []
+    ups = [wishes.up] if wishes.up else [up for up in ("y+", "z+") if not (wishes.front and wishes.front[0] == up[0])]
+    tried: dict[str, tuple[Placed, float]] = {}
     problems: list[str] = []
     for up in ups:
         try:
-            placed, cost = _stand(mesh, kind, up, wishes)
+            tried[up] = _stand(mesh, kind, up, wishes)
         except BadObject as error:
             problems.append(str(error))
-            continue
-        seat = 0.0 if kind.needs is None else (3.0 if placed.plane else 0.0)
-        tried.append((seat - cost + _PRIOR[file_format].get(up, -2.0), up, placed))
     if not tried:
         raise BadObject(problems[0])
-    _, up, best = max(tried, key=lambda entry: entry[0])
     if wishes.up:
-        why = f"up is {up}, as given"
+        return _face(tried[wishes.up][0], kind, wishes, f"up is {wishes.up}, as given")
+    defined = "GLB has y up by its definition" if file_format == "glb" else ""
+    if not defined and _normalized(np.subtract(*mesh.bounds()[::-1]), mesh):
+        defined = "so are normalized meshes"
+    if defined:
+        up = _upright_unless(tried, kind)
     else:
-        others = [other for _, other, placed in tried if other != up and placed.plane is not None]
-        usual = max(_PRIOR[file_format], key=lambda axis: _PRIOR[file_format][axis])
-        evidence = (
-            "the size fits"
-            if kind.needs is None
-            else ("a plane fits" if best.plane else "the size fits, though no plane does")
-        )
-        why = f"up is {up}: {evidence}{', and it is usual in ' + file_format.upper() if up == usual else ''}"
-        why += f" (a plane would fit with {' and '.join(others)} too: give --up if this is wrong)" if others else ""
+        up = max(tried, key=lambda up: _likely(tried[up], kind) + _PRIOR[file_format].get(up, -2.0))
+    best = tried[up][0]
+    others = [other for other, (placed, _) in tried.items() if other != up and placed.plane is not None]
+    usual = max(_PRIOR[file_format], key=lambda axis: _PRIOR[file_format][axis])
+    fits = "the size fits" if kind.needs is None or best.plane is None else "a plane fits"
+    fits += ", though no plane does" if kind.needs is not None and best.plane is None else ""
+    why = f"up is {up}: {fits}{', and it is usual in ' + file_format.upper() if up == usual else ''}"
+    if defined and up == "y+":
+        why = f"up is y+: {defined}"
+    why += f" (a plane would fit with {' and '.join(others)} too: give --up if this is wrong)" if others else ""
     return _face(best, kind, wishes, why)
+
+
+def _likely(found: tuple[Placed, float], kind: Kind) -> float:
+    """How likely a mesh stands so, but for what is usual: by its plane and its size."""
+    placed, cost = found
+    return (3.0 if kind.needs is not None and placed.plane else 0.0) - cost
+
+
+def _upright_unless(tried: dict[str, tuple[Placed, float]], kind: Kind) -> str:
+    """y, unless z has a plane where y has nothing like one, and z's size is no less likely."""
+    if "y+" not in tried or "z+" not in tried:
+        return next(iter(tried))
+    (upright, cost), (other, other_cost) = tried["y+"], tried["z+"]
+    if kind.needs is None or other.plane is None or upright.plane is not None or other_cost > cost:
+        return "y+"
+    return "y+" if _plane(upright.mesh, upright.topology, LENIENT[kind.needs]) is not None else "z+"
+
+
+def _plane(mesh: Mesh, found: Topology, needs: PlaneNeeds) -> LevelPlane | None:
+    """The plane of a standing mesh; of parts that are not closed nobody knows which side is outside."""
+    return find_plane(surfaces(mesh, found.closed[found.part]), needs)
 
 
 def _stand(mesh: Mesh, kind: Kind, up: str, wishes: Wishes) -> tuple[Placed, float]:
     """The mesh on the floor with one axis up, its front not yet known, and how unlikely its size is."""
-    turned = Mesh(mesh.vertices @ _rotation(up, _usual_front(up)).T, mesh.faces)
+    turned = Mesh(mesh.vertices @ rotation(up, usual_front(up)).T, mesh.faces)
     low, high = turned.bounds()
     scale, cost, why = _scale(high - low, turned, kind, wishes)
+    placed = _scaled(turned, kind, up, scale, why)
+    logs = _logs((high - low) * scale, kind)
+    if (
+        kind.needs is not None
+        and placed.plane is None
+        and wishes == Wishes(up=wishes.up, front=wishes.front)
+        and logs.mean() < -TOY
+    ):
+        usual = scale * float(np.exp(-logs.mean()))
+        why = (
+            f"1 unit is {usual:.4g} m: in m, cm, mm and in it has no plane or no likely size, so it gets the usual "
+            "size of its family; give --height to set it"
+        )
+        resized = _scaled(turned, kind, up, usual, why)
+        if resized.plane is not None:
+            return resized, cost + 0.5
+    return placed, cost
+
+
+def _scaled(turned: Mesh, kind: Kind, up: str, scale: float, why: str) -> Placed:
+    """A mesh that has z up, in meters, on the floor, centered, its closed parts not inside out, with its plane."""
+    low, high = turned.bounds()
     middle = np.array([*(low + high)[:2] / 2, low[2]])
     standing = Mesh((turned.vertices - middle) * scale, turned.faces)
     found = topology(standing)
     standing = outward(standing, found)
-    plane = None
-    if kind.needs is not None:
-        plane = find_plane(surfaces(standing, found.closed[found.part]), kind.needs)
-    return Placed(standing, found, scale, up, _usual_front(up), plane, (why,)), cost
+    plane = None if kind.needs is None else _plane(standing, found, kind.needs)
+    return Placed(standing, found, scale, up, usual_front(up), plane, (why,))
+
+
+def _logs(size: np.ndarray, kind: Kind) -> np.ndarray:
+    """Logarithms (3,) of a bounding box's sides over the usual ones: longer and shorter on the floor, and height."""
+    return np.log(np.maximum([max(size[:2]), min(size[:2]), size[2]], 1e-12) / np.array(kind.size))
 
 
 def _scale(size: np.ndarray, mesh: Mesh, kind: Kind, wishes: Wishes) -> tuple[float, float, str]:
     """Meters per unit, how unlikely the size is, and why. `size` (3,) is the bounding box in the file's unit, z up."""
     shape = f"{size[0]:.4g} x {size[1]:.4g} x {size[2]:.4g}"
-    expected = np.array(kind.size)
-    logs = np.log(np.maximum([max(size[:2]), min(size[:2]), size[2]], 1e-12) / expected)
+    logs = _logs(size, kind)
     if sum(value is not None for value in (wishes.unit, wishes.height, wishes.scale)) > 1:
         raise BadObject("give only one of --unit, --height and --scale")
     if not all(1e-9 < value < 1e9 for value in (wishes.height, wishes.scale) if value is not None):
@@ -192,19 +243,17 @@ def _normalized(size: np.ndarray, mesh: Mesh) -> bool:
 
 
 def _face(placed: Placed, kind: Kind, wishes: Wishes, why_up: str) -> Placed:
-    """Turn the front to +x and centre again."""
+    """Turn the front to +x and center again."""
     if wishes.front:
         front, why = wishes.front, f"front is {wishes.front}, as given"
     else:
         front, why = _front(placed, kind)
     # from the usual front to the wanted one, both seen in the file's axes
-    turn = _rotation(placed.up, front) @ _rotation(placed.up, placed.front).T
+    turn = rotation(placed.up, front) @ rotation(placed.up, placed.front).T
     mesh = Mesh(placed.mesh.vertices @ turn.T, placed.mesh.faces)
     low, high = mesh.bounds()
     mesh = Mesh(mesh.vertices - np.array([*(low + high)[:2] / 2, low[2]]), mesh.faces)
-    plane = None
-    if kind.needs is not None:
-        plane = find_plane(surfaces(mesh, placed.topology.closed[placed.topology.part]), kind.needs)
+    plane = None if kind.needs is None else _plane(mesh, placed.topology, kind.needs)
     return Placed(mesh, placed.topology, placed.scale, placed.up, front, plane, (*placed.reasons, why_up, why))
 
 
@@ -231,6 +280,9 @@ def _front(placed: Placed, kind: Kind) -> tuple[str, str]:
     if above.any():
         middle = placed.plane.polygon.mean(0)
         back = (found.xy(found.cell[above]) - middle).mean(0) / (high - low)[:2]
+        if kind.front != "any" and abs(length - width) > 0.1 * max(length, width):
+            # an armrest at one end is no back
+            back[0 if (length > width) == (kind.front == "long") else 1] = 0.0
         if np.abs(back).max() > 0.12:
             axis = int(np.abs(back).argmax())
             direction = np.zeros(3)
@@ -242,23 +294,6 @@ def _front(placed: Placed, kind: Kind) -> tuple[str, str]:
 
 def _in_file(placed: Placed, direction: np.ndarray) -> str:
     """The file's axis that a direction (3,) of the standing mesh is."""
-    found = _rotation(placed.up, placed.front).T @ direction
+    found = rotation(placed.up, placed.front).T @ direction
     index = int(np.abs(found).argmax())
     return "xyz"[index] + ("+" if found[index] > 0 else "-")
-
-
-def _usual_front(up: str) -> str:
-    """ShapeNet has y up and -z in front; with z up, -y is usual."""
-    return {"x": "z-", "y": "z-", "z": "y-"}[up[0]]
-
-
-def _vector(axis: str) -> np.ndarray:
-    vector = np.zeros(3)
-    vector["xyz".index(axis[0])] = 1.0 if axis[1] == "+" else -1.0
-    return vector
-
-
-def _rotation(up: str, front: str) -> np.ndarray:
-    """(3, 3) that turns the file's `front` to +x and its `up` to +z."""
-    x, z = _vector(front), _vector(up)
-    return np.stack([x, np.cross(z, x), z])

@@ -1,8 +1,8 @@
 """Finds the planes of a mesh to sit or lie on: level, free above, and large enough.
 
 Vertical lines stand on a grid of 2 cm. Where one passes through the mesh, there is a surface; it can be sat on if it is
-level, at the right height, faces up, and nothing is above it for the headroom. Neighboring lines with such surfaces
-within a few centimetres of one height make a plane, and the largest is the one.
+at the right height, faces up, and nothing is above it for the headroom. Neighboring lines with such surfaces within a
+few centimeters of one plane that is nearly level make a plane, and the largest is the one.
 """
 
 from dataclasses import dataclass
@@ -18,10 +18,16 @@ CELL = 0.02
 """[m] between the vertical lines."""
 MAX_CROSSINGS = 8_000_000
 """Pairs of line and triangle that are looked at, before a mesh is refused."""
-LEVEL = 0.94
-"""Least vertical part of the normal of a level surface: 20 degrees."""
+LEVEL = np.radians(20.0)
+"""Most slope of a level surface over 10 cm [rad]."""
+LEANS = np.tan(np.radians(15.0)) * CELL
+"""Most slope of a whole plane, from line to line [m]."""
 BAND = 0.03
-"""[m]; a plane's surface is within this of one height; cushions are curved."""
+"""[m]; a plane's surface is within this of it; cushions are curved."""
+SEAM = 3
+"""Lines; a seam between cushions is narrower."""
+ROUNDS = 4
+"""How often a plane is fitted to what is near it."""
 
 
 @dataclass(frozen=True)
@@ -48,8 +54,6 @@ class Surfaces:
     """(N, 2) which line, as row (x) and column (y) of the grid."""
     height: np.ndarray
     """(N,) [m]."""
-    level: np.ndarray
-    """(N,) vertical part of the unit normal, in 0..1."""
     gap: np.ndarray
     """(N,) to the next surface above [m]; infinity if there is none."""
     up: np.ndarray
@@ -78,6 +82,8 @@ class LevelPlane:
     """Its heights are within this of the median, for 95 % of it [m]."""
     rectangle: tuple[float, float]
     """Sides along x and y of the largest rectangle on it [m]."""
+    tilt: float = 0.0
+    """How much it leans [degrees]."""
 
 
 def surfaces(mesh: Mesh, sided: np.ndarray | None = None) -> Surfaces:
@@ -113,44 +119,102 @@ def surfaces(mesh: Mesh, sided: np.ndarray | None = None) -> Surfaces:
     gap = np.full(len(face), np.inf)
     same = (cell[1:] == cell[:-1]).all(1)
     gap[:-1][same] = (height[1:] - height[:-1])[same]
-    level = np.abs(normal[face, 2]) / np.linalg.norm(normal[face], axis=1)
     # two faces that lie on each other are one surface
     keep = gap > 1e-6
-    return Surfaces(cell[keep], height[keep], level[keep], gap[keep], up[face][keep], low, (rows, columns))
+    return Surfaces(cell[keep], height[keep], gap[keep], up[face][keep], low, (rows, columns))
 
 
 def find_plane(found: Surfaces, needs: PlaneNeeds) -> LevelPlane | None:
-    """The largest plane that fulfils the needs, or None."""
-    fits = (found.level >= LEVEL) & found.up & (found.gap >= needs.headroom)
-    fits &= (found.height >= needs.heights[0]) & (found.height <= needs.heights[1])
-    cell, height = found.cell[fits], found.height[fits]
-    best = 0.0
-    best_cells: tuple[np.ndarray, np.ndarray] | None = None
-    for middle in np.arange(needs.heights[0], needs.heights[1] + 0.005, 0.01):
-        near = np.abs(height - middle) <= BAND
-        if near.sum() <= best:
-            continue
-        mask = np.zeros(found.shape, bool)
-        mask[tuple(cell[near].T)] = True
-        # what is narrower than 6 cm is a rail or an armrest's edge
-        wide = np.asarray(ndimage.binary_opening(mask, np.ones((3, 3))))
-        if wide.any():
-            names = np.zeros(found.shape, np.int32)
-            ndimage.label(wide, output=names)
-            sizes = np.bincount(names.ravel())[1:]
-            if sizes.max() > best:
-                best, best_cells = float(sizes.max()), (names == 1 + int(sizes.argmax()), near)
-    if best_cells is None:
+    """The largest plane that fulfills the needs, or None.
+
+    From every height the surface within BAND of it is taken, then again that within BAND of its least-squares plane:
+    seats lean back, cushions are curved and tufted. What counts is whether the surface is level over 10 cm, not whether
+    every facet of it is.
+    """
+    height, top = _maps(found, needs)
+    known = np.isfinite(height)
+    levels = np.arange(needs.heights[0], needs.heights[1] + 0.005, 0.01)
+    counts = [(int((np.abs(height[known] - level) <= BAND).sum()), level) for level in levels]
+    best, area = None, 0
+    for count, level in sorted(counts, reverse=True):
+        if 2 * count <= area:
+            break
+        fit, mask = np.array([0.0, 0.0, level]), np.zeros(height.shape, bool)
+        for _ in range(ROUNDS):
+            mask, on_it = _region(height, top, fit)
+            if mask.sum() > area:
+                best, area = (mask, on_it, fit), int(mask.sum())
+            leans = _least_squares(height, on_it) if on_it.sum() >= 9 else None
+            if leans is None or np.hypot(*leans[:2]) > LEANS:
+                break
+            fit = leans
+    if best is None:
         return None
-    mask, near = best_cells[0], best_cells[1]
+    mask, on_it, fit = best
     rows, columns = _rectangle(mask)
     sides = ((rows[1] - rows[0]) * CELL, (columns[1] - columns[0]) * CELL)
     if min(sides) < needs.size[0] - CELL or max(sides) < needs.size[1] - CELL:
         return None
-    on_it = near & mask[tuple(cell.T)]
     middle = float(np.median(height[on_it]))
     spread = float(np.quantile(np.abs(height[on_it] - middle), 0.95))
-    return LevelPlane(middle, _outline(found, mask, rows, columns), best * CELL**2, spread, sides)
+    tilt = float(np.degrees(np.arctan(np.hypot(*fit[:2]) / CELL)))
+    return LevelPlane(middle, _outline(found, mask, rows, columns), area * CELL**2, spread, sides, tilt)
+
+
+def _maps(found: Surfaces, needs: PlaneNeeds) -> tuple[np.ndarray, np.ndarray]:
+    """Height of what carries at every line, NaN where nothing does, and of the highest surface there is, -inf where
+    there is none: both (X, Y) [m].
+    """
+    height, top = np.full(found.shape, np.nan), np.full(found.shape, -np.inf)
+    top[tuple(found.cell.T)] = found.height  # the last of a line is its highest
+    carries = found.up & (found.gap >= needs.headroom)
+    carries &= (found.height >= needs.heights[0]) & (found.height <= needs.heights[1])
+    height[tuple(found.cell[carries].T)] = found.height[carries]
+    return height, top
+
+
+def _region(height: np.ndarray, top: np.ndarray, fit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The widest region (X, Y) near a plane, seams included, and the lines in it that are near the plane.
+
+    The plane is `fit` (3,): its slopes per line along rows and columns, and its height at the first line [m].
+    """
+    rows, columns = np.indices(height.shape)
+    plane = fit[0] * rows + fit[1] * columns + fit[2]
+    near = np.nan_to_num(np.abs(height - plane), nan=np.inf) <= BAND
+    near &= _level(np.where(near, height, 0.0), near)
+    # cushions have seams and tufts; what stands up between two is no seam
+    pad = np.pad(near, 3)
+    seams = np.asarray(ndimage.binary_closing(pad, np.ones((SEAM, SEAM))))[3:-3, 3:-3] & (top <= plane + BAND)
+    # what is narrower than 6 cm is a rail or an armrest's edge
+    wide = np.asarray(ndimage.binary_opening(near | seams, np.ones((3, 3))))
+    if not wide.any():
+        return wide, wide
+    names = np.zeros(height.shape, np.int32)
+    ndimage.label(wide, output=names)
+    mask = names == 1 + int(np.bincount(names.ravel())[1:].argmax())
+    return mask, near & mask
+
+
+def _level(height: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """(X, Y) whether the least-squares plane of what is near within 5 cm around a line is level."""
+    x, y = (axis * CELL for axis in np.indices(height.shape).astype(float))
+
+    def mean(values: np.ndarray) -> np.ndarray:
+        return ndimage.uniform_filter(np.where(near, values, 0.0), 5, mode="constant")
+
+    weight = np.maximum(mean(np.ones_like(height)), 1e-9)
+    mx, my, mz = mean(x) / weight, mean(y) / weight, mean(height) / weight
+    xx, yy, xy = mean(x * x) / weight - mx**2, mean(y * y) / weight - my**2, mean(x * y) / weight - mx * my
+    xz, yz = mean(x * height) / weight - mx * mz, mean(y * height) / weight - my * mz
+    inverse = 1.0 / np.maximum(xx * yy - xy**2, 1e-12)
+    slope = np.hypot((yy * xz - xy * yz) * inverse, (xx * yz - xy * xz) * inverse)
+    return slope <= np.tan(LEVEL)
+
+
+def _least_squares(height: np.ndarray, on_it: np.ndarray) -> np.ndarray:
+    """(3,) slopes per line along rows and columns, and the height at the first line, of the plane through the lines."""
+    rows, columns = np.nonzero(on_it)
+    return np.linalg.lstsq(np.stack([rows, columns, np.ones(len(rows))], -1), height[on_it], rcond=None)[0]
 
 
 def _chunks(counts: np.ndarray) -> list[np.ndarray]:
