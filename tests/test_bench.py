@@ -10,6 +10,7 @@ import pytest
 from mimicbench import cli
 from mimicbench.bench import soak as soaking
 from mimicbench.bench import world
+from mimicbench.bench.maps import MapBenchConfig, bench_maps
 from mimicbench.bench.soak import SoakConfig, compile_family, soak, soak_task
 from mimicbench.bench.world import WorldBenchConfig, bench_task
 from mimicbench.core.errors import BadObject
@@ -21,6 +22,17 @@ from mimicbench.tasks.registry import TASKS
 from stool import H1
 
 QUICK = WorldBenchConfig(seconds=0.01, pool=4, workers=1)
+
+
+def test_maps_beside_bare_physics():
+    lines, say = heard()
+    found = bench_maps(MapBenchConfig(("sit-chair", "lift-box"), (3,), seconds=0.01, pool=2, workers=1), say)
+    assert [(row["task"], row["eyes"], row["robots"]) for row in found["rows"]] == [
+        (task, eyes, 3) for task in ("sit-chair", "lift-box") for eyes in ("cameras", "rays")
+    ]
+    assert len(lines) == 4 and all(
+        row[name] > 0 for row in found["rows"] for name in ("maps_per_second", "core_ms", "physics_steps")
+    )
 
 
 def heard():

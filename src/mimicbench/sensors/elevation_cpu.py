@@ -2,12 +2,14 @@
 
 Robots are independent of each other, so they are shared out in parts, and a part gives the same bytes in any thread
 and beside any others. NumPy and torch let other threads run while they work on large arrays, so parts are of several
-robots; but they must not be so large that their arrays leave the processor's cache.
+robots, and what is done to single pixels is done to as many at a time as a processor's cache holds.
 """
 
+import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -20,7 +22,7 @@ from mimicbench.sensors.surfaces import ObjectFaces, Surfaces
 
 RANGE = 6.0
 """[m] Depth beyond this is left out (C.2)."""
-_ROBOTS = 16
+_ROBOTS = 64
 """In a part, at most."""
 _PIXELS = 1 << 16
 """Of pictures that become points at a time."""
@@ -111,9 +113,14 @@ def _in_threads(make: Callable[[slice], None], robots: int, workers: int) -> Non
         for part in parts:
             quietly(part)
     else:
-        with ThreadPoolExecutor(min(workers, len(parts))) as pool:
-            for _ in pool.map(quietly, parts):
-                pass
+        for _ in _threads(workers, os.getpid()).map(quietly, parts):
+            pass
+
+
+@lru_cache(maxsize=1)
+def _threads(workers: int, process: int) -> ThreadPoolExecutor:
+    """Threads to be used again, for a few maps cost less than to start some; a forked process has to have its own."""
+    return ThreadPoolExecutor(workers, f"maps-of-{process}")
 
 
 @dataclass(frozen=True)
