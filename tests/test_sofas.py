@@ -43,7 +43,7 @@ def test_sizes_are_those_of_the_papers_table(sofas, couches):
         (couches, [1.912, 0.867, 0.785], [0.283, 0.252, 0.257]),
     ):
         size = sizes(objects)[:, [1, 0, 2]]
-        assert np.abs(size.mean(0) / mean - 1).max() < 0.03
+        assert np.abs(size.mean(0) / mean - 1).max() < 0.02
         assert np.abs(size.std(0) / deviation - 1).max() < 0.05
 
 
@@ -116,3 +116,8 @@ def test_is_made_quickly():
 def test_a_seat_too_small_is_refused():
     with pytest.raises(BadObject, match="too small"):
         build_sofa("tiny", "sofa", SofaShape("ottoman", 0.5, 0.3, 0.4, 0.4, back="none"))
+
+
+def test_most_sofas_have_a_back(sofas):
+    rise = np.array([obj.bounds()[1][2] - obj.seat_height for obj in sofas])
+    assert (rise > 0.08).mean() > 0.7 and 0.1 < (rise > 0.3).mean() < 0.4

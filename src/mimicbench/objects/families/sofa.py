@@ -2,8 +2,8 @@
 share with them.
 
 The table's length is a sofa's long side, here y, and its width the side from front to back, here x, since who sits on
-it faces +x: 131.1 +- 21.1 x 63.0 +- 21.7 x 57.3 +- 21.8 cm. A mean height of 57 cm says that about half of what is sat
-on has no back: benches, ottomans, daybeds.
+it faces +x: 131.1 +- 21.1 x 63.0 +- 21.7 x 57.3 +- 21.8 cm. A mean height of 57 cm says that most backs are low: half of the sofas
+are seats near the floor with a back that ends at the loins, a quarter have high backs, a fifth none at all.
 """
 
 from dataclasses import replace
@@ -20,23 +20,28 @@ SEAT: Range = (0.415, 0.032, 0.35, 0.50)
 MAX_SEAT_DEPTH = 0.64
 """[m]; of a sofa with a back; a deeper one has a thicker back."""
 
+LOW_SEAT: Range = (0.375, 0.022, 0.35, 0.45)
+
 SOFAS = {
-    "bench": SizeDistribution(0.29, (1.24, 0.21, 0.80, 1.85), (0.42, 0.06, 0.38, 0.66), SEAT, SEAT),
-    "ottoman": SizeDistribution(0.24, (1.17, 0.19, 0.78, 1.70), (0.58, 0.20, 0.40, 1.20), SEAT, SEAT),
+    "bench": SizeDistribution(0.13, (1.26, 0.21, 0.80, 1.85), (0.42, 0.06, 0.38, 0.66), SEAT, SEAT),
+    "ottoman": SizeDistribution(0.08, (1.17, 0.19, 0.78, 1.70), (0.58, 0.20, 0.40, 1.20), SEAT, SEAT),
     "daybed": SizeDistribution(
-        0.08, (1.38, 0.19, 0.90, 1.90), (0.50, 0.09, 0.40, 0.80), (0.57, 0.06, 0.50, 0.80), SEAT
+        0.03, (1.38, 0.19, 0.90, 1.90), (0.50, 0.09, 0.40, 0.80), (0.57, 0.06, 0.50, 0.80), SEAT
+    ),
+    "lowback": SizeDistribution(
+        0.52, (1.25, 0.185, 0.80, 1.80), (0.51, 0.08, 0.48, 0.90), (0.465, 0.05, 0.45, 0.65), LOW_SEAT
     ),
     "loveseat": SizeDistribution(
-        0.17, (1.34, 0.16, 1.00, 1.75), (0.89, 0.21, 0.56, 1.40), (0.80, 0.21, 0.52, 1.30), SEAT
+        0.10, (1.40, 0.18, 1.00, 1.85), (1.02, 0.24, 0.56, 1.60), (0.92, 0.27, 0.52, 1.50), SEAT
     ),
     "settee": SizeDistribution(
-        0.08, (1.30, 0.16, 0.95, 1.75), (0.60, 0.08, 0.52, 0.90), (0.88, 0.17, 0.62, 1.30), SEAT
+        0.05, (1.33, 0.17, 0.95, 1.80), (0.60, 0.08, 0.52, 0.90), (0.92, 0.18, 0.62, 1.30), SEAT
     ),
     "chesterfield": SizeDistribution(
-        0.05, (1.42, 0.16, 1.10, 1.90), (0.78, 0.08, 0.60, 0.98), (0.70, 0.08, 0.56, 0.95), SEAT
+        0.03, (1.44, 0.16, 1.10, 1.90), (0.78, 0.08, 0.60, 0.98), (0.72, 0.08, 0.56, 0.95), SEAT
     ),
     "three-seater": SizeDistribution(
-        0.09, (1.58, 0.15, 1.30, 2.00), (0.91, 0.21, 0.58, 1.40), (0.82, 0.21, 0.52, 1.30), SEAT
+        0.06, (1.66, 0.17, 1.30, 2.10), (1.04, 0.24, 0.58, 1.60), (0.93, 0.27, 0.52, 1.50), SEAT
     ),
 }
 """Sizes of sofas to sit on. Length is the long side (y), width from front to back (x)."""
@@ -90,7 +95,7 @@ def draw_sofa(
         return replace(basis, height=seat, back="none", cushion=0.08 if kind == "bench" else 0.12)
     if lying:
         seat = max(seat, height / 2 - 0.05)
-    height = max(height, seat + (0.2 if kind in ("settee", "futon") else 0.14))
+    height = max(height, seat + {"settee": 0.2, "futon": 0.2, "lowback": 0.1}.get(kind, 0.14))
     basis = replace(basis, height=height, seat_height=seat)
     between = (length - MIN_BETWEEN_ARMS) / 2
     if kind == "daybed":
@@ -117,16 +122,18 @@ def draw_sofa(
     chaise = random.uniform(0.58, 0.72) if kind == "sectional" else 0.0
     run = min(random.uniform(0.78, 0.95), width - 0.3) if chaise else 0.0
     loose = fancy < 0.65 and (run or width) > 0.66
+    thickness *= 0.6 if kind == "lowback" else 1.0
     thick = float(np.clip((run or width) - MAX_SEAT_DEPTH - (height - seat) * np.tan(recline), thickness, 0.40))
     padding = 0.45 * thick if loose else 0.0
     # legs lie more easily over an end without arm
     open_end = bool(chaise) or (lying and side < 0.35)
+    arms = (head < 0, head > 0) if open_end else (kind != "lowback" or side < 0.55,) * 2
     return replace(
         basis,
         back="cushions" if loose else "panel",
         back_thickness=thick - padding,
         back_cushion=padding,
-        arms=(head < 0, head > 0) if open_end else (True, True),
+        arms=arms,
         arm_width=min(arm, between),
         arm_height=min(rise, height - seat - 0.02),
         chaise=chaise,
