@@ -17,8 +17,9 @@ from mimicbench.objects.family import Family
 from mimicbench.objects.shape import SceneObject
 
 SEAT: Range = (0.415, 0.032, 0.35, 0.50)
-MAX_SEAT_DEPTH = 0.64
-"""[m]; of a sofa with a back; a deeper one has a thicker back."""
+MAX_SEAT_DEPTH, MAX_LYING_DEPTH = 0.53, 0.64
+"""Of a sofa with a back, to sit on, so that who sits reaches the back, and to lie on [m]; a deeper one has a thicker
+back."""
 
 LOW_SEAT: Range = (0.375, 0.022, 0.35, 0.45)
 
@@ -123,7 +124,8 @@ def draw_sofa(
     run = min(random.uniform(0.78, 0.95), width - 0.3) if chaise else 0.0
     loose = fancy < 0.65 and (run or width) > 0.66
     thickness *= 0.6 if kind == "lowback" else 1.0
-    thick = float(np.clip((run or width) - MAX_SEAT_DEPTH - (height - seat) * np.tan(recline), thickness, 0.40))
+    deepest, thickest = (MAX_LYING_DEPTH, 0.40) if lying else (MAX_SEAT_DEPTH, 0.55)
+    thick = float(np.clip((run or width) - deepest - (height - seat) * np.tan(recline), thickness, thickest))
     padding = 0.45 * thick if loose else 0.0
     # legs lie more easily over an end without arm
     open_end = bool(chaise) or (lying and side < 0.35)

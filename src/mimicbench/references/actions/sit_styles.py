@@ -120,7 +120,7 @@ RESTS: dict[float, float] = {THIGH: 0.36, ARM: 0.20, SEAT: 0.22, LAP: 0.12, HANG
 """Where a hand rests in the end, unless it stays on an arm, or both lie in the lap."""
 STAYS, BOTH_IN_LAP = 0.6, 0.14
 """How often a hand stays on the arm of the seat that it took on the way down, and how often both go to the lap."""
-AGAINST, ON_KNEES = 0.68, 0.12
+AGAINST, ON_KNEES = 0.76, 0.12
 """How many people lean against the back of a seat, and how many sit bent forward."""
 
 
@@ -151,7 +151,7 @@ def draw_manner(random: np.random.Generator) -> dict[str, float]:
         "slump": random.uniform(0.25, 0.50) if knees else random.uniform(0.10, 0.50),
         "against": 1.0 if against and not knees else -1.0,
         "lean_back": random.uniform(0.20, 0.55),
-        "back": random.uniform(0.0, 0.14),
+        "back": random.uniform(0.0, 0.20),
         "left_down": down[0],
         "right_down": down[1],
         "left_rest": rest[0],
