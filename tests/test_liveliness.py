@@ -6,7 +6,7 @@ import pytest
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import forward_kinematics
 from mimicbench.references.body.body import Body, core4d_body, roam_body, unihsi_body
-from mimicbench.references.body.liveliness import Rest, enliven
+from mimicbench.references.body.liveliness import Rest, enliven, unrest
 from mimicbench.references.body.posing import Legs, Trunk, pose, reach
 
 FPS, FRAMES, BEGINS = 30.0, 400, 100
@@ -102,3 +102,10 @@ def test_nothing_is_added_before_rest():
     root, quat = seated(body)
     made = enliven(body, root, quat, Rest(np.full(FRAMES, -1.0)), 1)
     assert made[0] is root and made[1] is quat
+
+
+def test_small_motions_go_on_in_whatever_somebody_does():
+    size = np.array([0.01, 0.02, 0.03])
+    first, mirrored = unrest(9, clock(), size), unrest(-9, clock(), size)
+    assert first == pytest.approx(mirrored * [-1.0, 1.0, -1.0]) and (unrest(9, clock(), size) == first).all()
+    assert (np.abs(first) <= 3 * size).all() and (first.std(0) > size).all()

@@ -16,7 +16,9 @@ from mimicbench.references.actions.handholds import armrest, beside_thigh, hangi
 from mimicbench.references.actions.seats import lean_against, place_at, places, sit_free
 from mimicbench.references.actions.sit_styles import ARM, HANGS, LAP, SEAT, THIGH, SitStyle, draw_manner
 from mimicbench.references.actions.sitting import leaning, sinking
+from mimicbench.references.actions.sitting_hands import arms_depth, tamer
 from mimicbench.references.body.body import body_of, roam_body
+from mimicbench.references.body.posing import Arms, Trunk
 from mimicbench.references.checks.gait_measures import measure_gait
 from mimicbench.references.checks.quality import check_clip, faults
 from mimicbench.references.synthesis.registry import synthesize
@@ -255,3 +257,14 @@ def test_a_clip_is_remade_alone_from_its_id(clips):
     assert again.local_quat.tobytes() == motion.local_quat.tobytes() and again.style == motion.style
     with pytest.raises(BadObject, match="no seat"):
         synthesize("sit-sofa", 0, SceneObject.from_dict({**obj.to_dict(), "seat_height": None}), 0)
+
+
+def test_arms_that_would_go_through_the_object_take_a_plainer_way():
+    style = replace(PLAIN, left_down=ARM, elbows=1.5)
+    ways = list(tamer(style))
+    assert ways[0] == style and ways[1].elbows < 0.5 and ways[2].left_down == THIGH and ways[3].right_rest == THIGH
+    body, arms = roam_body(1.0), Arms(np.tile(rot.IDENTITY, (1, 2, 1)), np.tile(rot.IDENTITY, (1, 2, 1)))
+    level = np.tile(rot.IDENTITY, (1, 1))
+    for height, deep in ((1.4, False), (0.7, True)):  # hands at the seat's side, or in it
+        trunk = Trunk(np.array([[0.0, 0.0, height]]), level, level, level)
+        assert (arms_depth(sofa(), body, trunk, arms, np.array([0])) > 0.0) == deep

@@ -2,8 +2,8 @@
 share with them.
 
 The table's length is a sofa's long side, here y, and its width the side from front to back, here x, since who sits on
-it faces +x: 131.1 +- 21.1 x 63.0 +- 21.7 x 57.3 +- 21.8 cm. A mean height of 57 cm says that most backs are low: half of the sofas
-are seats near the floor with a back that ends at the loins, a quarter have high backs, a fifth none at all.
+it faces +x: 131.1 +- 21.1 x 63.0 +- 21.7 x 57.3 +- 21.8 cm. A mean height of 57 cm says that most backs are low: half
+of the sofas are seats near the floor with a back that ends at the loins, a quarter have high backs, a fifth none.
 """
 
 from dataclasses import replace

@@ -21,6 +21,11 @@ def armrest(
     it. `shoulder` is (3,).
     """
     height, sign = obj.require_seat(), 1.0 - 2.0 * side
+    corners = (obj.corners() - pelvis) * [1.0, sign, 1.0]
+    low, high = corners.min(1), corners.max(1)
+    beside = (high[:, 1] > 0.2) & (low[:, 1] < 0.56) & (high[:, 0] > 0.0) & (low[:, 0] < 0.32)
+    if not (beside & (high[:, 2] + pelvis[2] > height + 0.06)).any():
+        return None
     x = pelvis[0] + np.arange(0.0, 0.34, 0.04)
     y = pelvis[1] + sign * np.arange(0.20, 0.56, 0.02)
     z = height + np.arange(0.06, 0.50, 0.02)

@@ -122,6 +122,7 @@ def foot_allowed(obj: SceneObject, body: Body, hip: np.ndarray, ankle: np.ndarra
     knees = hips + rot.rotate(thigh, np.array([0.0, 0.0, -upper]))
     clear = (obj.distance(hips + rot.rotate(thigh, upper * along)) > THIGH * body.size).all(0)
     clear &= (obj.distance(knees + rot.rotate(shin, lower * along)) > THIGH * body.size).all(0)
+    clear &= obj.distance(ankles) > 0.08 * body.size
     short = np.linalg.norm(ankles - hips, axis=-1) < 0.99 * (upper + lower)
     return float(shares[np.argmax(clear & short)]) if (clear & short).any() else 0.0
 

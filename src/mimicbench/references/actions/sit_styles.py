@@ -51,6 +51,10 @@ class SitStyle:
     """And the right one."""
     hang: float = 0.75
     """How much of the trunk's lean hanging arms make up for: 1 hangs down, less stays behind."""
+    elbows: float = 0.3
+    """How far elbows point outward: a share of straight back."""
+    knees: float = 0.0
+    """How far the knees open on the way down [rad], each."""
     twist: float = 0.0
     """How far the chest turns to the left on the way down [rad]."""
     tilt: float = 0.0
@@ -74,7 +78,7 @@ class SitStyle:
     askew: float = 0.0
     """How far pelvis and chest are turned to the left in the end [rad]."""
     left_foot: float = 0.0
-    """How far the left foot goes forward once the seat bears [m], at most."""
+    """How far the left foot goes forward once the seat bears [m], at most; back under the seat if negative."""
     right_foot: float = 0.0
     """And the right one."""
     apart: float = 0.0
@@ -143,15 +147,15 @@ def draw_manner(random: np.random.Generator) -> dict[str, float]:
         down, rest = down[::-1], rest[::-1]
     # the chest turns and tilts towards the hand that looks for a support alone
     alone = float(down[0] in (ARM, SEAT)) - float(down[1] in (ARM, SEAT))
-    out, ahead = random.uniform(0.0, 0.32), random.uniform(-0.19, 0.19)
+    out, ahead = random.uniform(-0.05, 0.30), random.uniform(-0.22, 0.22)
     return {
         "pause": random.uniform(-0.05, 0.25),
         "lean": float(np.clip(0.89 + 0.12 * random.standard_normal(), 0.66, 1.10)),
         "recline": random.uniform(-0.45, -0.15) if knees else random.uniform(0.0, 0.30),
-        "slump": random.uniform(0.25, 0.50) if knees else random.uniform(0.10, 0.50),
+        "slump": random.uniform(*((0.25, 0.50) if knees else (0.05, 0.24) if against else (0.10, 0.50))),
         "against": 1.0 if against and not knees else -1.0,
         "lean_back": random.uniform(0.20, 0.55),
-        "back": random.uniform(0.0, 0.20),
+        "back": random.uniform(0.0, 0.26),
         "left_down": down[0],
         "right_down": down[1],
         "left_rest": rest[0],
@@ -161,14 +165,16 @@ def draw_manner(random: np.random.Generator) -> dict[str, float]:
         "left_late": float(late[0]),
         "right_late": float(late[1]),
         "hang": random.uniform(0.35, 0.85),
+        "elbows": random.uniform(0.6, 1.7),
+        "knees": random.uniform(0.02, 0.22),
         "twist": 0.22 * alone * random.uniform(0.2, 1.0) + random.uniform(-0.08, 0.08),
         "tilt": -0.18 * alone * random.uniform(0.2, 1.0) + random.uniform(-0.05, 0.05),
         "nod": random.uniform(-0.30, 0.08),
         "look": random.uniform(0.3, 1.0),
-        "aside": random.uniform(-0.12, 0.12),
+        "aside": float(np.clip(0.10 * random.standard_normal(), -0.22, 0.22)),
         "askew": random.uniform(-0.20, 0.20),
-        "left_foot": max(0.0, out + ahead),
-        "right_foot": max(0.0, out - ahead),
+        "left_foot": out + ahead,
+        "right_foot": out - ahead,
         "apart": random.uniform(-0.03, 0.26),
         "first": float(random.choice([-1, 1])),
         "habits": float(random.integers(1, 2**24)),

@@ -15,11 +15,11 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.actions.seats import Place, Seated, foot_allowed, lean_against, place_at, sit_free
 from mimicbench.references.actions.sit_styles import HANGS, THIGH, SitStyle
-from mimicbench.references.actions.sitting_hands import Supports, find_supports, lay_flat, move_hands
+from mimicbench.references.actions.sitting_hands import Supports, arms_depth, find_supports, lay_flat, move_hands, tamer
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.hands import keep_off, lay_on_body
-from mimicbench.references.body.limbs import about_y
-from mimicbench.references.body.liveliness import Rest, enliven
+from mimicbench.references.body.limbs import about_x, about_y
+from mimicbench.references.body.liveliness import Rest, enliven, unrest
 from mimicbench.references.body.posing import Legs, Trunk, pose, shoulders
 from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait, Route, around_box, last_turn
@@ -40,8 +40,12 @@ FOOT_GOES, FOOT_LIFTS = 0.70, 0.03
 """How long that takes [s], and how high they are lifted [m]."""
 AT_REST = 1.12
 """When all that is left is to settle, in durations of the way down."""
+TOUCHES = 0.015
+"""Deepest that arms may be in the object on their way [m]: flesh gives."""
 PITCHED = 0.5
 """Share of the trunk's lean that is the pelvis's; the spine bends for the rest."""
+WOBBLE = np.array([0.008, 0.014, 0.012])
+"""How far the head tilts, nods and turns without a reason until somebody rests [rad]."""
 LOOKS, FARTHEST = 2.6, 1.0
 """So long before the last step somebody begins to look at the seat [s], over the shoulder by so much at most [rad]."""
 
@@ -122,7 +126,7 @@ def _sit(clip_id: str, task: str, seat: _Seat, way: Walk, supports: list[Support
     trunk = _trunk(seat, way, clock)
     legs, stands = _legs(seat, way, clock, trunk)
     if not supports:
-        supports.append(find_supports(seat.obj, body, trunk, legs, style))
+        supports.append(_free_supports(seat, way, trunk, legs, clock))
     style = supports[0][1]
     hands = move_hands(body, way, trunk, legs, clock, supports[0])
     arms = keep_off(body, trunk, legs, hands.arms, 1.0 - hands.bears)
@@ -143,6 +147,22 @@ def _sit(clip_id: str, task: str, seat: _Seat, way: Walk, supports: list[Support
         np.concatenate([stands, np.stack([bears, back], -1), hands.touches], -1),
         {**{name: float(value) for name, value in vars(style).items()}, "turn": last_turn(way.steps)},
     )
+
+
+def _free_supports(seat: _Seat, way: Walk, trunk: Trunk, legs: Legs, clock: np.ndarray) -> Supports:
+    """Supports to which the arms get without going through the object, of a style as like the wanted one as may be."""
+    best, least = None, np.inf
+    acts = np.flatnonzero((clock > -0.2) & (clock < 1.2 * seat.style.sit_duration + 2.0))[::3]
+    for style in tamer(seat.style):
+        found = find_supports(seat.obj, seat.body, trunk, legs, style)
+        hands = move_hands(seat.body, way, trunk, legs, clock, found)
+        deep = arms_depth(seat.obj, seat.body, trunk, hands.arms, acts) if len(acts) else -np.inf
+        if best is None or deep < least - 0.003:
+            best, least = found, deep
+        if deep < TOUCHES:
+            break
+    assert best is not None
+    return best
 
 
 def _rest(seat: _Seat, style: SitStyle, clock: np.ndarray, quat: np.ndarray) -> Rest:
@@ -194,14 +214,20 @@ def _trunk(seat: _Seat, way: Walk, clock: np.ndarray) -> Trunk:
     level = 0.14 + 0.85 * (seated.pitch - seated.bend)
     nod = 0.12 + (style.nod - 0.12) * lean + (level - style.nod) * upright
     askew = style.askew * upright
-    pelvis = rot.multiply(rot.from_yaw(askew), way.pelvis_quat(pitch))
+    pelvis = rot.multiply(
+        rot.from_yaw(askew), rot.multiply(way.pelvis_quat(pitch), about_x(0.3 * style.aside * upright))
+    )
     aside = (lean - upright)[:, None] * np.array([style.tilt, 0.0, style.twist])
-    aside[:, 0] += style.aside * upright
+    aside[:, 0] += 0.7 * style.aside * upright
+    busy = 1 - 0.85 * minimum_jerk((clock - AT_REST * style.sit_duration) / 1.2)[:, None]
+    wobble = busy * unrest(style.habits, clock, WOBBLE)
+    aside += 0.3 * wobble
     gaze, looks = _gaze(way, seat, clock)
     aside[:, 2] += 0.2 * gaze - 0.3 * askew
     chest = rot.multiply(pelvis, rot.multiply(rot.from_rotvec(aside), way.chest_turn(spine)))
     turn = gaze - looks * way.look - 0.4 * askew
-    return Trunk(pelvis_pos, pelvis, chest, rot.multiply(chest, rot.multiply(rot.from_yaw(turn), way.head_turn(nod))))
+    head = rot.multiply(rot.from_rotvec(wobble), rot.multiply(rot.from_yaw(turn), way.head_turn(nod)))
+    return Trunk(pelvis_pos, pelvis, chest, rot.multiply(chest, head))
 
 
 def _bent_share(body: Body) -> float:
@@ -217,7 +243,9 @@ def _gaze(way: Walk, seat: _Seat, clock: np.ndarray) -> tuple[np.ndarray, np.nda
     target = np.array([seat.place.pelvis[0] - 0.05, seat.place.pelvis[1]]) - way.pelvis_pos_w[:, :2]
     away = rot.wrap_angle(np.arctan2(target[:, 1], target[:, 0]) - way.yaw)
     away = np.unwrap(away)
-    looks = minimum_jerk((way.time - way.end + LOOKS) / 0.8) * (1 - minimum_jerk(clock / 0.55 + 0.35))
+    looks = minimum_jerk((way.time - way.end + LOOKS) / 0.8) * (
+        1 - minimum_jerk((clock / seat.style.sit_duration - 0.15) / 0.45)
+    )
     looks *= seat.style.look
     begins = int(np.argmax(looks > 0.0))
     away -= 2 * np.pi * np.round(away[begins] / (2 * np.pi))
@@ -228,6 +256,8 @@ def _legs(seat: _Seat, way: Walk, clock: np.ndarray, trunk: Trunk) -> tuple[Legs
     """The legs, and (T, 2) where each foot stands."""
     body = seat.body
     legs, style = way.legs(), seat.style
+    open_ = minimum_jerk(clock / (0.6 * style.sit_duration))[:, None] * style.knees * np.array([1.0, -1.0])
+    axis = rot.rotate(rot.from_yaw(open_), legs.knee_axis_w)
     ankle, stands, quat = legs.ankle_pos_w.copy(), way.feet.contact.copy(), legs.foot_quat_w.copy()
     for side, forward in enumerate((style.left_foot, style.right_foot)):
         sign = 1.0 - 2.0 * side
@@ -242,4 +272,4 @@ def _legs(seat: _Seat, way: Walk, clock: np.ndarray, trunk: Trunk) -> tuple[Legs
         ankle[:, side, 2] += FOOT_LIFTS * 16 * share**2 * (1 - share) ** 2
         quat[:, side] = rot.multiply(rot.from_yaw(sign * 0.8 * max(style.apart, 0.0) * share), quat[:, side])
         stands[:, side] &= (share <= 0) | (share >= 1)
-    return replace(legs, ankle_pos_w=ankle, foot_quat_w=quat), stands
+    return replace(legs, ankle_pos_w=ankle, foot_quat_w=quat, knee_axis_w=axis), stands

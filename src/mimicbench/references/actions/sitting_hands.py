@@ -1,5 +1,6 @@
 """What the hands do while somebody sits down: each goes its own way, to a support and on to where it rests."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from mimicbench.references.actions.postures import STRETCH
 from mimicbench.references.actions.reaching import frames, within_reach, wrists_of
 from mimicbench.references.actions.sit_styles import ARM, HANGS, LAP, SEAT, THIGH, SitStyle
 from mimicbench.references.body.body import Body
-from mimicbench.references.body.limbs import about_y, two_link
+from mimicbench.references.body.limbs import about_x, about_y, two_link
 from mimicbench.references.body.posing import Arms, Legs, Trunk, blend, reach, shoulders, thigh_orientations
 from mimicbench.references.locomotion.walking import Walk
 
@@ -66,8 +67,11 @@ def find_supports(obj: SceneObject, body: Body, trunk: Trunk, legs: Legs, style:
         if down in (ARM, SEAT) and down not in found[side]:
             down = THIGH if down == ARM else HANGS
         if rest in (SEAT, ARM, HANGS):
-            places = (_on_object(obj, body, trunk, style, side, rest, other) for other in ALONGS)
-            free = (at for at in places if at is not None and _clears(obj, body, trunk, at, rest, side))
+            places = (
+                arm if rest == ARM and other == 0.0 else _on_object(obj, body, trunk, style, side, rest, other)
+                for other in ALONGS
+            )
+            free = (at for at in places if at is not None and _clears(obj, body, trunk, style, at, rest, side))
             if (wrist := next(free, None)) is not None:
                 found[side][rest] = wrist
             else:
@@ -76,11 +80,36 @@ def find_supports(obj: SceneObject, body: Body, trunk: Trunk, legs: Legs, style:
             for other in ALONGS:
                 nearer = replace(style, **{f"{name}_along": float(np.clip(style.along(side) + other, 0.0, 1.0))})
                 wrist = (_in_lap if rest == LAP else _on_thighs)(body, trunk, legs, nearer)[0, side]
-                if _clears(obj, body, trunk, wrist, rest, side):
+                if _clears(obj, body, trunk, style, wrist, rest, side):
                     style = nearer
                     break
+            else:  # elbows in
+                style = replace(style, elbows=0.2)
         style = replace(style, **{f"{name}_down": down, f"{name}_rest": rest})
     return found, style
+
+
+def tamer(style: SitStyle) -> Iterator[SitStyle]:
+    """A style, and then ever plainer ones for where arms would go through the object: elbows in, hands on the thighs on
+    the way down, and in the end as well.
+    """
+    yield style
+    style = replace(style, elbows=0.2)
+    yield style
+    style = replace(style, left_down=THIGH, right_down=THIGH)
+    yield style
+    yield replace(style, left_rest=THIGH, right_rest=THIGH)
+
+
+def arms_depth(obj: SceneObject, body: Body, trunk: Trunk, arms: Arms, some: np.ndarray) -> float:
+    """How deep arms are in the object in some of the frames [m], negative if they are clear of it."""
+    trunk, arms = frames(trunk, some), frames(arms, some)
+    shoulder, upper = shoulders(body, trunk), rot.multiply(trunk.chest_quat_w[:, None], arms.upper)
+    over, under = (np.array([0.0, 0.0, -length]) for length in body.length(body.arms[0]))
+    elbow, lower = shoulder + rot.rotate(upper, over), rot.multiply(upper, arms.elbow)
+    points = [shoulder + rot.rotate(upper, share * over) for share in (0.5, 0.85)]
+    points += [elbow + rot.rotate(lower, share * under) for share in (0.15, 0.5, 0.85, 1.0)]
+    return 0.042 - float(obj.distance(np.stack(points)).min())
 
 
 def _on_object(
@@ -98,10 +127,12 @@ def _on_object(
     return hanging(obj, body, shoulder, side)
 
 
-def _clears(obj: SceneObject, body: Body, trunk: Trunk, wrist: np.ndarray, place: float, side: int) -> bool:
+def _clears(
+    obj: SceneObject, body: Body, trunk: Trunk, style: SitStyle, wrist: np.ndarray, place: float, side: int
+) -> bool:
     """Whether an arm reaches a wrist (3,) [m] at a place from a trunk (1 frame) and is not in the object."""
     arm, shoulder = body.arms[side], shoulders(body, trunk)[:, side]
-    axis = _elbow_axis(trunk, trunk.pelvis_quat_w, place, side)
+    axis = _elbow_axis(trunk, trunk.pelvis_quat_w, place, side, style.elbows)
     over, under, _ = two_link(shoulder, wrist[None], axis, *body.length(arm), False)
     upper, lower = (np.array([0.0, 0.0, -length]) for length in body.length(arm))
     elbow = shoulder + rot.rotate(over, upper)
@@ -134,7 +165,9 @@ def move_hands(body: Body, way: Walk, trunk: Trunk, legs: Legs, clock: np.ndarra
             bump = 16 * share**2 * (1 - share) ** 2
             wrist[:, side] += share[:, None] * (goal - wrist[:, side])
             wrist[:, side, 2] += ARC * bump
-            axis[:, side] += share[:, None] * (_elbow_axis(trunk, rot.from_yaw(way.yaw), place, side) - axis[:, side])
+            axis[:, side] += share[:, None] * (
+                _elbow_axis(trunk, rot.from_yaw(way.yaw), place, side, style.elbows) - axis[:, side]
+            )
             gone[:, side] = np.maximum(gone[:, side], minimum_jerk((clock - begins) / (0.5 * lasts)))
             bears[:, side] += share * (float(place in (SEAT, ARM)) - bears[:, side])
     arms = blend(moving, reach(body, trunk, within_reach(body, trunk, wrist), axis), gone)
@@ -181,22 +214,24 @@ def _free(body: Body, way: Walk, trunk: Trunk, clock: np.ndarray, style: SitStyl
     down = rot.rotate(trunk.chest_quat_w, np.array([0.0, 0.0, 1.0]))
     pitch = np.arctan2(down[:, 0] * np.cos(way.yaw) + down[:, 1] * np.sin(way.yaw), down[:, 2])
     begun = minimum_jerk(clock / style.sit_duration / 0.4 + 0.4)
+    out = 0.35 * begun[:, None] * np.array([1.0, -1.0])  # arms that hang from who leans swing out
+    upper = rot.multiply(swinging.upper, about_x(out))
     return Arms(
-        rot.multiply(about_y(-style.hang * begun * np.maximum(pitch, 0.0))[:, None], swinging.upper),
+        rot.multiply(about_y(-style.hang * begun * np.maximum(pitch, 0.0))[:, None], upper),
         rot.multiply(swinging.elbow, about_y(-0.25 * begun)[:, None]),
     )
 
 
-def _elbow_axis(trunk: Trunk, heading: np.ndarray, place: float, side: int) -> np.ndarray:
-    """(T, 3) where the elbow's y axis points of a hand at a place: elbows stay behind and beside it.
+def _elbow_axis(trunk: Trunk, heading: np.ndarray, place: float, side: int, out: float) -> np.ndarray:
+    """(T, 3) where the elbow's y axis points of a hand at a place: elbows stay behind it, and beside it as far as they
+    point outward.
 
     `heading` (T, 4) is where the person faces.
     """
     sign = 1.0 - 2.0 * side
     if place in (SEAT, ARM):
         return rot.rotate(heading, np.array([sign * (0.5 if place == ARM else 0.2), 1.0, 0.0]))
-    out = {THIGH: 0.30, LAP: 0.75, HANGS: 0.0}[place]
-    return rot.rotate(trunk.chest_quat_w, np.array([sign * out, 1.0, 0.0]))
+    return rot.rotate(trunk.chest_quat_w, np.array([sign * out * {THIGH: 1.0, LAP: 1.2, HANGS: 0.0}[place], 1.0, 0.0]))
 
 
 def _thighs(body: Body, trunk: Trunk, legs: Legs) -> tuple[np.ndarray, np.ndarray]:

@@ -23,7 +23,7 @@ GAZE = np.array([0.05, 0.16, 0.55])
 """How far the head tilts, nods and turns to look somewhere, at most [rad]."""
 FOLLOWS = 0.16
 """Of a turn of the head the chest makes so much as well."""
-PELVIS_SHIFT, CHEST_SHIFT = np.array([0.025, 0.05, 0.03]), np.array([0.035, 0.085, 0.06])
+PELVIS_SHIFT, CHEST_SHIFT = np.array([0.03, 0.05, 0.05]), np.array([0.06, 0.085, 0.10])
 """How far a shift of weight tilts, bends and turns the pelvis, and the chest over it, at most [rad]."""
 STEP_ASIDE = np.array([0.004, 0.008])
 """How far it moves the pelvis forward and sideways, at most, at body size 1 [m]."""
@@ -84,6 +84,13 @@ def enliven(
     root_pos_w, local_quat = root_pos_w.copy(), local_quat.copy()
     root_pos_w[now], local_quat[now] = root, rot.normalize(quat)
     return root_pos_w, local_quat
+
+
+def unrest(habits: float, clock: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """(T, 3) small tilts, nods and turns of some size (3,) [rad] that go on in whatever somebody does."""
+    random, side = rng(abs(int(habits)), "unrest"), -1.0 if habits < 0 else 1.0
+    pace, phase = random.uniform(0.4, 1.3, (3, 3)), random.uniform(0.0, 2 * np.pi, (3, 3))
+    return np.array([side, 1.0, side]) * size * np.sin(2 * np.pi * clock[:, None, None] * pace + phase).sum(1)
 
 
 Poses = tuple[np.ndarray, np.ndarray]
