@@ -265,6 +265,6 @@ def test_arms_that_would_go_through_the_object_take_a_plainer_way():
     assert ways[0] == style and ways[1].elbows < 0.5 and ways[2].left_down == THIGH and ways[3].right_rest == THIGH
     body, arms = roam_body(1.0), Arms(np.tile(rot.IDENTITY, (1, 2, 1)), np.tile(rot.IDENTITY, (1, 2, 1)))
     level = np.tile(rot.IDENTITY, (1, 1))
-    for height, deep in ((1.4, False), (0.7, True)):  # hands at the seat's side, or in it
+    for height, deep in ((1.4, False), (0.4, True)):  # hands at the seat's side, or in it
         trunk = Trunk(np.array([[0.0, 0.0, height]]), level, level, level)
         assert (arms_depth(sofa(), body, trunk, arms, np.array([0])) > 0.0) == deep
