@@ -23,6 +23,8 @@ from mimicbench.sensors.elevation import down_map, map_from_depth
 from mimicbench.sensors.render import ROBOT, RigCameras, Views
 from mimicbench.sensors.targets import mark_targets, target_map
 from mimicbench.sim.native import NativePhysics
+from mimicbench.sim.physics import PhysicsConfig, RobotState
+from mimicbench.sim.rows import Rows
 
 IMAGES = Path(__file__).parent / "images"
 H1 = ROBOTS.get("h1")
@@ -35,8 +37,9 @@ def scene(obj: SceneObject, x: float, y: float, yaw: float) -> NativePhysics:
     """A robot at rest beside an object."""
     pos, quat = H1.forward_kinematics(np.zeros(3), rot.IDENTITY, np.array(H1.rest_pose))
     height = -H1.keypoint_pos("left_sole", pos, quat)[2]
-    physics = NativePhysics(H1, [obj], workers=1, visuals=True)
-    physics.reset(np.arange(1), np.array([[x, y, height]]), rot.from_yaw(np.array([yaw])), np.array([H1.rest_pose]))
+    physics = NativePhysics(H1, [obj], PhysicsConfig(visuals=True), workers=1)
+    state = RobotState.of(np.array([[x, y, height]]), rot.from_yaw(np.array([yaw])), np.array([H1.rest_pose]))
+    physics.reset(Rows.every(1), state)
     return physics
 
 

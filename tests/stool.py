@@ -1,10 +1,13 @@
 """What several tests start from: a stool, and an H1 that stands before it or sits on it."""
 
 import numpy as np
+import torch
 
 from mimicbench.core import rotations as rot
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.registry import ROBOTS
+from mimicbench.sim.physics import RobotState
+from mimicbench.sim.rows import Rows
 
 H1 = ROBOTS.get("h1")
 JOINT = {name.removesuffix("_joint"): i for i, name in enumerate(H1.joint_names)}
@@ -47,6 +50,23 @@ def standing():
 def place(physics, pos, joints, **velocities):
     """Put all robots of a simulation into one pose."""
     n = physics.num_envs
-    physics.reset(
-        np.arange(n), np.tile(pos, (n, 1)), np.tile(rot.IDENTITY, (n, 1)), np.tile(joints, (n, 1)), **velocities
+    put(
+        physics,
+        np.arange(n),
+        np.tile(pos, (n, 1)),
+        np.tile(rot.IDENTITY, (n, 1)),
+        np.tile(joints, (n, 1)),
+        **velocities,
     )
+
+
+def put(physics, ids, *state, **velocities):
+    """Put the robots of scenes `ids` into a state given as arrays."""
+    rows = Rows.of(list(ids), physics.num_envs, physics.device)
+    physics.reset(rows, RobotState.of(*state, **velocities, device=physics.device))
+
+
+def exchange(physics, objects, ids=None):
+    """Exchange the objects of scenes `ids`, all by default."""
+    rows = Rows.of(list(range(physics.num_envs) if ids is None else ids), physics.num_envs, physics.device)
+    physics.set_objects(rows, torch.tensor(physics.add_objects(objects), device=physics.device))

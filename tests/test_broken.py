@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 import torch
 
+import stool
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile
 from mimicbench.objects.families.box import make_box
 from mimicbench.objects.families.chair import make_chair
 from mimicbench.sim.broken import MAX_KEPT, BrokenScene, load_broken, replay
 from mimicbench.sim.native import NativePhysics
+from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.scene import SUBSTEPS
 from stool import H1, block, place, standing
 
@@ -20,7 +22,7 @@ POS, JOINTS = standing()
 
 def three(folder):
     """Three robots that stand beside three chairs."""
-    physics = NativePhysics(H1, [make_chair(i) for i in range(3)], workers=1, broken_dir=folder)
+    physics = NativePhysics(H1, [make_chair(i) for i in range(3)], PhysicsConfig(broken_dir=folder), workers=1)
     place(physics, POS, JOINTS)
     return physics
 
@@ -55,7 +57,7 @@ def test_every_reset_is_a_new_chance_to_be_reported(tmp_path):
         physics.qvel()[2, 0] = 1e12
         physics.step(targets(physics))
         assert physics.diverged.tolist() == [False, False, True]
-        physics.reset(np.array([2]), POS[None], rot.IDENTITY[None], JOINTS[None])
+        stool.put(physics, np.array([2]), POS[None], rot.IDENTITY[None], JOINTS[None])
         assert not physics.diverged.any()
     assert physics.broken.count == 2
 
@@ -73,7 +75,7 @@ def test_targets_that_are_not_finite(tmp_path):
 
 def test_a_replay_goes_the_same_way_to_the_last_bit(tmp_path):
     box = make_box(3)
-    physics = NativePhysics(H1, [box], preset="paper", workers=1)
+    physics = NativePhysics(H1, [box], PhysicsConfig(gains="paper"), workers=1)
     place(physics, POS, JOINTS)
     random = np.random.default_rng(0)
     for _ in range(20):
@@ -101,7 +103,7 @@ def test_a_replay_goes_the_same_way_to_the_last_bit(tmp_path):
 
 
 def test_a_thousand_broken_scenes_fill_no_disk(tmp_path, caplog):
-    physics = NativePhysics(H1, [block()] * 20, workers=1, broken_dir=tmp_path)
+    physics = NativePhysics(H1, [block()] * 20, PhysicsConfig(broken_dir=tmp_path), workers=1)
     place(physics, POS, JOINTS)
     physics.qvel()[:, 0] = np.nan
     with caplog.at_level(logging.WARNING):

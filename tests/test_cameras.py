@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import stool
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.robots.rigs import HEAD_RIG, PELVIS_RIG
@@ -165,7 +166,7 @@ def test_depth_by_rays_is_the_depth_that_is_drawn(look, rig, robot):
     physics = NativePhysics(H1, [block(), block()], workers=1)
     leaning = rot.multiply(rot.from_yaw(np.array(0.7)), rot.from_rotvec(np.array([0.1, 0.2, 0.0])))
     qpos = np.array([positions(-1.0, 0.3), positions(0.6, 0.5, 1.0, leaning)])
-    physics.reset(np.arange(2), qpos[:, :3], qpos[:, 3:7], qpos[:, 7:])
+    stool.put(physics, np.arange(2), qpos[:, :3], qpos[:, 3:7], qpos[:, 7:])
     traced = ray_depth(physics, None, 60, 80, rig, robot)
     assert traced.shape == (2, len(rig.mounts), 60, 80) and traced.max() <= FARTHEST
     for env in range(2):

@@ -14,23 +14,28 @@ import numpy as np
 import pytest
 import torch
 
+import stool
 from mimicbench import cli
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError, UnknownName
 from mimicbench.core.motion import RobotMotion
+from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.gym import TaskEnv, TaskVectorEnv
+from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.evaluate.rollout import run_policy
 from mimicbench.imitate.demos import observed_states
 from mimicbench.imitate.make import load_any
 from mimicbench.imitate.planner import PlannerConfig
+from mimicbench.sensors import proprioception
 from mimicbench.sensors.proprioception import s_current
 from mimicbench.sim.backends import make_physics
 from mimicbench.sim.devices import tensor_device
 from mimicbench.tasks.sit_chair import TASK as SIT_CHAIR
 from mimicbench.track.checkpoint import load_tracker
-from mimicbench.track.env import TrackingConfig
 from mimicbench.track.ppo import PPOConfig
-from mimicbench.track.rollout import track_clips
+from mimicbench.track.registry import TRACKERS
+from mimicbench.track.rollout import RolloutConfig, track_clips
+from mimicbench.track.tracking import TrackingConfig, TrackingEnv
 from mimicbench.track.train import TrackConfig, train_tracker
 from mimicbench.workspace import SHIPPED, Workspace
 from stool import H1, block, seated, standing
@@ -65,7 +70,11 @@ def still(posture, name, frames=12):
     )
 
 
-CLIPS = [still(standing(), "stands"), still(seated(0.42), "sits")]
+CLIPS = ClipSet(SIT_CHAIR, H1, [still(standing(), "stands"), still(seated(0.42), "sits")], {STOOL.id: STOOL})
+
+
+def sits():
+    return replace(CLIPS, motions=CLIPS.motions[1:])
 
 
 @pytest.mark.parametrize(
@@ -108,7 +117,8 @@ def test_recorded_states_are_those_that_were_felt():
     random = np.random.default_rng(0)
     pos, joints = standing()
     targets = joints + 0.1 * random.normal(size=(3, 19)).astype(np.float32)
-    physics.reset(
+    stool.put(
+        physics,
         np.arange(3),
         np.tile(pos, (3, 1)),
         rot.from_yaw(random.normal(size=3)),
@@ -177,48 +187,26 @@ def test_a_single_environment_is_the_same_on_both(device):
 @on_warp
 @on_every_device
 def test_a_tracker_follows_the_same_way_on_both(device):
-    both = [
-        track_clips(
-            load_tracker(SHIPPED_TRACKER, H1),
-            H1,
-            SIT_CHAIR,
-            CLIPS,
-            {STOOL.id: STOOL},
-            workers=1,
-            record=True,
-            settle=0.4,
-            device=name,
-        )
-        for name in ("cpu", device)
-    ]
-    ours, theirs = both
-    assert ours.judge.success.tolist() == theirs.judge.success.tolist() == [False, True]
+    tracker, config = load_tracker(SHIPPED_TRACKER, H1), RolloutConfig(record=True, settle=0.4)
+    ours, theirs = (track_clips(tracker, CLIPS, config, EnvConfig(name, 1)) for name in ("cpu", device))
+    assert ours.verdict.success.tolist() == theirs.verdict.success.tolist() == [False, True]
     np.testing.assert_array_equal(ours.steps, theirs.steps)
-    np.testing.assert_allclose(theirs.judge.effort(), ours.judge.effort(), rtol=1e-3)
+    np.testing.assert_allclose(theirs.verdict.effort, ours.verdict.effort, rtol=1e-3)
     for clip in range(2):
-        np.testing.assert_allclose(theirs.qpos[clip], ours.qpos[clip], atol=TOLERANCE)
-        np.testing.assert_allclose(theirs.targets[clip], ours.targets[clip], atol=TOLERANCE)
+        np.testing.assert_allclose(theirs.recording.qpos[clip], ours.recording.qpos[clip], atol=TOLERANCE)
+        np.testing.assert_allclose(theirs.recording.targets[clip], ours.recording.targets[clip], atol=TOLERANCE)
 
 
 @on_warp
 @on_every_device
 def test_a_policy_is_judged_alike_on_both(device):
-    task = replace(SIT_CHAIR, time_limit=0.4)
+    clips = replace(CLIPS, task=replace(SIT_CHAIR, time_limit=0.4))
+    planner = SHIPPED / "sit-chair" / "planner"
     ours, theirs = (
-        run_policy(
-            load_any(SHIPPED / "sit-chair" / "planner", H1),
-            H1,
-            task,
-            CLIPS,
-            {STOOL.id: STOOL},
-            "improved",
-            workers=1,
-            record=[0, 1],
-            device=name,
-        )[0]
+        run_policy(load_any(planner, H1, SIT_CHAIR), clips, record=[0, 1], env_config=EnvConfig(name, 1))[0]
         for name in ("cpu", device)
     )
-    np.testing.assert_array_equal(ours.judge.success, theirs.judge.success)
+    np.testing.assert_array_equal(ours.verdict.success, theirs.verdict.success)
     np.testing.assert_allclose(theirs.start_distance, ours.start_distance, atol=1e-6)
     for clip in range(2):
         np.testing.assert_allclose(theirs.recordings[clip], ours.recordings[clip], atol=TOLERANCE)
@@ -230,23 +218,43 @@ def test_a_tracker_and_a_planner_learn_on_warp(device, tmp_path):
     from mimicbench.imitate.learn_planner import train_planner
 
     tiny = PPOConfig(hidden=(16,), steps=8, epochs=1, minibatches=2)
-    config = TrackConfig(
-        samples=2 * 8 * tiny.steps,
-        num_envs=8,
-        evaluate_clips=2,
-        threads=1,
-        ppo=tiny,
-        tracking=TrackingConfig(first_frame=0.5),
-    )
-    rows = []
-    folder = train_tracker(
-        tmp_path / "track", H1, SIT_CHAIR, CLIPS, CLIPS[1:], {STOOL.id: STOOL}, config, 0, 1, rows.append, device
-    )
+    config = TrackConfig(samples=2 * 8 * tiny.steps, num_envs=8, evaluate_clips=2, ppo=tiny)
+    rows, there = [], EnvConfig(device, 1)
+    folder = train_tracker(tmp_path / "track", CLIPS, sits(), config, 0, there, rows.append)
     assert rows[-1]["samples"] == config.samples and rows[-1]["k_held_out"] == 1.0
     small = PlannerConfig(
         hidden=(16,), samples=4 * 8 * 2, num_envs=8, steps=4, batches=2, batch=16, memory=64, threads=1
     )
-    train_planner(
-        tmp_path / "planner", H1, load_tracker(folder, H1), CLIPS, {STOOL.id: STOOL}, small, 0, 1, None, device
-    )
-    assert (tmp_path / "planner" / "training.json").exists()
+    train_planner(tmp_path / "planner", load_tracker(folder, H1), CLIPS, small, 0, there)
+    assert (tmp_path / "planner" / "training.safetensors").exists()
+
+
+class Asked(AssertionError):
+    """Somebody waited for the device."""
+
+
+@pytest.fixture
+def nobody_asks(monkeypatch):
+    """Every way to read a tensor on the host raises, as each would stop a GPU."""
+
+    def refuse(name):
+        def asked(self, *args, **kwargs):
+            raise Asked(f"Tensor.{name} on the way of a step")
+
+        return asked
+
+    for name in ("cpu", "numpy", "item", "tolist", "nonzero", "__bool__", "__int__", "__float__", "__array__"):
+        monkeypatch.setattr(torch.Tensor, name, refuse(name))
+
+
+@on_warp
+def test_no_step_of_training_asks_the_device(monkeypatch, request):
+    # tensors that live on the CPU may be looked at as arrays for nothing; on a GPU the same terms work on tensors
+    monkeypatch.setattr(proprioception, "_own", lambda *arrays: (torch, list(arrays)))
+    env = TrackingEnv(TRACKERS.get("residual"), CLIPS, 4, TrackingConfig(), 0, EnvConfig("warp-cpu"))
+    action = torch.zeros(4, len(H1.joints))
+    settings = TrackConfig().resolved().settings
+    env.step(action, settings)
+    request.getfixturevalue("nobody_asks")
+    for _ in range(3):
+        env.step(action, settings)

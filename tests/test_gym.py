@@ -13,12 +13,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import mimicbench
+import stool
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion, BadObject, MimicbenchError, UnknownName
 from mimicbench.core.motion import RobotMotion
 from mimicbench.core.seeds import rng
 from mimicbench.envs.gym import TaskEnv, TaskVectorEnv
-from mimicbench.envs.start import Stance, Starts, clipped, draw_start, start_of
+from mimicbench.envs.initial_states import clipped, start_of
+from mimicbench.envs.reference import ReferenceBank
+from mimicbench.envs.rule_starts import Stance, Starts, draw_start
 from mimicbench.objects.registry import FAMILIES, make_object
 from mimicbench.objects.shape import save_object, split_of
 from mimicbench.objects.touch import STAND_OFF
@@ -26,7 +29,6 @@ from mimicbench.sensors.opengl import NoPictures
 from mimicbench.sensors.rays import FARTHEST
 from mimicbench.sensors.render import FLOOR, NOTHING, OBJECT, ROBOT
 from mimicbench.tasks.registry import TASKS
-from mimicbench.track.reference import ReferenceBank
 from stool import H1, JOINT, block, seated
 
 READY = [name for name, slug in mimicbench.ENVIRONMENTS.items() if TASKS.get(slug).family in FAMILIES]
@@ -136,7 +138,7 @@ def test_a_fresh_object_at_every_reset():
     ids = [env.reset(seed=0 if i == 0 else None)[1]["object_id"] for i in range(12)]
     assert len(set(ids)) > 3
     assert {split_of(object_id) for object_id in ids} == {"test"}
-    assert [obj.id for obj in env.episodes.physics.objects] == ids[-1:]
+    assert [obj.id for obj in env.episodes.env.physics.objects] == ids[-1:]
 
 
 def test_next_step_restarts_leave_the_others_alone():
@@ -168,7 +170,7 @@ def test_sitting_is_rewarded_once_and_ends_the_episode():
     env = make(objects=[block(0.42)])
     env.reset(seed=0)
     pos, joints = seated(0.42)
-    env.episodes.physics.reset(np.zeros(1, int), pos[None], rot.IDENTITY[None], joints[None])
+    stool.put(env.episodes.env.physics, np.zeros(1, int), pos[None], rot.IDENTITY[None], joints[None])
     total = 0.0
     for _ in range(100):
         _, reward, terminated, truncated, info = env.step(joints.astype(np.float32))
@@ -176,21 +178,21 @@ def test_sitting_is_rewarded_once_and_ends_the_episode():
         assert info["success"] == terminated and not truncated
         if terminated:
             break
-    assert total == 1.0 and env.episodes.judge.steps[0] == 15  # 0.3 s at 50 Hz
+    assert total == 1.0 and env.episodes.metrics.steps[0] == 15  # 0.3 s at 50 Hz
     assert info["effort"] >= 0 and not info["fell"]
 
 
 def test_lift_box_ends_at_the_limit_and_only_its_last_frame_counts():
     env = make("LiftBox", time_limit=0.1)
     env.reset(seed=0)
-    qpos, obj, turned = env.episodes.physics.qpos()[0], env.episodes.starts[0].obj, rot.from_yaw(np.array(np.pi))
+    qpos, obj, turned = env.episodes.env.physics.qpos()[0], env.episodes.starts[0].obj, rot.from_yaw(np.array(np.pi))
     wrist = H1.keypoint_pos("left_wrist", *H1.forward_kinematics(qpos[:3] * [0, 0, 1], turned, REST))
     rewards = []
     for _ in range(5):
         # held up just before the wrists by nothing but this test
         qpos[:3], qpos[3:7], qpos[7:26] = qpos[:3] * [0, 0, 1], turned, REST
         qpos[26:29] = wrist[0] - 0.06 - obj.bounds()[1][0], 0.0, 0.35
-        env.episodes.physics.qvel()[0] = 0.0
+        env.episodes.env.physics.qvel()[0] = 0.0
         _, reward, terminated, truncated, info = env.step(REST)
         rewards.append(reward)
         assert not terminated
@@ -201,7 +203,7 @@ def test_lift_box_ends_at_the_limit_and_only_its_last_frame_counts():
 def test_broken_physics_end_one_episode_and_not_the_others():
     envs = make_vec()
     envs.reset(seed=0)
-    envs.episodes.physics.qpos()[1, 8] = np.nan
+    envs.episodes.env.physics.qpos()[1, 8] = np.nan
     seen, reward, terminated, truncated, info = envs.step(np.tile(REST, (3, 1)))
     assert terminated.tolist() == info["diverged"].tolist() == [False, True, False]
     assert not truncated.any() and not reward.any() and not info["success"].any()
@@ -225,9 +227,9 @@ def test_actions_are_the_robots_limits(control):
     action = np.zeros(19, np.float32)
     knee = JOINT["left_knee"]
     action[knee] = 1.0 if control == "position" else 0.5 * high[knee]
-    before = env.episodes.physics.qpos()[0, 7 + knee]
+    before = env.episodes.env.physics.qpos()[0, 7 + knee]
     seen = env.step(action)[0]
-    assert env.episodes.physics.qpos()[0, 7 + knee] > before
+    assert env.episodes.env.physics.qpos()[0, 7 + knee] > before
     np.testing.assert_array_equal(seen["state"][-22:-3], action)  # the last action is sensed
 
 
@@ -313,8 +315,9 @@ def test_a_motion_starts_as_trackers_start_it(frames):
     motion, task = clip(frames), TASKS.get("sit-chair")
     start = start_of(motion, make_object(motion.object_id), H1, task)
     first = ReferenceBank([motion], H1).frame(torch.tensor([0]), torch.tensor([0]))
+    names = ("root_pos_w", "root_quat_w", "root_lin_vel_w", "root_ang_vel_w", "joint_pos", "joint_vel")
     pos, quat, lin_vel_w, spin_w, joint_pos, joint_vel = (
-        values[0].numpy().astype(float) for values in vars(first).values()
+        getattr(first, name)[0].numpy().astype(float) for name in names
     )
     np.testing.assert_allclose(start.root_pos_w, [*(pos[:2] * 2 / np.linalg.norm(pos[:2])), pos[2]], atol=1e-12)
     np.testing.assert_allclose(start.root_quat_w, rot.normalize(quat), atol=1e-12)

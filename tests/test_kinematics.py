@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import torch
 
+import stool
 from mimicbench.objects.families.box import make_box
 from mimicbench.objects.families.chair import make_chair
 from mimicbench.sensors.proprioception import s_current
@@ -63,6 +64,6 @@ def test_models_of_objects_that_came_by_are_not_kept_forever(monkeypatch):
     monkeypatch.setattr("mimicbench.sim.native.KEPT_MODELS", 4)
     physics = NativePhysics(H1, [make_chair(0)], workers=1)
     for i in range(1, 8):
-        physics.set_objects([make_chair(i)])
+        stool.exchange(physics, [make_chair(i)])
     assert len(physics._compiled) == 4
     assert physics.model(0).geom("object_0").pos.tolist() == make_chair(7).box_pos[0].tolist()

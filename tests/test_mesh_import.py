@@ -17,6 +17,7 @@ import torch
 from scipy.spatial import ConvexHull
 
 import shapes
+import stool
 from mimicbench.core import rotations as rot
 from mimicbench.core.bounded import run_bounded
 from mimicbench.core.errors import BadFile, BadObject, MimicbenchError
@@ -31,6 +32,7 @@ from mimicbench.objects.importing.topology import topology
 from mimicbench.objects.registry import make_object
 from mimicbench.objects.shape import SLOTS, load_object
 from mimicbench.sim.native import NativePhysics
+from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.scene import MESH_NODES, build_model
 from stool import H1, block, seated
 from stool import place as put
@@ -258,8 +260,8 @@ def test_imported_and_made_objects_share_a_batch_bit_for_bit(sofa):
 def test_a_batch_without_room_says_so(sofa):
     physics = NativePhysics(H1, [block()], workers=1)
     with pytest.raises(MimicbenchError, match="meshes=True"):
-        physics.set_objects([sofa[0]])
-    NativePhysics(H1, [block()], workers=1, meshes=True).set_objects([sofa[0]])
+        stool.exchange(physics, [sofa[0]])
+    stool.exchange(NativePhysics(H1, [block()], PhysicsConfig(meshes=True), workers=1), [sofa[0]])
 
 
 def test_rays_meet_the_imported_seat_where_its_label_says(sofa):

@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 import torch
 
+import stool
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import UnknownName
 from mimicbench.objects.families.chair import make_chair
 from mimicbench.objects.shape import SLOTS
 from mimicbench.sim.native import NativePhysics
+from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.scene import CONTROL_DT, PHYSICS_DT, SUBSTEPS, build_model
 from stool import H1, JOINT, block, place, seated, standing
 
@@ -93,7 +95,7 @@ def test_a_standing_robot_rests_on_its_soles():
 
 
 def test_link_velocities_are_the_derivatives_of_link_positions():
-    physics = NativePhysics(H1, [block()], control="torque", workers=1)
+    physics = NativePhysics(H1, [block()], PhysicsConfig(control="torque"), workers=1)
     random = np.random.default_rng(1)
     place(
         physics,
@@ -128,8 +130,8 @@ def drive(workers):
     place(physics, pos, joints)
     for step in range(30):
         if step == 15:
-            physics.set_objects([make_chair(9)], np.array([2]))
-            physics.reset(np.array([2]), pos[None], rot.IDENTITY[None], joints[None])
+            stool.exchange(physics, [make_chair(9)], np.array([2]))
+            stool.put(physics, np.array([2]), pos[None], rot.IDENTITY[None], joints[None])
             physics.push(np.array([4]), np.array([[0.5, 0.0, 0.0]]))
         physics.step(torch.tensor(joints + 0.3 * random.normal(size=(6, 19))), measure_effort=step % 2 == 0)
     return physics.qpos().tobytes(), physics.qvel().tobytes(), physics.effort.numpy().tobytes()
@@ -142,7 +144,7 @@ def test_one_and_two_threads_give_the_same_bits():
 def test_effort_by_hand():
     # appendix D.2 in free fall: e = sum of (mean torque * mean velocity)^2 over the joints, means over the four
     # substeps
-    physics = NativePhysics(H1, [block()], control="torque", workers=1)
+    physics = NativePhysics(H1, [block()], PhysicsConfig(control="torque"), workers=1)
     pos, joints = np.array([-2.0, 0, 5.0]), np.array(H1.rest_pose)
     place(physics, pos, joints)
     torque = np.zeros(19)
@@ -174,7 +176,7 @@ def test_control_modes():
         ("velocity", 0.05 * gains.kp[elbow] / gains.kd[elbow]),
         ("torque", 0.05 * gains.kp[elbow]),
     ):
-        physics = NativePhysics(H1, [block()], control=control, workers=1)
+        physics = NativePhysics(H1, [block()], PhysicsConfig(control=control), workers=1)
         place(physics, np.array([-2.0, 0, 5.0]), np.zeros(19))
         command = torch.zeros(1, 19)
         command[0, elbow] = target
@@ -191,7 +193,7 @@ def test_broken_physics_is_flagged_until_reset():
     physics.step(torch.tensor(joints).expand(2, 19))
     assert physics.diverged.tolist() == [False, True]
     assert torch.isfinite(physics.state().root_pos_w).all()
-    physics.reset(np.array([1]), pos[None], rot.IDENTITY[None], joints[None])
+    stool.put(physics, np.array([1]), pos[None], rot.IDENTITY[None], joints[None])
     physics.step(torch.tensor(joints).expand(2, 19))
     assert physics.diverged.tolist() == [False, False]
 

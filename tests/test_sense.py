@@ -8,6 +8,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import stool
 from mimicbench.bench.sensors import bench_senses
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import RobotMotion
@@ -32,7 +33,7 @@ def scene(obj, poses):
     poses = np.array(poses, float)
     (_, _, height), joints = standing()
     pos = np.column_stack([poses[:, :2], np.full(len(poses), height)])
-    physics.reset(np.arange(len(poses)), pos, rot.from_yaw(poses[:, 2]), np.tile(joints, (len(poses), 1)))
+    stool.put(physics, np.arange(len(poses)), pos, rot.from_yaw(poses[:, 2]), np.tile(joints, (len(poses), 1)))
     return physics, height
 
 
@@ -79,7 +80,7 @@ def test_down_map_is_the_exact_map():
 def test_the_floor_stays_level_when_the_robot_leans():
     physics, height = scene(block(), [(-1.2, 0.0, 0.0)])
     lean = rot.multiply(rot.from_yaw(np.array(0.5)), rot.from_rotvec(np.array([0.1, 0.25, 0.0])))
-    physics.reset(np.arange(1), np.array([[-1.2, 0, height]]), lean[None], np.array([H1.rest_pose]))
+    stool.put(physics, np.arange(1), np.array([[-1.2, 0, height]]), lean[None], np.array([H1.rest_pose]))
     seen = camera_map(physics)[0].numpy()
     assert abs(seen.min() + height) < 1e-4 and abs(seen.max() - (0.42 - height)) < 1e-3
 
@@ -151,7 +152,7 @@ def test_rendered_depth_and_rays_make_the_same_map(rig, cell, height, width):
     ):
         physics, height_w = scene(chair, [pose])
         lean = rot.multiply(rot.from_yaw(np.array([pose[2]])), rot.from_rotvec(np.array([[0.05, 0.15, 0.0]])))
-        physics.reset(np.arange(1), np.array([[*pose[:2], height_w]]), lean, np.array([H1.rest_pose]))
+        stool.put(physics, np.arange(1), np.array([[*pose[:2], height_w]]), lean, np.array([H1.rest_pose]))
         by_rays = camera_map(physics, None, height, width, rig, cell)[0]
         drawn = rendered_map(physics, 0, rig, cell, height, width)
         within.append((abs(by_rays - drawn) < 0.01).numpy())
@@ -260,7 +261,8 @@ def test_bench_measures_every_maker():
 
 def test_proprioception():
     physics, height = scene(block(), [(-1.2, 0.4, 0.7)])
-    physics.reset(
+    stool.put(
+        physics,
         np.arange(1),
         np.array([[-1.2, 0.4, height]]),
         rot.from_yaw(np.array([0.7])),

@@ -6,12 +6,13 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import stool
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadObject, UnknownName
 from mimicbench.core.motion import RobotMotion
 from mimicbench.core.seeds import rng
-from mimicbench.envs.judge import Judge
-from mimicbench.envs.start import Stance, draw_start
+from mimicbench.envs.metrics import EpisodeMetrics
+from mimicbench.envs.rule_starts import Stance, draw_start
 from mimicbench.objects.families.chair import make_chair
 from mimicbench.objects.families.household import make_household
 from mimicbench.objects.shape import SceneObject
@@ -22,7 +23,7 @@ from mimicbench.tasks.lie_sofa import TASK as LIE_SOFA
 from mimicbench.tasks.lift_box import TASK as LIFT_BOX
 from mimicbench.tasks.registry import TASKS
 from mimicbench.tasks.sit_chair import TASK as SIT_CHAIR
-from mimicbench.tasks.task import REST, BodyPoints, ObjectFacts, first_run, longest_run
+from mimicbench.tasks.task import REST, BodyPoints, ObjectInfo, first_run, longest_run
 from mimicbench.tasks.touch_points import TASK as TOUCH_POINTS
 from stool import H1, block, place, seated, standing
 
@@ -33,7 +34,7 @@ def holds(x, y, z):
     """K's condition in one frame, with the pelvis at (x, y, z) and a stool of 0.5 m height and +-0.25 m."""
     points = np.array([[x, y, z]], float)
     return bool(
-        SIT_CHAIR.holds(BodyPoints(points, np.zeros((1, 2, 3)), np.zeros((1, 2, 3))), ObjectFacts.of([block(H)]))[0]
+        SIT_CHAIR.holds(BodyPoints(points, np.zeros((1, 2, 3)), np.zeros((1, 2, 3))), ObjectInfo.of([block(H)]))[0]
     )
 
 
@@ -75,16 +76,16 @@ def test_the_footprint_is_the_whole_chair_seen_from_above():
         0.45,
         seat.seat_polygon,
     )
-    facts = ObjectFacts.of([seat, leaning])
+    facts = ObjectInfo.of([seat, leaning])
     assert facts.interior_xy(np.array([[-0.44, 0.2, 0.6]] * 2)).tolist() == [False, True]
 
 
 def test_facts_of_an_object_without_a_seat():
     obj = block()
     bare = SceneObject(obj.id, "box", "box", obj.box_pos, obj.box_quat, obj.box_half, obj.box_rgb)
-    assert np.isnan(ObjectFacts.of([bare]).seat_height[0])
+    assert np.isnan(ObjectInfo.of([bare]).seat_height[0])
     points = np.array([[0, 0, 0.3]])
-    assert not SIT_CHAIR.holds(BodyPoints(points, np.zeros((1, 2, 3)), np.zeros((1, 2, 3))), ObjectFacts.of([bare]))[0]
+    assert not SIT_CHAIR.holds(BodyPoints(points, np.zeros((1, 2, 3)), np.zeros((1, 2, 3))), ObjectInfo.of([bare]))[0]
     with pytest.raises(BadObject, match="has no seat"):
         bare.require_seat()
 
@@ -161,55 +162,56 @@ def show(judge, physics, postures, active=None):
     for sits in postures:
         sits = np.array(sits)[:, None]
         n = len(sits)
-        physics.reset(
-            np.arange(n), np.where(sits, down, up), np.tile(rot.IDENTITY, (n, 1)), np.where(sits, bent, joints)
+        stool.put(
+            physics, np.arange(n), np.where(sits, down, up), np.tile(rot.IDENTITY, (n, 1)), np.where(sits, bent, joints)
         )
-        judge.see(physics, np.ones(n, bool) if active is None else active)
+        judge.update(physics.links(), None if active is None else torch.from_numpy(active))
 
 
-def test_judge_on_a_made_up_trace():
+def test_metrics_on_a_made_up_trace():
     physics = NativePhysics(H1, [block()] * 3, workers=1)
-    judge = Judge(SIT_CHAIR, H1, [block()] * 3, CONTROL_DT)
+    judge = EpisodeMetrics(SIT_CHAIR, H1, physics, CONTROL_DT)
     # the first sits for 14 frames, gets up and sits again; the second sits for 15 and gets up; the third never sits
     show(judge, physics, [(True, True, False)] * 14)
     assert not judge.success.any()
     show(judge, physics, [(False, True, False)])
-    assert judge.success.tolist() == [False, True, False] and judge.success_at_end.tolist() == [False, True, False]
+    assert judge.success.tolist() == [False, True, False] and judge.held.tolist() == [False, True, False]
     assert judge.first_success[1] == pytest.approx(15 * 0.02)
     show(judge, physics, [(True, False, False)] * 15)
     assert judge.success.tolist() == [True, True, False], "fulfilled is fulfilled"
-    assert judge.success_at_end.tolist() == [True, False, False]
-    assert judge.first_success[0] == pytest.approx(30 * 0.02) and np.isnan(judge.first_success[2])
+    assert judge.held.tolist() == [True, False, False]
+    assert judge.first_success[0] == pytest.approx(30 * 0.02) and torch.isnan(judge.first_success[2])
     assert judge.steps.tolist() == [30, 30, 30] and not judge.fell.any() and not judge.diverged.any()
 
 
-def test_judge_does_not_look_at_episodes_that_are_over():
+def test_metrics_does_not_look_at_episodes_that_are_over():
     physics = NativePhysics(H1, [block()] * 2, workers=1)
-    judge = Judge(SIT_CHAIR, H1, [block()] * 2, CONTROL_DT)
+    judge = EpisodeMetrics(SIT_CHAIR, H1, physics, CONTROL_DT)
     show(judge, physics, [(True, True)] * 20, active=np.array([True, False]))
     assert judge.success.tolist() == [True, False] and judge.steps.tolist() == [20, 0]
 
 
-def test_judge_sees_falls():
+def test_metrics_sees_falls():
     physics = NativePhysics(H1, [block()] * 3, workers=1)
-    judge = Judge(SIT_CHAIR, H1, [block()] * 3, CONTROL_DT)
+    judge = EpisodeMetrics(SIT_CHAIR, H1, physics, CONTROL_DT)
     tilts = rot.from_rotvec(np.array([[0, 1.1, 0], [0, 1.3, 0], [0, 0, 2.0]]))
-    physics.reset(np.arange(3), np.array([[-1, 0, 1.0]] * 3), tilts, np.zeros((3, 19)))
-    judge.see(physics, np.ones(3, bool))
+    stool.put(physics, np.arange(3), np.array([[-1, 0, 1.0]] * 3), tilts, np.zeros((3, 19)))
+    judge.update(physics.links())
     assert judge.fell.tolist() == [False, True, False], "a turn about the vertical is no fall"
-    physics.reset(
+    stool.put(
+        physics,
         np.arange(3),
         np.array([[-1, 0, 0.42 - 0.14], [-1, 0, 1], [-1, 0, 0.42 - 0.16]]),
         np.tile(rot.IDENTITY, (3, 1)),
         np.zeros((3, 19)),
     )
-    judge.see(physics, np.ones(3, bool))
+    judge.update(physics.links())
     assert judge.fell.tolist() == [False, True, True]
 
 
-def test_judge_keeps_the_largest_effort_up_to_the_success():
+def test_metrics_keeps_the_largest_effort_up_to_the_success():
     physics = NativePhysics(H1, [block()], workers=1)
-    judge = Judge(SIT_CHAIR, H1, [block()], CONTROL_DT)
+    judge = EpisodeMetrics(SIT_CHAIR, H1, physics, CONTROL_DT)
     pos, joints = seated(0.42)
     place(physics, pos, joints)
     efforts = []
@@ -217,7 +219,7 @@ def test_judge_keeps_the_largest_effort_up_to_the_success():
         kick = joints + (0.5 if step == 17 else 0.0)  # after K is fulfilled
         physics.step(torch.tensor(kick)[None], measure_effort=True)
         efforts.append(float(physics.effort[0]))
-        judge.see(physics, np.ones(1, bool))
+        judge.update(physics.links())
     assert judge.success[0] and judge.first_success[0] == pytest.approx(15 * CONTROL_DT)
     assert judge.effort()[0] == pytest.approx(max(efforts[:15]))
     assert judge.max_effort[0] == pytest.approx(max(efforts)) and max(efforts) > 2 * max(efforts[:15])
@@ -225,14 +227,14 @@ def test_judge_keeps_the_largest_effort_up_to_the_success():
 
 def test_broken_physics_is_no_success():
     physics = NativePhysics(H1, [block()] * 2, workers=1)
-    judge = Judge(SIT_CHAIR, H1, [block()] * 2, CONTROL_DT)
+    judge = EpisodeMetrics(SIT_CHAIR, H1, physics, CONTROL_DT)
     pos, joints = seated(0.42)
     place(physics, pos, joints, joint_vel=np.concatenate([np.zeros((1, 19)), np.full((1, 19), 1e12)]))
     for _ in range(20):
         physics.step(torch.tensor(joints).expand(2, 19), measure_effort=True)
-        judge.see(physics, np.ones(2, bool))
+        judge.update(physics.links())
     assert judge.success.tolist() == [True, False] and judge.diverged.tolist() == [False, True]
-    assert np.isfinite(judge.max_effort).all()
+    assert torch.isfinite(judge.max_effort).all()
 
 
 def test_registry():
@@ -244,7 +246,7 @@ def test_registry():
 @pytest.mark.parametrize("task", TASKS.all(), ids=TASKS.names())
 def test_every_task_is_whole(task):
     assert task.time_limit in (10.0, 20.0) and 0 <= task.hold_time <= 1 and task.family and task.title
-    facts = ObjectFacts.of([make_chair(i) for i in range(3)])
+    facts = ObjectInfo.of([make_chair(i) for i in range(3)])
     found = task.holds(BodyPoints(np.zeros((3, 3)), np.zeros((3, 2, 3)), np.zeros((3, 2, 3))), facts)
     assert found.shape == (3,) and found.dtype == bool
 
@@ -255,7 +257,7 @@ def body(pelvis=(0, 0, 0), ankles=((0, 0, 0), (0, 0, 0)), wrists=((0, 0, 0), (0,
 
 
 def facts(height=0.5, half=0.25, goals=None):
-    return ObjectFacts.of([block(height, half)], goals)
+    return ObjectInfo.of([block(height, half)], goals)
 
 
 def test_sitting_on_a_sofa_is_judged_as_on_a_chair():
@@ -331,7 +333,7 @@ def test_lifting_a_box_needs_height_and_both_wrists_at_its_surface(lift, off, ex
 def test_lifting_a_box_is_judged_in_the_last_frame():
     box = block(0.8, 0.2, movable=True, mass=2.0)
     physics = NativePhysics(H1, [box], workers=1)
-    judge = Judge(LIFT_BOX, H1, [box], CONTROL_DT)
+    judge = EpisodeMetrics(LIFT_BOX, H1, physics, CONTROL_DT)
     pos, joints = standing()
     hands = (
         BodyPoints.of(H1, *H1.forward_kinematics(pos[None], rot.IDENTITY[None], joints[None])).wrist_pos_w[0].mean(0)
@@ -339,9 +341,9 @@ def test_lifting_a_box_is_judged_in_the_last_frame():
     for height, expected in ((0.0, False), (0.3, True), (0.1, False)):
         place(physics, pos, joints)
         physics.qpos()[0, -7:-4] = [hands[0], hands[1], height]
-        judge.see(physics, np.ones(1, bool))
+        judge.update(physics.links())
         # the hands hang beside the hips, 0.2 m to the left and right of the middle: at the sides of the box
-        assert judge.success.tolist() == judge.success_at_end.tolist() == [expected] and not judge.over().any()
+        assert judge.success.tolist() == judge.held.tolist() == [expected] and not judge.over().any()
     assert judge.first_success[0] == pytest.approx(2 * CONTROL_DT)
 
 
@@ -349,11 +351,11 @@ def test_who_lies_has_not_fallen_where_lying_is_the_task():
     obj = block(0.42, 1.0)
     for task, fallen in ((LIE_BED, False), (SIT_CHAIR, True)):
         physics = NativePhysics(H1, [obj], workers=1)
-        judge = Judge(task, H1, [obj], CONTROL_DT)
-        physics.reset(
-            np.arange(1), np.array([[0, 0, 0.6]]), rot.from_rotvec(np.array([[0, -1.5, 0]])), np.zeros((1, 19))
+        judge = EpisodeMetrics(task, H1, physics, CONTROL_DT)
+        stool.put(
+            physics, np.arange(1), np.array([[0, 0, 0.6]]), rot.from_rotvec(np.array([[0, -1.5, 0]])), np.zeros((1, 19))
         )
-        judge.see(physics, np.ones(1, bool))
+        judge.update(physics.links())
         assert judge.fell.tolist() == [fallen]
 
 

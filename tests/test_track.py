@@ -12,23 +12,37 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.checkpoint import BadCheckpoint
 from mimicbench.core.errors import BadMotion, UnknownName
 from mimicbench.core.motion import RobotMotion
+from mimicbench.core.training import TorchRandom
+from mimicbench.envs.clip_starts import ClipStartConfig, ClipStarts
+from mimicbench.envs.clips import ClipSet
+from mimicbench.envs.reference import ReferenceBank
+from mimicbench.envs.vec_env import EnvConfig, VecEnv
+from mimicbench.sensors.context import StepContext, Transition
+from mimicbench.sensors.observations import TERMS
+from mimicbench.sensors.pictures import CameraPictures
 from mimicbench.sensors.proprioception import body_state
-from mimicbench.sim.physics import RobotState
-from mimicbench.tasks.sit_chair import TASK as SIT_CHAIR
-from mimicbench.track import hst, residual
-from mimicbench.track.checkpoint import Tracker, TrackerConfig, load_tracker, save_tracker
-from mimicbench.track.env import TrackingConfig, TrackingEnv, deviations
+from mimicbench.sensors.reference import reference_in_root, reference_links
+from mimicbench.sim.physics import ObjectState, RobotState
+from mimicbench.sim.rows import Rows
+from mimicbench.tasks.registry import TASKS
+from mimicbench.track.checkpoint import TrackerConfig, build_tracker, load_tracker, save_tracker
 from mimicbench.track.network import TrackerNetwork
 from mimicbench.track.ppo import PPOConfig, PPOLearner
-from mimicbench.track.reference import ReferenceBank
-from mimicbench.track.rollout import track_clips
-from mimicbench.track.tracker import Moment, Step, get_kind
+from mimicbench.track.registry import TRACKERS
+from mimicbench.track.rollout import RolloutConfig, track_clips
+from mimicbench.track.spec import flat
+from mimicbench.track.trackers import hst, residual
+from mimicbench.track.tracking import ENDS, EndConfig, TrackingConfig, TrackingEnv, deviations
 from mimicbench.track.train import TrackConfig, train_tracker
 from stool import H1, block, seated, standing
 
+SIT_CHAIR, LIFT_BOX, TOUCH = (TASKS.get(name) for name in ("sit-chair", "lift-box", "touch-points"))
+RESIDUAL, HST = TRACKERS.get("residual"), TRACKERS.get("hst")
+OURS, PAPERS = residual.ResidualConfig(), hst.HSTConfig()
 STOOL = block()
 OBJECTS = {STOOL.id: STOOL}
-CALM = TrackingConfig(first_frame=1.0, start_pos_noise=0.0, start_angle_noise=0.0, start_vel_noise=0.0, push=0.0)
+CALM = TrackingConfig(ClipStartConfig(1.0, 0.0, 0.0, 0.0), push=0.0)
+ONE_THREAD = EnvConfig(workers=1)
 TINY = PPOConfig(hidden=(16,), steps=8, epochs=1, minibatches=2)
 RATES = np.linspace(-0.4, 0.4, 19)
 
@@ -66,18 +80,59 @@ def still(posture, name, frames=40):
 CLIPS = [still(standing(), "stands"), still(seated(0.42), "sits")]
 
 
+def clip_set(*motions):
+    return ClipSet(SIT_CHAIR, H1, list(motions) or CLIPS, OBJECTS)
+
+
 def state_of(frame):
     """A robot that is exactly where its reference is."""
     spin = rot.rotate_inverse(frame.root_quat_w, frame.root_ang_vel_w)
     return RobotState(frame.root_pos_w, frame.root_quat_w, frame.root_lin_vel_w, spin, frame.joint_pos, frame.joint_vel)
 
 
-def moment_of(bank, index, state=None):
-    """A robot at a frame of the bank's first clip."""
+class FakePhysics:
+    """Nothing but where links and objects are."""
+
+    def __init__(self, links, obj):
+        self._links, self._object = links, obj
+
+    def links(self):
+        return self._links
+
+    def object_state(self):
+        return self._object
+
+
+def context_of(bank, index, state=None, task=SIT_CHAIR, obj=None, last_action=0.0):
+    """A robot at a frame of the bank's first clip, where the reference is unless it is given a state."""
     clip, at = torch.zeros(1, dtype=torch.long), torch.tensor([index])
-    state = state or state_of(bank.frame(clip, at))
-    links = hst.reference_links(H1, bank.frame(clip, at))
-    return Moment(H1, state, lambda: links, lambda k: bank.frame(clip, at + k), torch.zeros(1, 19))
+    frame = bank.frame(clip, at)
+    physics = FakePhysics(reference_links(H1, frame), obj or frame.object)
+    return StepContext(
+        robot=H1,
+        task=task,
+        physics=physics,
+        state=state or state_of(frame),
+        time=torch.zeros(1),
+        odometry_pos=torch.zeros(1, 2),
+        odometry_yaw=torch.zeros(1),
+        last_action=torch.full((1, 19), last_action),
+        last_target=torch.zeros(1, 19),
+        wrist_goal_w=frame.wrist_goal_w,
+        reference=lambda k: bank.frame(clip, at + k),
+        pictures=CameraPictures(H1, task.rig, 16, 16),
+    )
+
+
+def observed(spec, context):
+    names = spec.names(context.task)
+    return flat({name: TERMS[name].compute(context) for name in names}, names)
+
+
+def moved_on(bank, context, index=9, action=0.0, previous=0.0):
+    """A step that led to `context` from one frame before, with a change of the action and nothing else."""
+    before = replace(context_of(bank, index, last_action=previous), state=context.state)
+    return Transition(torch.full((1, 19), action), before, torch.zeros(1))
 
 
 def test_reference_against_the_analytic_motion():
@@ -123,7 +178,7 @@ def test_clips_that_cannot_be_tracked():
 def test_link_velocities_of_a_reference_are_derivatives():
     bank = ReferenceBank([swing(frames=91)], H1)
     clip = torch.zeros(3, dtype=torch.long)
-    links = hst.reference_links(H1, bank.frame(clip, torch.tensor([49, 50, 51])))
+    links = reference_links(H1, bank.frame(clip, torch.tensor([49, 50, 51])))
     np.testing.assert_allclose(links.lin_vel_w[1], (links.pos_w[2] - links.pos_w[0]) * 25, atol=5e-3)
     np.testing.assert_allclose(
         links.ang_vel_w[1], rot.to_rotvec(rot.multiply(links.quat_w[2], rot.conjugate(links.quat_w[0]))) * 25, atol=5e-3
@@ -136,12 +191,52 @@ def test_link_velocities_of_a_reference_are_derivatives():
     np.testing.assert_allclose(rot.angle_between(links.quat_w.numpy(), quat), 0, atol=2e-3)
 
 
+def lifted(frames=41):
+    """A box that goes up with the robot standing behind it, turning about the vertical."""
+    t = np.arange(frames) / 30.0
+    pos = np.stack([0.3 + 0 * t, 0 * t, 0.2 * t], -1)
+    return replace(swing(frames=frames), task="lift-box", object_pos_w=pos, object_quat_w=rot.from_yaw(0.3 * t))
+
+
+def test_a_frame_has_the_object_and_the_goals():
+    goals = np.array([[0.3, 0.2, 0.9], [0.3, -0.2, 0.8]])
+    bank = ReferenceBank([swing(), lifted(), replace(swing(), wrist_goal_w=goals)], H1)
+    clip, index = torch.tensor([0, 1, 2]), torch.tensor([20, 20, 20])
+    frame = bank.frame(clip, index)
+    at = 20 / 50
+    np.testing.assert_allclose(frame.object.pos_w, [[0, 0, 0], [0.3, 0, 0.2 * at], [0, 0, 0]], atol=1e-6)
+    np.testing.assert_allclose(frame.object.lin_vel_w, [[0, 0, 0], [0, 0, 0.2], [0, 0, 0]], atol=1e-5)
+    np.testing.assert_allclose(frame.object.ang_vel_b, [[0, 0, 0], [0, 0, 0.3], [0, 0, 0]], atol=1e-5)
+    np.testing.assert_allclose(frame.object.quat_w[1], rot.from_yaw(np.array(0.3 * at)), atol=1e-6)
+    assert torch.isnan(frame.wrist_goal_w[:2]).all()
+    np.testing.assert_allclose(frame.wrist_goal_w[2], goals, atol=1e-6)
+
+
+def test_a_clip_is_entered_with_the_box_in_mid_air():
+    box = block(0.4, 0.2, movable=True, mass=2.0)
+    motion = replace(lifted(), object_id=box.id)
+    bank = ReferenceBank([motion], H1)
+    env = VecEnv(LIFT_BOX, H1, [box, box], ONE_THREAD, bank=bank)
+    starts = ClipStarts(bank, env.physics.add_objects([box]), H1)
+    clip, frame = torch.zeros(2, dtype=torch.long), torch.tensor([10, 45])
+    env.reset(Rows.every(2), starts.at(clip, frame))
+    wanted, found = bank.frame(clip, frame).object, env.context.object
+    for name in ("pos_w", "quat_w", "lin_vel_w", "ang_vel_b"):
+        np.testing.assert_allclose(getattr(found, name), getattr(wanted, name), atol=1e-6, err_msg=name)
+    assert found.pos_w[1, 2] > 0.15, "it is in mid-air"
+    assert TERMS["object"].compute(env.context).shape == (2, 12)
+
+
 def test_what_trackers_see():
-    bank = ReferenceBank([swing()], H1)
-    moment = moment_of(bank, 10)
-    assert residual.observe(moment).shape == (1, 167)
-    assert hst.observe(moment).shape == (1, 578)
-    assert body_state(moment.state).shape == (1, 48)
+    context = context_of(ReferenceBank([swing()], H1), 10)
+    assert observed(RESIDUAL, context).shape == (1, 167)
+    assert observed(HST, context).shape == (1, 578)
+    assert body_state(context.state).shape == (1, 48)
+    carrying = context_of(ReferenceBank([lifted()], H1), 10, task=LIFT_BOX)
+    assert observed(HST, carrying).shape == (1, 578 + 24), "the box's state and its target"
+    goals = np.array([[0.3, 0.2, 0.9], [0.3, -0.2, 0.8]])
+    touching = context_of(ReferenceBank([replace(swing(), wrist_goal_w=goals)], H1), 10, task=TOUCH)
+    assert observed(HST, touching).shape == (1, 578 + 6), "both wrists' targets"
 
 
 def test_observations_do_not_know_where_the_world_is():
@@ -150,52 +245,37 @@ def test_observations_do_not_know_where_the_world_is():
     yaw, shift = 1.1, np.array([3.0, -2.0, 0.0])
     turn = rot.from_yaw(np.array(yaw))
     motion = swing()
-    moved = ReferenceBank(
-        [
-            replace(
-                motion,
-                root_pos_w=rot.rotate(turn, motion.root_pos_w) + shift,
-                root_quat_w=rot.multiply(turn, motion.root_quat_w),
-            )
-        ],
-        H1,
-    )
-    for kind in (residual.RESIDUAL, hst.HST_PAPER):
-        np.testing.assert_allclose(kind.observe(moment_of(bank, 20)), kind.observe(moment_of(moved, 20)), atol=1e-3)
+    pos, quat = rot.rotate(turn, motion.root_pos_w) + shift, rot.multiply(turn, motion.root_quat_w)
+    moved = ReferenceBank([replace(motion, root_pos_w=pos, root_quat_w=quat)], H1)
+    for spec in (RESIDUAL, HST):
+        ours, theirs = (observed(spec, context_of(some, 20)) for some in (bank, moved))
+        np.testing.assert_allclose(ours, theirs, atol=1e-3)
 
 
 def test_at_its_next_frame_the_reference_is_nowhere_else():
     # a robot already at the next frame sees no difference in position, orientation and joints
     bank = ReferenceBank([swing()], H1)
-    ahead = state_of(bank.frame(torch.zeros(1, dtype=torch.long), torch.tensor([11])))
-    plan = residual.plan_observation(moment_of(bank, 10, ahead))[0]
+    frame = bank.frame(torch.zeros(1, dtype=torch.long), torch.tensor([11]))
+    plan = reference_in_root(state_of(frame), frame)[0]
     np.testing.assert_allclose(plan[:9], [0, 0, 0, 1, 0, 0, 0, 1, 0], atol=1e-6)
     np.testing.assert_allclose(plan[12:31], 0, atol=1e-6)
 
 
-def no_change(moment, action=0.0, previous=0.0):
-    ref = moment.reference(0)
-    return Step(
-        torch.full((1, 19), action),
-        torch.full((1, 19), previous),
-        moment.state.joint_vel,
-        ref.joint_vel,
-        torch.zeros(1),
-    )
-
-
 def test_reward_of_perfect_tracking():
-    moment = moment_of(ReferenceBank([swing()], H1), 10)
-    assert residual.reward(moment, no_change(moment))[0] == pytest.approx(1.0, abs=1e-6)
-    assert residual.reward(moment, no_change(moment, 0.5, 0.3))[0] == pytest.approx(1 - 0.005 * 19 * 0.04, abs=1e-6)
-    # F.3: 1 for the positions, 1 for each of 20 orientations, 5 for the root
-    assert hst.reward(moment, no_change(moment))[0] == pytest.approx(26, abs=1e-2)
+    bank = ReferenceBank([swing()], H1)
+    context = context_of(bank, 10)
+    assert RESIDUAL.reward(context, moved_on(bank, context), OURS)[0] == pytest.approx(1.0, abs=1e-6)
+    changed = moved_on(bank, context, action=0.5, previous=0.3)
+    assert RESIDUAL.reward(context, changed, OURS)[0] == pytest.approx(1 - 0.005 * 19 * 0.04, abs=1e-6)
+    # F.3: 1 for the positions, 1 for each of 20 orientations, 5 for the root; joints as they are to be
+    still_bank = ReferenceBank([CLIPS[0]], H1)
+    rests = context_of(still_bank, 10)
+    assert HST.reward(rests, moved_on(still_bank, rests), PAPERS)[0] == pytest.approx(26, abs=1e-2)
 
 
 def test_reward_by_hand():
     bank = ReferenceBank([CLIPS[0]], H1)
-    frame = bank.frame(torch.zeros(1, dtype=torch.long), torch.tensor([5]))
-    off = state_of(frame)
+    off = state_of(bank.frame(torch.zeros(1, dtype=torch.long), torch.tensor([5])))
     off = replace(
         off,
         root_pos_w=off.root_pos_w + torch.tensor([0.3, 0, 0]),
@@ -211,109 +291,214 @@ def test_reward_by_hand():
         + 0.1 * np.exp(-2 * 0.25)
         + 0.1 * np.exp(-0.02 * 19 * 4)
     )
-    moment = moment_of(bank, 5, off)
-    assert residual.reward(moment, no_change(moment))[0] == pytest.approx(expected, abs=1e-5)
+    context = context_of(bank, 5, off)
+    assert RESIDUAL.reward(context, moved_on(bank, context, 4), OURS)[0] == pytest.approx(expected, abs=1e-5)
 
 
-def test_papers_reward_penalizes_effort_and_height():
+def papers(bank, context, **changes):
+    """The paper's reward at frame 5 of a clip at rest, after a step with these differences."""
+    step = moved_on(bank, context, 4)
+    return float(HST.reward(context, replace(step, **changes), PAPERS)[0])
+
+
+def test_every_coefficient_of_the_papers_reward():
+    """F.3: what each part is worth, worked out by hand for one deviation at a time."""
     bank = ReferenceBank([CLIPS[0]], H1)
-    moment = moment_of(bank, 5)
-    step = no_change(moment)
-    assert hst.reward(moment, step)[0] - hst.reward(moment, replace(step, effort=torch.tensor([1e6])))[
-        0
-    ] == pytest.approx(1.0, abs=1e-4)
-    low = replace(moment.state, root_pos_w=moment.state.root_pos_w - torch.tensor([0, 0, 0.1]))
-    fall = hst.reward(moment, step)[0] - hst.reward(moment_of(bank, 5, low), step)[0]
-    assert fall == pytest.approx(100 * 0.01 + 5 * (1 - np.exp(-1.0)), abs=1e-3)
+    at = context_of(bank, 5)
+    perfect = papers(bank, at)
+    state = at.state
+    assert perfect - papers(bank, at, effort=torch.tensor([1e6])) == pytest.approx(1.0, abs=1e-4), "1e-6 r_energy"
+    assert perfect - papers(bank, at, action=torch.full((1, 19), 2.0)) == pytest.approx(1e-3 * 19 * 4, abs=1e-5)
+    # joints that turn faster now and before: a price on velocity, none on acceleration
+    fast = replace(at, state=replace(state, joint_vel=torch.full((1, 19), 3.0)))
+    assert perfect - papers(bank, fast) == pytest.approx(2e-3 * 19 * 9, abs=1e-4)
+    # and now alone: 3 rad/s more within 0.02 s is 150 rad/s^2
+    jerk = moved_on(bank, at, 4)
+    found = float(HST.reward(fast, jerk, PAPERS)[0])
+    assert perfect - found == pytest.approx(2e-3 * 19 * 9 + 5e-7 * 19 * 150**2, abs=1e-4)
+
+
+def shifted(context, away):
+    """The same robot with all its links elsewhere."""
+    links = context.physics.links()
+    physics = FakePhysics(replace(links, pos_w=links.pos_w + torch.tensor(away)), context.physics.object_state())
+    return replace(context, physics=physics)
+
+
+@pytest.mark.parametrize(("task", "weight"), [(SIT_CHAIR, 100), (TASKS.get("lie-bed"), 10)])
+def test_papers_reward_weighs_positions_height_and_orientation(task, weight):
+    bank = ReferenceBank([CLIPS[0]], H1)
+    at = context_of(bank, 5, task=task)
+    low = papers(bank, shifted(at, [0.0, 0.0, -0.1]))
+    r_pos, r_root = np.exp(-5 * 20 * 0.01), 5 * np.exp(-10 * 0.1) - weight * 0.01
+    assert low == pytest.approx(r_pos + 20 + r_root, abs=1e-3)
+    links = at.physics.links()
+    turned = rot.multiply(torch.tensor(rot.from_yaw(np.array(0.3)), dtype=torch.float32).expand(1, 20, 4), links.quat_w)
+    physics = FakePhysics(replace(links, quat_w=turned), at.object)
+    assert papers(bank, replace(at, physics=physics)) == pytest.approx(1 + 20 * np.exp(-0.3) + 5, abs=1e-3)
+
+
+def test_papers_reward_multiplies_by_wrists_and_object():
+    goals = np.array([[0.3, 0.2, 0.9], [0.3, -0.2, 0.8]])
+    bank = ReferenceBank([replace(CLIPS[0], wrist_goal_w=goals)], H1)
+    touching = context_of(bank, 5, task=TOUCH)
+    assert papers(bank, touching) == pytest.approx(26 * 2, abs=1e-2), "r_human x r_wrist, 1 for each wrist"
+    moved = papers(bank, shifted(touching, [0.1, 0.0, 0.0]))
+    human = np.exp(-5 * 20 * 0.01) + 20 + 5 * np.exp(-1.0)
+    assert moved == pytest.approx(human * 2 * np.exp(-1.0), abs=1e-2)
+    box = replace(CLIPS[0], object_pos_w=np.zeros((40, 3)), object_quat_w=np.tile(rot.IDENTITY, (40, 1)))
+    carried = ReferenceBank([box], H1)
+    there = ObjectState.at_origin(1)
+    lifting = context_of(carried, 5, task=LIFT_BOX, obj=there)
+    assert papers(carried, lifting) == pytest.approx(26 * 2 * 1, abs=1e-2)
+    off = replace(there, pos_w=torch.tensor([[0.0, 0.1, 0.0]]))
+    away = context_of(carried, 5, task=LIFT_BOX, obj=off)
+    expected = 26 * 2 * np.exp(-1.0) * np.exp(-1.0)
+    assert papers(carried, away) == pytest.approx(expected, abs=1e-2), "r_w->o and r_object both see it"
+
+
+def test_our_reward_follows_the_object_where_it_moves():
+    bank = ReferenceBank([lifted()], H1)
+    at = context_of(bank, 10, task=LIFT_BOX)
+    assert RESIDUAL.reward(at, moved_on(bank, at), OURS)[0] == pytest.approx(1.0, abs=1e-6)
+    obj = at.object
+    away = replace(obj, pos_w=obj.pos_w + torch.tensor([0.1, 0, 0]))
+    lost = context_of(bank, 10, task=LIFT_BOX, obj=away)
+    assert RESIDUAL.reward(lost, moved_on(bank, lost), OURS)[0] == pytest.approx(0.5 + 0.5 * np.exp(-1.0), abs=1e-5)
 
 
 def test_what_actions_mean():
     frame = ReferenceBank([CLIPS[0]], H1).frame(torch.zeros(1, dtype=torch.long), torch.tensor([1]))
-    moved = residual.target(H1, frame, torch.ones(1, 19)) - frame.joint_pos
+    moved = RESIDUAL.target(H1, frame.joint_pos, torch.ones(1, 19), OURS) - frame.joint_pos
     np.testing.assert_allclose(moved[0], H1.gains["improved"].action_scale, atol=1e-6)
-    absolute = hst.target(H1, frame, torch.full((1, 19), 9.0))
+    absolute = HST.target(H1, frame.joint_pos, torch.full((1, 19), 9.0), PAPERS)
     np.testing.assert_allclose(absolute[0], H1.joint_range[:, 1], atol=1e-6)
-    with pytest.raises(UnknownName, match="known are: improved, paper"):
-        get_kind("quick")
+    with pytest.raises(UnknownName, match="known are: .*residual"):
+        TRACKERS.get("quick")
+
+
+@pytest.mark.parametrize("spec", TRACKERS.all(), ids=TRACKERS.names())
+def test_a_tracker_reads_the_next_pose_off_its_plan(spec):
+    """Whoever plans for a tracker gives its privileged terms; the joint angles in them are the reference's."""
+    bank = ReferenceBank([swing()], H1)
+    context = context_of(bank, 10)
+    terms = {name: TERMS[name].compute(context) for name in spec.names(SIT_CHAIR)}
+    np.testing.assert_allclose(spec.next_joint_pos(H1, terms), context.reference(1).joint_pos, atol=1e-6)
+    assert all(TERMS[name].privileged for name in spec.plan(SIT_CHAIR)) and spec.plan(SIT_CHAIR)
 
 
 def test_when_an_episode_ends():
-    frame = ReferenceBank([CLIPS[0]], H1).frame(torch.zeros(6, dtype=torch.long), torch.zeros(6, dtype=torch.long))
-    shift = torch.tensor([[0.49, 0, 0], [0.51, 0, 0], [0, 0, -0.24], [0, 0, -0.26], [0, 0, 0.3], [0, 0, 0]])
-    turn = torch.tensor(rot.from_yaw(np.array([0.99, 0, 0, 0, 0, 1.01])), dtype=torch.float32)
-    state = replace(state_of(frame), root_pos_w=frame.root_pos_w + shift, root_quat_w=turn)
-    far, turned, dropped = deviations(
-        state,
-        frame.root_pos_w,
-        frame.root_quat_w,
-        TrackingConfig(max_pos_error=0.5, max_angle_error=1.0, max_drop=0.25),
-    )
-    assert far.tolist() == [False, True, False, False, False, False]
-    assert turned.tolist() == [False, False, False, False, False, True]
-    assert dropped.tolist() == [False, False, False, True, False, False]
+    bank = ReferenceBank([CLIPS[0]], H1)
+    ends = EndConfig(0.5, 1.0, 0.25, 0.15)
+    shifts = [[0.49, 0, 0], [0.51, 0, 0], [0, 0, -0.24], [0, 0, -0.26], [0, 0, 0.3], [0, 0, 0]]
+    found = []
+    for shift, yaw in zip(shifts, [0.99, 0, 0, 0, 0, 1.01], strict=True):
+        state = context_of(bank, 0).state
+        turn = torch.tensor(rot.from_yaw(np.array([yaw])), dtype=torch.float32)
+        off = replace(state, root_pos_w=state.root_pos_w + torch.tensor(shift), root_quat_w=turn)
+        found.append([bool(flag) for flag in deviations(context_of(bank, 0, off), ends)])
+    far, turned, dropped, lost = zip(*found, strict=True)
+    assert far == (False, True, False, False, False, False)
+    assert turned == (False, False, False, False, False, True)
+    assert dropped == (False, False, False, True, False, False)
+    assert not any(lost)
+    carried = ReferenceBank([lifted()], H1)
+    for distance, expected in ((0.14, False), (0.16, True)):
+        obj = context_of(carried, 0).object
+        away = replace(obj, pos_w=obj.pos_w + torch.tensor([0, distance, 0]))
+        assert bool(deviations(context_of(carried, 0, task=LIFT_BOX, obj=away), ends)[3]) is expected
 
 
-@pytest.mark.parametrize("preset", ["improved", "paper"])
-def test_environment(preset):
-    env = TrackingEnv(get_kind(preset), H1, CLIPS, OBJECTS, 4, CALM, seed=0, workers=1)
+@pytest.mark.parametrize("spec", [RESIDUAL, HST], ids=lambda spec: spec.name)
+def test_environment(spec):
+    env = TrackingEnv(spec, clip_set(), 4, CALM, 0, ONE_THREAD)
     obs = env.observe()
-    assert obs.shape == (4, 167 if preset == "improved" else 578) and obs.dtype == torch.float32
-    length = int(env.bank.lengths[0])
+    assert obs.shape == (4, 167 if spec is RESIDUAL else 578) and obs.dtype == torch.float32
+    length, settings = int(env.bank.lengths[0]), spec.settings()
     for step in range(length):
-        hold = env.moment.reference(1).joint_pos if preset == "paper" else torch.zeros(4, 19)
-        obs, reward, done, time_out = env.step(hold)
+        hold = env.context.reference(1).joint_pos if spec is HST else torch.zeros(4, 19)
+        obs, reward, done, time_out = env.step(hold, settings)
         assert torch.isfinite(obs).all() and torch.isfinite(reward).all()
-        sits = env.clip == 1
-        if preset == "improved" and step < length - 2:
+        assert not (time_out & ~done).any(), "a time-out is an end"
+        sits = env.env.clip == 1
+        if spec is RESIDUAL and step < length - 2:
             assert not done[sits].any() and (reward[sits] > 0.8).all(), "who sits stays seated"
         if step == length - 2:
-            assert time_out.any() and (done | ~time_out).all(), (
-                "a clip that is over ends an episode, and the learner is told"
-            )
-    assert env.ended["clip over"] >= 1
+            assert time_out.any(), "a clip that is over ends an episode, and the learner is told"
+    assert env.ended[ENDS.index("clip over")] >= 1
+
+
+def test_who_fails_as_the_clip_ends_has_failed():
+    env = TrackingEnv(RESIDUAL, clip_set(), 2, CALM, 0, ONE_THREAD)
+    env.env.index[:] = env.bank.lengths[env.env.clip] - 2
+    env.env.physics.push(torch.tensor([[40.0, 0, 0], [0, 0, 0]]))
+    _, _, done, time_out = env.step(torch.zeros(2, 19), OURS)
+    assert done.tolist() == [True, True] and time_out.tolist() == [False, True]
 
 
 def test_environment_ends_and_restarts_who_falls():
-    env = TrackingEnv(residual.RESIDUAL, H1, CLIPS, OBJECTS, 4, CALM, seed=0, workers=1)
-    env.physics.push(np.array([1]), np.array([[40.0, 0, 0]]))
-    _, _, done, time_out = env.step(torch.zeros(4, 19))
+    env = TrackingEnv(RESIDUAL, clip_set(), 4, CALM, 0, ONE_THREAD)
+    push = torch.zeros(4, 3)
+    push[1, 0] = 40.0
+    env.env.physics.push(push)
+    _, _, done, time_out = env.step(torch.zeros(4, 19), OURS)
     assert done.tolist() == [False, True, False, False] and not time_out.any()
-    assert env.ended["position"] == 1 and env.index[1] == 0 and env.index[0] == 1
-    assert (env.moment.state.root_pos_w[1] - env.moment.reference(0).root_pos_w[1]).norm() < 1e-5, (
-        "it starts again on its reference"
-    )
+    assert env.ended[ENDS.index("position")] == 1 and env.env.index[1] == 0 and env.env.index[0] == 1
+    away = env.context.state.root_pos_w[1] - env.context.reference(0).root_pos_w[1]
+    assert away.norm() < 1e-5, "it starts again on its reference"
+
+
+def test_who_sinks_below_the_limit_ends():
+    env = TrackingEnv(RESIDUAL, clip_set(CLIPS[0]), 2, CALM, 0, ONE_THREAD)
+    state = env.context.state
+    sunk = torch.tensor([[0.0, 0.0, -0.21], [0.0, 0.0, -0.19]])
+    env.env.physics.reset(Rows.every(2), replace(state, root_pos_w=state.root_pos_w + sunk))
+    env.env._context = env.env._look()
+    assert deviations(env.context, EndConfig())[2].tolist() == [True, False]
 
 
 def run(seed, workers):
-    env = TrackingEnv(
-        residual.RESIDUAL, H1, [swing(), *CLIPS], OBJECTS, 6, TrackingConfig(push_interval=0.1), seed, workers
-    )
-    total = []
-    for _ in range(12):
-        env.disturb()
-        total.append(env.step(torch.zeros(6, 19))[0].numpy().tobytes())
-    return total
+    config = TrackingConfig(push_interval=0.1)
+    env = TrackingEnv(RESIDUAL, clip_set(swing(), *CLIPS), 6, config, seed, EnvConfig(workers=workers))
+    return [env.step(torch.zeros(6, 19), OURS)[0].numpy().tobytes() for _ in range(12)]
 
 
 def test_the_same_seed_gives_the_same_bits_whatever_the_threads():
     assert run(3, 1) == run(3, 2) != run(4, 1)
 
 
+def test_an_environment_is_taken_up_as_if_it_had_never_stopped():
+    def make():
+        return TrackingEnv(RESIDUAL, clip_set(swing(), *CLIPS), 6, TrackingConfig(push_interval=0.1), 0, ONE_THREAD)
+
+    first, second = make(), make()
+    for _ in range(7):
+        first.step(torch.zeros(6, 19), OURS)
+    second.load_state_tensors(first.state_tensors())
+    for _ in range(30):
+        ours, theirs = (env.step(torch.full((6, 19), 0.1), OURS) for env in (first, second))
+        for mine, other in zip(ours, theirs, strict=True):
+            assert mine.numpy().tobytes() == other.numpy().tobytes()
+
+
+OBSERVED = RESIDUAL.names(SIT_CHAIR)
+
+
 def test_checkpoint(tmp_path):
-    config = TrackerConfig("improved", 167, 19, (8, 4))
+    config = TrackerConfig("residual", OBSERVED, 167, 19, (8, 4))
     network = TrackerNetwork(167, 19, (8, 4))
     network.obs_mean.normal_()
     save_tracker(tmp_path, H1, config, network.tensors(), {"samples": 7})
     tracker = load_tracker(tmp_path, H1)
     obs = torch.randn(3, 167)
     assert torch.equal(tracker.network(obs), network(obs))
-    assert tracker.kind is residual.RESIDUAL and tracker.config == config
+    assert tracker.spec is RESIDUAL and tracker.observed == OBSERVED
     with pytest.raises(BadCheckpoint, match="another robot, 'h1'"):
         load_tracker(tmp_path, replace(H1, name="g1"))
     save_tracker(tmp_path, H1, replace(config, hidden=(8, 5)), network.tensors(), {})
     with pytest.raises(BadCheckpoint, match="train it again"):
         load_tracker(tmp_path, H1)
-    save_tracker(tmp_path, H1, replace(config, preset="quick"), network.tensors(), {})
+    save_tracker(tmp_path, H1, replace(config, tracker="quick"), network.tensors(), {})
     with pytest.raises(UnknownName, match="quick"):
         load_tracker(tmp_path, H1)
 
@@ -333,9 +518,10 @@ def test_learning_is_taken_up_as_if_it_had_never_stopped():
     torch.manual_seed(0)
     first, second = PPOLearner(6, 2, 4, TINY), PPOLearner(6, 2, 4, TINY)
     collect(first, np.random.default_rng(0))
-    saved = first.state_tensors()
+    saved, random = first.state_tensors(), TorchRandom().state_tensors()
     losses = collect(first, np.random.default_rng(1))
     second.load_state_tensors(saved)
+    TorchRandom().load_state_tensors(random)
     again = collect(second, np.random.default_rng(1))
     assert again == losses
     for name, value in first.state_tensors().items():
@@ -363,36 +549,73 @@ def test_first_actions_leave_the_reference_alone():
     assert network(torch.randn(16, 167)).abs().max() < 0.05
 
 
-def test_training_end_to_end_and_again(tmp_path):
-    config = TrackConfig(samples=3 * 8 * TINY.steps, num_envs=8, evaluate_clips=2, threads=1, ppo=TINY)
-    rows = []
-    folder = train_tracker(
-        tmp_path, H1, SIT_CHAIR, CLIPS, CLIPS[1:], OBJECTS, config, seed=0, workers=1, report=rows.append
+def tiny(rounds):
+    return TrackConfig(
+        samples=rounds * 8 * TINY.steps, num_envs=8, evaluate_clips=2, ppo=TINY, save_every=0.0, evaluate_every=10**9
     )
-    assert rows[-1]["samples"] == config.samples and rows[-1]["iterations"] == 3
+
+
+def test_training_end_to_end_and_again(tmp_path):
+    rows = []
+    folder = train_tracker(tmp_path, clip_set(), clip_set(CLIPS[1]), tiny(3), 0, ONE_THREAD, rows.append)
+    assert rows[-1]["samples"] == tiny(3).samples and rows[-1]["iterations"] == 3
     assert rows[-1]["k_held_out"] == 1.0, "who is placed seated and left alone stays so"
     tracker = load_tracker(folder, H1)
-    rollout = track_clips(tracker, H1, SIT_CHAIR, CLIPS, OBJECTS, workers=1, record=True)
-    assert rollout.judge.success.tolist() == [False, True]
-    assert [track.shape for track in rollout.qpos] == [(int(steps), 26) for steps in rollout.steps]
-    assert [track.shape for track in rollout.targets] == [(int(steps), 19) for steps in rollout.steps]
+    rollout = track_clips(tracker, clip_set(), RolloutConfig(record=True), ONE_THREAD)
+    assert rollout.verdict.success.tolist() == [False, True]
+    assert [track.shape for track in rollout.recording.qpos] == [(int(steps), 26) for steps in rollout.steps]
+    assert [track.shape for track in rollout.recording.targets] == [(int(steps), 19) for steps in rollout.steps]
     # taken up with twice as many samples it goes on from there
-    longer = replace(config, samples=2 * config.samples)
-    train_tracker(tmp_path, H1, SIT_CHAIR, CLIPS, CLIPS[1:], OBJECTS, longer, seed=0, workers=1, report=rows.append)
-    assert rows[-1]["samples"] == longer.samples and rows[-1]["iterations"] == 6
+    train_tracker(tmp_path, clip_set(), clip_set(CLIPS[1]), tiny(6), 0, ONE_THREAD, rows.append)
+    assert rows[-1]["samples"] == tiny(6).samples and rows[-1]["iterations"] == 6
+
+
+class Killed(Exception):
+    """As by a signal."""
+
+
+def test_a_training_killed_in_the_middle_ends_in_the_same_bytes(tmp_path, monkeypatch):
+    whole = train_tracker(tmp_path / "whole", clip_set(), clip_set(CLIPS[1]), tiny(6), 0, ONE_THREAD)
+    updates = 0
+    update = PPOLearner.update
+
+    def killed_at_the_fourth(self, obs):
+        nonlocal updates
+        updates += 1
+        if updates == 4:
+            raise Killed
+        return update(self, obs)
+
+    monkeypatch.setattr(PPOLearner, "update", killed_at_the_fourth)
+    with pytest.raises(Killed):
+        train_tracker(tmp_path / "killed", clip_set(), clip_set(CLIPS[1]), tiny(6), 0, ONE_THREAD)
+    monkeypatch.setattr(PPOLearner, "update", update)
+    resumed = train_tracker(tmp_path / "killed", clip_set(), clip_set(CLIPS[1]), tiny(6), 0, ONE_THREAD)
+    assert (resumed / "model.safetensors").read_bytes() == (whole / "model.safetensors").read_bytes()
 
 
 def test_recorded_targets_stay_clean():
     network = TrackerNetwork(167, 19, (4,))
     for parameter in network.parameters():
         parameter.data.zero_()
-    tracker = Tracker(residual.RESIDUAL, TrackerConfig("improved", 167, 19, (4,)), network)
+    tracker = build_tracker(TrackerConfig("residual", OBSERVED, 167, 19, (4,)), network.tensors())
     calm, noisy = (
-        track_clips(tracker, H1, SIT_CHAIR, CLIPS[1:], OBJECTS, 1, record=True, action_noise=noise, seed=1)
+        track_clips(tracker, clip_set(CLIPS[1]), RolloutConfig(True, noise, 1), ONE_THREAD).recording
         for noise in (0.0, 0.05)
     )
     reference = torch.tensor(seated(0.42)[1], dtype=torch.float32)
     np.testing.assert_allclose(noisy.targets[0], np.tile(reference, (len(noisy.targets[0]), 1)), atol=1e-6)
-    np.testing.assert_array_equal(calm.executed[0], calm.targets[0])
-    assert 0.04 < (noisy.executed[0] - noisy.targets[0]).std() < 0.06
+    np.testing.assert_array_equal(calm.applied[0], calm.targets[0])
+    assert 0.04 < (noisy.applied[0] - noisy.targets[0]).std() < 0.06
     assert not np.array_equal(calm.qpos[0], noisy.qpos[0])
+
+
+def test_trackers_go_on_to_the_time_limit_when_asked():
+    network = TrackerNetwork(167, 19, (4,))
+    for parameter in network.parameters():
+        parameter.data.zero_()
+    tracker = build_tracker(TrackerConfig("residual", OBSERVED, 167, 19, (4,)), network.tensors())
+    clips = replace(clip_set(), task=replace(SIT_CHAIR, time_limit=3.0))
+    verdict = track_clips(tracker, clips, RolloutConfig(settle=None), ONE_THREAD).verdict
+    assert verdict.steps.tolist() == [150, 150] and verdict.stays.tolist() == [False, True]
+    assert verdict.fell.tolist() == [True, False], "who only stands topples within seconds"

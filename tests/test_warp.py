@@ -14,6 +14,7 @@ if os.environ.get("MIMICBENCH_WARP") != "1":
     pytest.skip("set MIMICBENCH_WARP=1 to test the Warp backend (a minute or two)", allow_module_level=True)
 pytest.importorskip("mujoco_warp", reason="MuJoCo Warp is not installed: pip install 'mimicbench[gpu]'")
 
+import stool
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadObject, UnknownName
 from mimicbench.objects.families.box import make_box
@@ -22,6 +23,7 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.sim.backends import make_physics
 from mimicbench.sim.broken import load_broken, replay
 from mimicbench.sim.native import NativePhysics
+from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.scene import FLOOR_GROUP, OBJECT_GROUP, ROBOT_GROUP, build_model
 from mimicbench.sim.warp import PER_WORLD, WarpPhysics
 from stool import H1, block, place, seated, standing
@@ -62,9 +64,10 @@ def upright(n):
 
 def test_the_same_episode_on_both(device, tmp_path):
     objects, pos, joints = scenes()
-    both = [make_physics(name, H1, objects, workers=1, broken_dir=tmp_path) for name in ("cpu", device)]
+    both = [make_physics(name, H1, objects, PhysicsConfig(broken_dir=tmp_path), workers=1) for name in ("cpu", device)]
     for physics in both:
-        physics.reset(
+        stool.put(
+            physics,
             np.arange(4),
             pos,
             upright(4),
@@ -78,7 +81,7 @@ def test_the_same_episode_on_both(device, tmp_path):
         if step == 8:
             for physics in both:
                 physics.push(np.array([1]), np.array([[0.1, 0.2, 0.0]]))
-                physics.reset(np.array([2]), pos[2:3], upright(1), joints[2:3])
+                stool.put(physics, np.array([2]), pos[2:3], upright(1), joints[2:3])
         ids = np.array([0, 1, 2]) if step == 12 else None
         for physics in both:
             physics.step(target, True, ids)
@@ -159,15 +162,17 @@ def test_nothing_else_of_a_scene_depends_on_its_object():
 def test_only_the_broken_world_ends(device, tmp_path):
     objects, pos, joints = scenes()
     target = torch.from_numpy(joints)
-    whole, broken = (make_physics(device, H1, objects, broken_dir=tmp_path / name) for name in ("whole", "broken"))
+    whole, broken = (
+        make_physics(device, H1, objects, PhysicsConfig(broken_dir=tmp_path / name)) for name in ("whole", "broken")
+    )
     for physics in (whole, broken):
-        physics.reset(np.arange(4), pos, upright(4), joints)
+        stool.put(physics, np.arange(4), pos, upright(4), joints)
         physics.step(target)
     bad = target.clone()
     bad[1, 3] = torch.nan
     broken.step(bad, True)
     whole.step(target, True)
-    broken.reset(np.array([2]), np.full((1, 3), np.nan), upright(1), joints[2:3])
+    stool.put(broken, np.array([2]), np.full((1, 3), np.nan), upright(1), joints[2:3])
     for _ in range(3):
         for physics in (whole, broken):
             physics.step(target, True)
@@ -189,7 +194,7 @@ def test_only_the_broken_world_ends(device, tmp_path):
     ) and "targets" in by_target.reason
     assert replay(by_target).warnings == ("BADCTRL",)
     assert by_position.scene == 2 and "positions" in by_position.reason and "BADQPOS" in replay(by_position).warnings
-    broken.reset(np.array([1, 2]), pos[1:3], upright(2), joints[1:3])
+    stool.put(broken, np.array([1, 2]), pos[1:3], upright(2), joints[1:3])
     broken.step(target)
     assert not broken.diverged.any()
 
@@ -200,7 +205,7 @@ def test_a_world_with_too_many_contacts_ends(on, tmp_path):
     physics = WarpPhysics(H1, [block()] * 4, on, broken_dir=tmp_path, contacts=4)
     pos, quat = np.tile([-1.5, 0, 3.0], (4, 1)), upright(4)
     pos[1], pos[2], quat[2] = POS, [-1.8, 0, 0.1], [np.sqrt(0.5), 0, -np.sqrt(0.5), 0]
-    physics.reset(np.arange(4), pos, quat, np.tile(JOINTS, (4, 1)))
+    stool.put(physics, np.arange(4), pos, quat, np.tile(JOINTS, (4, 1)))
     for _ in range(10):
         physics.step(torch.tensor(JOINTS).expand(4, 19))
     assert physics.diverged.tolist() == [False, False, True, False]
@@ -232,9 +237,9 @@ def test_what_warp_cannot_do_is_said():
     )
     physics = WarpPhysics(H1, [stool], "cpu")
     with pytest.raises(BadObject, match="pyramid has convex pieces.*--device cpu"):
-        physics.set_objects([pyramid])
+        stool.exchange(physics, [pyramid])
     with pytest.raises(BadObject, match="is movable"):
-        physics.set_objects([make_box(0)])
+        stool.exchange(physics, [make_box(0)])
     with pytest.raises(UnknownName, match="device 'gpu'"):
         make_physics("gpu", H1, [stool])
     with pytest.raises(ValueError, match="read-only"):

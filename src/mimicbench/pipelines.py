@@ -19,6 +19,7 @@ from mimicbench.workspace import (
     Say,
     Workspace,
     compared_stages,
+    env_config,
     evaluate_policy,
     evaluate_tracker,
     imitate_stage,
@@ -212,11 +213,12 @@ def showcase(ws: Workspace, rows: Sequence[EpisodeRow], policy: str) -> Showcase
     """One clip of the test split through all stages: the first of the first batch on which the policy succeeded, or
     the very first.
     """
+    from mimicbench.envs.clips import ClipSet
     from mimicbench.evaluate.rollout import Protocol
     from mimicbench.report.showcase import Clip, Recording, Showcase
     from mimicbench.sim.scene import CONTROL_DT
     from mimicbench.track.checkpoint import load_tracker
-    from mimicbench.track.rollout import track_clips
+    from mimicbench.track.rollout import RolloutConfig, track_clips
 
     folder = policy_folder(ws, policy)
     of_policy = [row for row in rows if row.policy == folder.name]
@@ -224,23 +226,20 @@ def showcase(ws: Workspace, rows: Sequence[EpisodeRow], policy: str) -> Showcase
     motion = next(m for m in ws.motions("test") if m.id == chosen.reference_id)
     obj = ws.objects()[motion.object_id]
     human = HumanMotion.load(ws.folder("references") / f"{motion.id}.npz")
-    tracked = track_clips(
-        load_tracker(tracker_folder(ws), ws.robot),
-        ws.robot,
-        ws.task,
-        [motion],
-        {obj.id: obj},
-        ws.workers,
-        record=True,
-        device=ws.device,
-    )
+    tracker = load_tracker(tracker_folder(ws), ws.robot)
+    clips = ClipSet(ws.task, ws.robot, [motion], {obj.id: obj})
+    tracked = track_clips(tracker, clips, RolloutConfig(record=True, settle=None), env_config(ws))
     # the whole first batch again, so that the episode runs exactly as it was judged
-    _, recordings = evaluate_policy(ws, policy, min(len(of_policy), Protocol().batch), [chosen.episode], linger=1.5)
+    _, recordings = evaluate_policy(ws, policy, min(len(of_policy), Protocol().batch), [chosen.episode])
     fps = 1 / CONTROL_DT
     clips = (
         Clip("Human", "The reference, made on this object.", human),
         Clip("Retargeted", "The same motion on the H1, before physics.", motion),
-        Clip("Tracked", "The tracker follows it under physics.", Recording(tracked.qpos[0], fps, motion.wrist_goal_w)),
+        Clip(
+            "Tracked",
+            "The tracker follows it under physics.",
+            Recording(tracked.recording.qpos[0], fps, motion.wrist_goal_w),
+        ),
         Clip(
             "Policy",
             f"{folder.name} does it from its own senses, without a reference.",

@@ -29,6 +29,8 @@ from mimicbench.tasks.task import Task
 if TYPE_CHECKING:  # these bring torch, which the earlier stages do without
     import numpy as np
 
+    from mimicbench.envs.clips import ClipSet
+    from mimicbench.envs.vec_env import EnvConfig
     from mimicbench.evaluate.rows import EpisodeRow
     from mimicbench.imitate.demos import DemosConfig
     from mimicbench.imitate.make import ImitateConfig
@@ -212,6 +214,20 @@ def compared_stages(ws: Workspace, methods: Sequence[RetargetConfig], clips: int
     return found
 
 
+def clip_set(ws: Workspace, split: str | None) -> ClipSet:
+    """Retargeted clips of one split, or of both, with their objects."""
+    from mimicbench.envs.clips import ClipSet
+
+    return ClipSet(ws.task, ws.robot, ws.motions(split), ws.objects())
+
+
+def env_config(ws: Workspace) -> EnvConfig:
+    """Device and threads."""
+    from mimicbench.envs.vec_env import EnvConfig
+
+    return EnvConfig(device=ws.device, workers=ws.workers)
+
+
 def track_stage(ws: Workspace, config: TrackConfig, say: Say = print) -> Stage:
     """Train the tracker on the clips of training objects; objects of the test split only judge it."""
     from mimicbench.track.train import train_tracker
@@ -221,32 +237,30 @@ def track_stage(ws: Workspace, config: TrackConfig, say: Say = print) -> Stage:
     )
     if stage.complete:
         return stage
-    train, test = ws.motions("train"), ws.motions("test")
+    train, test = clip_set(ws, "train"), clip_set(ws, "test")
 
     def report(row: dict) -> None:
+        unseen = "" if row["k_held_out"] is None else f", on unseen objects {row['k_held_out']:.2f}"
         say(
             f"{row['samples'] / 1e6:6.2f} M samples  {row['samples'] / row['seconds']:6.0f}/s  reward "
-            f"{row['reward']:.3f}  "
-            f"K on training clips {row['k_train']:.2f}, on unseen objects {row['k_held_out']:.2f}"
+            f"{row['reward']:.3f}  K on training clips {row['k_train']:.2f}{unseen}"
         )
 
-    train_tracker(
-        stage.folder, ws.robot, ws.task, train, test, ws.objects(), config, ws.seed, ws.workers, report, ws.device
-    )
+    train_tracker(stage.folder, train, test, config, ws.seed, env_config(ws), report)
     return stage.finish(clips=len(train), samples=config.samples, device=ws.device)
 
 
 def evaluate_tracker(ws: Workspace, checkpoint: Path, episodes: int, split: str | None) -> list[EpisodeRow]:
-    """One row per clip: the tracker follows `episodes` clips of a split from their first frames."""
-    from mimicbench.evaluate.rollout import tracker_rows
+    """One row per clip: the tracker follows `episodes` clips of a split from their first frames, to the time limit."""
+    from mimicbench.evaluate.rollout import Judged, tracker_rows
     from mimicbench.track.checkpoint import load_tracker
-    from mimicbench.track.rollout import track_clips
+    from mimicbench.track.rollout import RolloutConfig, track_clips
 
     _one_thread()
     tracker = load_tracker(checkpoint, ws.robot)
-    motions, objects = ws.motions(split)[:episodes], ws.objects()
-    rollout = track_clips(tracker, ws.robot, ws.task, motions, objects, ws.workers, device=ws.device)
-    return tracker_rows(rollout, motions, objects, ws.task, ws.robot, "tracker", tracker.kind.name, ws.seed)
+    clips = clip_set(ws, split).first(episodes)
+    rollout = track_clips(tracker, clips, RolloutConfig(settle=None), env_config(ws))
+    return tracker_rows(rollout, clips, Judged("track", "tracker", tracker.spec.gains, ws.seed))
 
 
 def demos_stage(ws: Workspace, config: DemosConfig) -> Stage:
@@ -256,21 +270,9 @@ def demos_stage(ws: Workspace, config: DemosConfig) -> Stage:
 
     track = ws.finished("track")
     tracker = load_tracker(track.folder / "checkpoint", ws.robot)
-    return make_demos(
-        ws.folder("demos"),
-        ws.finished("retarget"),
-        ws.robot,
-        ws.task,
-        tracker,
-        track.fingerprint,
-        ws.motions("train"),
-        ws.objects(),
-        config,
-        ws.seed,
-        ws.workers,
-        ws.quiet,
-        ws.device,
-    )
+    made_from = {"retarget": ws.finished("retarget").fingerprint, "tracker": track.fingerprint}
+    stage = open_stage(ws.folder("demos"), "demos", ws.slug, ws.seed, asdict(config), made_from)
+    return make_demos(stage, tracker, clip_set(ws, "train"), config, env_config(ws), ws.quiet)
 
 
 def imitate_stage(ws: Workspace, name: str, config: ImitateConfig, say: Say = print) -> Stage:
@@ -288,19 +290,8 @@ def imitate_stage(ws: Workspace, name: str, config: ImitateConfig, say: Say = pr
     )
     if name == "planner":
         made_from = {"track": track.fingerprint, "perception": eyes.fingerprint}
-        return make.make_planner(
-            folder / name,
-            ws.robot,
-            ws.task,
-            ws.motions("train"),
-            objects,
-            made_from,
-            config.planner,
-            ws.seed,
-            ws.workers,
-            say,
-            ws.device,
-        )
+        stage = open_stage(folder / name, name, ws.slug, ws.seed, asdict(config.planner), made_from)
+        return make.make_planner(stage, clip_set(ws, "train"), config.planner, say, env_config(ws))
     demos = demos_stage(ws, config.demos)
     made_from = {"demos": demos.fingerprint, "perception": eyes.fingerprint}
     return make.make_clone(
@@ -365,35 +356,23 @@ def tracker_folder(ws: Workspace) -> Path:
 
 
 def evaluate_policy(
-    ws: Workspace, policy: str, episodes: int, record: Sequence[int] = (), linger: float = 0.0
+    ws: Workspace, policy: str, episodes: int, record: Sequence[int] = ()
 ) -> tuple[list[EpisodeRow], dict[int, np.ndarray]]:
     """One row per episode on unseen objects from unseen starts, and the states of the episodes in `record`.
 
     The same episodes for every policy: the first `episodes` clips of the test split.
     """
     from mimicbench.core.parallel import counter
-    from mimicbench.evaluate.rollout import Protocol, policy_rows, run_policy
+    from mimicbench.evaluate.rollout import Judged, Protocol, policy_rows, run_policy
     from mimicbench.imitate.make import load_any
 
     _one_thread()
     folder = policy_folder(ws, policy)
-    driver = load_any(folder, ws.robot)
-    starts, objects = ws.motions("test")[:episodes], ws.objects()
-    with counter(len(starts), f"evaluating {folder.name}", ws.quiet) as tick:
-        runs = run_policy(
-            driver,
-            ws.robot,
-            ws.task,
-            starts,
-            objects,
-            driver.gains,
-            Protocol(linger=linger),
-            ws.workers,
-            record,
-            tick,
-            ws.device,
-        )
-    rows = policy_rows(runs, starts, objects, ws.task, ws.robot, folder.name, driver.gains, ws.seed)
+    driver = load_any(folder, ws.robot, ws.task)
+    clips = clip_set(ws, "test").first(episodes)
+    with counter(len(clips), f"evaluating {folder.name}", ws.quiet) as tick:
+        runs = run_policy(driver, clips, Protocol(), record, tick, env_config(ws))
+    rows = policy_rows(runs, clips, Judged("imitate", folder.name, driver.gains, ws.seed))
     recordings = {}
     for number, run in enumerate(runs):
         recordings |= {number * Protocol().batch + episode: track for episode, track in run.recordings.items()}

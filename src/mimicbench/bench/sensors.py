@@ -16,6 +16,8 @@ from mimicbench.sensors.opengl import NoPictures
 from mimicbench.sensors.rays import ray_depth
 from mimicbench.sensors.render import RigCameras
 from mimicbench.sim.backends import make_physics
+from mimicbench.sim.physics import RobotState
+from mimicbench.sim.rows import Rows
 
 
 def bench_senses(
@@ -53,14 +55,11 @@ def bench_senses(
     link_pos, link_quat = robot.forward_kinematics(np.zeros(3), rot.IDENTITY, np.array(robot.rest_pose))
     height = np.full(count, -robot.keypoint_pos("left_sole", link_pos, link_quat)[2])
     figures = {}
-    physics.reset(np.arange(count), np.stack([0 * yaw, 0 * yaw, height], -1), rot.from_yaw(yaw), joints)
+    rows, still = Rows.every(count, physics.device), np.stack([0 * yaw, 0 * yaw, height], -1)
+    physics.reset(rows, RobotState.of(still, rot.from_yaw(yaw), joints, device=physics.device))
     figures["map_cameras_near_ms"] = _cost(lambda: camera_map(physics, None, *SMALL), count, seconds)
-    physics.reset(
-        np.arange(count),
-        np.stack([distance * np.cos(around), distance * np.sin(around), height], -1),
-        rot.from_yaw(yaw),
-        joints,
-    )
+    away = np.stack([distance * np.cos(around), distance * np.sin(around), height], -1)
+    physics.reset(rows, RobotState.of(away, rot.from_yaw(yaw), joints, device=physics.device))
     figures["map_cameras_ms"] = _cost(lambda: camera_map(physics, None, *SMALL), count, seconds)
     figures["map_cameras_touch_ms"] = _cost(
         lambda: camera_map(physics, None, HEIGHT, WIDTH, HEAD_RIG, 0.01), count, seconds

@@ -140,7 +140,7 @@ def soak_task(
     envs = min(config.envs, steps)
     env = TaskVectorEnv(task, envs, split="all", pool=pool, control=control, time_limit=config.episode, workers=threads)
     env.reset(seed=config.seed)
-    physics, digest, random = env.episodes.physics, hashlib.sha256(), rng(config.seed, "soak", task, control)
+    physics, digest, random = env.episodes.env.physics, hashlib.sha256(), rng(config.seed, "soak", task, control)
     space = action_space(env.episodes.robot, control)
     low, high = space.low, space.high
     target = random.uniform(low, high, (envs, len(low))).astype(np.float32)

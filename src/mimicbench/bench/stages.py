@@ -7,6 +7,8 @@ from dataclasses import asdict, dataclass
 import numpy as np
 import torch
 
+from mimicbench.envs.clips import ClipSet
+from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.retarget.baselines.speed import frames_per_second
@@ -15,9 +17,10 @@ from mimicbench.retarget.registry import METHODS
 from mimicbench.robots.description import Robot
 from mimicbench.sim.backends import check_device
 from mimicbench.tasks.task import Task
-from mimicbench.track.env import TrackingConfig, TrackingEnv
 from mimicbench.track.ppo import PPOConfig, PPOLearner
-from mimicbench.track.tracker import get_kind
+from mimicbench.track.registry import TRACKERS
+from mimicbench.track.tracking import TrackingConfig, TrackingEnv
+from mimicbench.track.train import TrackConfig
 
 CLIPS = 24
 ENVS = 512
@@ -58,23 +61,16 @@ def bench(
     retarget = frames_per_second(clips[: max(2, CLIPS // 4)], method)
     say(f"{retarget:.0f} frames retargeted per second and core")
     motions = [method.retarget(clip, "improved") for clip in clips]
-    env = TrackingEnv(
-        get_kind("improved"),
-        robot,
-        motions,
-        {obj.id: obj for obj in objects},
-        ENVS,
-        TrackingConfig(),
-        0,
-        workers,
-        device,
-    )
+    spec = TRACKERS.get(TrackConfig().tracker)
+    settings = TrackConfig().resolved().settings
+    clip_set = ClipSet(task, robot, motions, {obj.id: obj for obj in objects})
+    env = TrackingEnv(spec, clip_set, ENVS, TrackingConfig(), 0, EnvConfig(device=device, workers=workers))
     learner = PPOLearner(env.observe().shape[1], len(robot.joints), ENVS, PPOConfig(), env.device)
-    train = _rate(lambda: _train(env, learner), ENVS * PPOConfig().steps, seconds)
+    train = _rate(lambda: _train(env, learner, settings), ENVS * PPOConfig().steps, seconds)
     say(f"training: {train:.0f} samples per second")
     # environment and bare physics take turns, so that both meet the same machine
     rates = [
-        (_rate(lambda: _steps(env), ENVS * 8, seconds / 4), _rate(lambda: _bare(env), ENVS * 8, seconds / 4))
+        (_rate(lambda: _steps(env, settings), ENVS * 8, seconds / 4), _rate(lambda: _bare(env), ENVS * 8, seconds / 4))
         for _ in range(4)
     ]
     env_steps, bare_steps = (float(np.median(column)) for column in zip(*rates, strict=True))
@@ -93,22 +89,21 @@ def _rate(work: Callable[[], None], amount: int, seconds: float) -> float:
     return amount * rounds / (time.perf_counter() - started)
 
 
-def _train(env: TrackingEnv, learner: PPOLearner) -> None:
+def _train(env: TrackingEnv, learner: PPOLearner, settings: object) -> None:
     obs = env.observe()
     for _ in range(PPOConfig().steps):
-        env.disturb()
-        obs, reward, done, time_out = env.step(learner.act(obs))
+        obs, reward, done, time_out = env.step(learner.act(obs), settings)
         learner.record(obs, reward, done, time_out)
     learner.update(obs)
 
 
-def _steps(env: TrackingEnv) -> None:
-    action = torch.zeros(env.num_envs, len(env.robot.joints), device=env.device)
+def _steps(env: TrackingEnv, settings: object) -> None:
+    action = torch.zeros(env.num_envs, len(env.clips.robot.joints), device=env.device)
     for _ in range(8):
-        env.step(action)
+        env.step(action, settings)
 
 
 def _bare(env: TrackingEnv) -> None:
-    target = env.moment.reference(0).joint_pos
+    target = env.context.reference(0).joint_pos
     for _ in range(8):
-        env.physics.advance(target)
+        env.env.physics.advance(target)

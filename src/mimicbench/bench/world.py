@@ -115,7 +115,7 @@ def bench_task(task: str, envs: int, config: WorldBenchConfig, say: Callable[[st
 def _take_turns(task: str, envs: int, observe: Sequence[str], config: WorldBenchConfig) -> tuple[float, float, float]:
     """Control steps per second of environments, of bare physics, and the ratio."""
     env, targets = _make(task, envs, observe, config)
-    physics = env.episodes.physics
+    physics = env.episodes.env.physics
     on_device = torch.from_numpy(targets).to(physics.device)
     count = 0
 
@@ -155,7 +155,7 @@ def _make(task: str, envs: int, observe: Sequence[str], config: WorldBenchConfig
     targets = np.clip(rest + random.uniform(-0.3, 0.3, (_TARGETS, envs, len(rest))), low, high).astype(np.float32)
     for step in range(_TARGETS):  # so that robots are in touch with something, and most objects compiled
         env.episodes.step(targets[step], np.ones(envs, bool))
-    env.episodes.judge.steps[:] = random.integers(env.episodes.limit, size=envs)
+    env.episodes.metrics.steps[:] = torch.from_numpy(random.integers(env.episodes.limit, size=envs))
     return env, targets
 
 

@@ -36,7 +36,12 @@ def track(
         return
     from mimicbench.track.train import TrackConfig
 
-    done(workspace.track_stage(ws, TrackConfig(preset=preset, samples=samples), say).header, as_json)
+    done(
+        workspace.track_stage(
+            ws, TrackConfig(tracker="hst" if preset == "paper" else "residual", samples=samples), say
+        ).header,
+        as_json,
+    )
 
 
 def demos(

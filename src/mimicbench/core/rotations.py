@@ -5,6 +5,7 @@ Every function broadcasts over leading dimensions and returns the type and preci
 """
 
 import sys
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,11 @@ def _cross(a: Array, b: Array) -> Array:
     ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
     bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
     return _xp(a).stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], -1)
+
+
+def stack(arrays: Sequence[Array], axis: int = 0) -> Array:
+    """Arrays of one kind stacked along a new axis."""
+    return _xp(arrays[0]).stack(arrays, axis)
 
 
 def multiply(a: Array, b: Array) -> Array:

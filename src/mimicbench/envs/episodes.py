@@ -1,4 +1,4 @@
-"""N episodes of a task side by side: the part of the Gymnasium environments that knows nothing of Gymnasium."""
+"""N episodes of a task side by side, each from a seed: what there is of Gymnasium environments without Gymnasium."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,43 +7,36 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError, UnknownName
 from mimicbench.core.motion import RobotMotion
-from mimicbench.envs.eyes import Eyes
-from mimicbench.envs.judge import Judge
-from mimicbench.envs.start import Start, Starts, put_at_start
+from mimicbench.envs.initial_states import InitialState, stacked
+from mimicbench.envs.metrics import EpisodeMetrics
+from mimicbench.envs.rule_starts import Starts
+from mimicbench.envs.vec_env import EnvConfig, VecEnv
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.registry import ROBOTS
-from mimicbench.sensors.elevation import camera_map
-from mimicbench.sensors.proprioception import body_state, root_turn, s_current
-from mimicbench.sensors.rays import ray_depth
-from mimicbench.sensors.targets import target_map
-from mimicbench.sim.backends import check_device, make_physics
-from mimicbench.sim.physics import LinkState, Physics
+from mimicbench.sensors.observations import BOUND, TERMS, chosen_terms
+from mimicbench.sim.backends import check_device
+from mimicbench.sim.physics import PhysicsConfig
+from mimicbench.sim.rows import Rows
 from mimicbench.sim.scene import CONTROL_DT
-from mimicbench.tasks.task import BodyPoints, Task
-
-SENSES = ("proprio", "state", "time", "elevation", "depth", "color", "labels")
-"""What can be observed, besides the targets of tasks that have some."""
-BOUND = 1000.0
-"""Observations beyond this are clipped; no robot that is still in one piece comes near it."""
+from mimicbench.tasks.task import Task
 
 
 @dataclass(frozen=True)
-class EnvConfig:
+class GymConfig:
     """The arguments of an environment, all of them optional."""
 
     split: str = "train"
     """Which objects to meet: `train`, `test`, or `all`."""
     control: str = "position"
     """What actions are: `position`, `velocity` or `torque`."""
-    preset: str = "improved"
+    gains: str = "improved"
     """Which of the robot's gains drive position and velocity control: `improved`, or the paper's 100/5 on all joints,
     `paper`."""
     observe: Sequence[str] = ("proprio", "state", "time")
-    """Which of `proprio`, `state`, `time`, `elevation`, `depth`, `color` and `labels` are observed; the last two need
-    OpenGL."""
+    """Names of what is observed (sensors.observations), such as `proprio`, `state`, `elevation`, `depth`; `color` and
+    `labels` need OpenGL."""
     cameras: tuple[int, int] = (90, 120)
     """Height and width of what one of the robot's cameras observes [px]; the paper's are 360 and 480."""
     time_limit: float | None = None
@@ -72,9 +65,9 @@ class EnvConfig:
 
     def __post_init__(self) -> None:
         check_device(self.device)
-        for sense in self.observe:
-            if sense not in SENSES:
-                raise UnknownName("observation", sense, list(SENSES))
+        for name in self.observe:
+            if name not in TERMS:
+                raise UnknownName("observation", name, list(TERMS))
         if self.time_limit is not None and not CONTROL_DT <= self.time_limit <= 3600:
             raise MimicbenchError(
                 f"a time limit of {self.time_limit} s is none; give seconds from {CONTROL_DT} to 3600"
@@ -101,137 +94,90 @@ class Outcome:
 class Episodes:
     """N episodes, each with its own robot, object, goal and clock. `begin` all of them before anything else."""
 
-    def __init__(self, task: Task, num_envs: int, config: EnvConfig) -> None:
+    def __init__(self, task: Task, num_envs: int, config: GymConfig) -> None:
         if num_envs < 1:
             raise MimicbenchError(f"{num_envs} environments are none; give at least 1")
         self.task, self.num_envs, self.config = task, num_envs, config
         self.robot = ROBOTS.get(config.robot)
         self.limit = round((config.time_limit or task.time_limit) / CONTROL_DT)
         """Control steps to a truncation."""
+        given = ("targets", "target_elevation") if "elevation" in config.observe else ("targets",)
+        self.terms = chosen_terms(tuple(dict.fromkeys((*config.observe, *given))), task)
+        """What is observed; targets always, where the task has some."""
         self._draw = Starts(task, self.robot, config.split, config.objects, config.pool, config.starts).draw
-        self.starts: list[Start] = []
+        self.starts: list[InitialState] = []
         """(N,) how each episode started."""
         self.seeds = np.zeros(num_envs, np.int64)
         """(N,) of each episode."""
-        self._last_target = np.zeros((num_envs, len(self.robot.joints)), np.float32)
-        self._scene: tuple[Physics, Judge] | None = None
-        self._links: LinkState | None = None
-        self._eyes = Eyes(self.robot, task.rig, *config.cameras)
+        self._env: VecEnv | None = None
 
     @property
-    def physics(self) -> Physics:
-        """The physics that all episodes run in."""
-        return self._running()[0]
-
-    @property
-    def judge(self) -> Judge:
-        """The judge that watches them."""
-        return self._running()[1]
-
-    def _running(self) -> tuple[Physics, Judge]:
-        if self._scene is None:
+    def env(self) -> VecEnv:
+        """The environment that all episodes run in. Raises MimicbenchError before the first has begun."""
+        if self._env is None:
             raise MimicbenchError("no episode has begun; call reset() first")
-        return self._scene
+        return self._env
+
+    @property
+    def metrics(self) -> EpisodeMetrics:
+        """What the episodes come to."""
+        assert self.env.metrics is not None
+        return self.env.metrics
 
     def begin(self, ids: np.ndarray, seeds: Sequence[int]) -> None:
         """Begin the episodes `ids` (n,) anew, each from its seed. The first time, that must be all."""
         starts = [self._draw(seed) for seed in seeds]
-        objects, goals = [start.obj for start in starts], [start.wrist_goal_w for start in starts]
-        if self._scene is None:
+        if self._env is None:
             if len(ids) != self.num_envs:
                 raise MimicbenchError("no episode has begun; call reset() for all environments first")
-            config, self.starts = self.config, starts
-            room = any(not isinstance(obj, str) and obj.hulls for obj in (*(config.objects or ()), *objects))
-            physics = make_physics(
-                config.device, self.robot, objects, config.preset, config.control, config.workers, meshes=room
-            )
-            self._scene = physics, Judge(self.task, self.robot, objects, CONTROL_DT, goals)
-        else:
-            self.physics.set_objects(objects, ids)
-            self.judge.restart(ids, objects, goals)
+            self._env, self.starts = self._make([start.obj for start in starts]), starts
         for env, start, seed in zip(ids, starts, seeds, strict=True):
             self.starts[env], self.seeds[env] = start, seed
-        put_at_start(self.physics, ids, starts)
-        self._last_target[ids] = 0.0
-        self._links = None
+        rows = Rows.of(ids.tolist(), self.num_envs, self._env.device)
+        self._env.reset(rows, stacked(starts, self._env.physics))
+
+    def _make(self, scenes: list[SceneObject]) -> VecEnv:
+        config = self.config
+        room = any(not isinstance(obj, str) and obj.hulls for obj in (*(config.objects or ()), *scenes))
+        physics = PhysicsConfig(config.gains, config.control, meshes=room)
+        env_config = EnvConfig(config.device, config.workers, physics, config.cameras)
+        return VecEnv(self.task, self.robot, scenes, env_config)
 
     def step(self, target: np.ndarray, running: np.ndarray) -> Outcome:
-        """One control step of the episodes `running` (N,) bool with joint targets (N, J).
-
-        The others stay as they are.
-        """
-        target = np.asarray(target, np.float32)
-        ids = None if running.all() else np.flatnonzero(running)
-        if target.shape != self._last_target.shape or not np.isfinite(target if ids is None else target[ids]).all():
+        """One control step of the episodes `running` (N,) bool with joint targets (N, J); the others stay."""
+        target, shape = np.asarray(target, np.float32), (self.num_envs, len(self.robot.joints))
+        some = None if running.all() else running
+        if target.shape != shape or not np.isfinite(target if some is None else target[some]).all():
             raise MimicbenchError(
-                f"actions must be {' x '.join(map(str, self._last_target.shape))} finite numbers, one "
-                "for each joint of each robot"
+                f"actions must be {' x '.join(map(str, shape))} finite numbers, one for each joint of each robot"
             )
-        target = target.copy() if ids is None else np.where(running[:, None], target, self._last_target)
-        if ids is None or len(ids):
-            self.physics.step(torch.from_numpy(target), True, ids)
-        self._last_target, self._links = target, None
-        judge = self.judge
-        judge.see(self.physics, running, self._look())
-        terminated = running & judge.over()
-        truncated = running & ~terminated & (judge.steps >= self.limit)
+        env, metrics = self.env, self.metrics
+        target = target.copy() if some is None else np.where(running[:, None], target, env.last_target.cpu().numpy())
+        if running.any():
+            mask = None if some is None else torch.from_numpy(running).to(env.device)
+            env.step(torch.from_numpy(target).to(env.device), running=mask)
+        terminated = running & metrics.over().cpu().numpy()
+        truncated = running & ~terminated & (metrics.steps.cpu().numpy() >= self.limit)
         reward = ((terminated | truncated) & self.success()).astype(float)
         return Outcome(reward, terminated, truncated)
 
-    def _look(self) -> LinkState:
-        """Where all links are now, worked out once for each step."""
-        if self._links is None:
-            self._links = self.physics.links()
-        return self._links
-
     def success(self) -> np.ndarray:
         """(N,) whether K is fulfilled: at some time, or for lift-box now."""
-        return self.judge.success & ~self.judge.diverged
+        return (self.metrics.success & ~self.metrics.diverged).cpu().numpy()
+
+    def qpos(self) -> np.ndarray:
+        """(N, nq) the simulator's positions now."""
+        return self.env.physics.qpos()
 
     def close(self) -> None:
         """Give the OpenGL context back, if there is one."""
-        self._eyes.close()
+        if self._env is not None:
+            self._env.close()
 
     def observe(self) -> dict[str, np.ndarray]:
         """What all robots sense now, one row a robot. See gym.TaskEnv."""
-        state, senses = self.physics.state(), self.config.observe
-        turn = root_turn(state) if "proprio" in senses or "state" in senses else None
-        seen: dict[str, np.ndarray] = {}
-        if "proprio" in senses:
-            seen["proprio"] = body_state(state, turn).cpu().numpy()
-        if "state" in senses:
-            seen["state"] = (
-                s_current(state, self._look(), torch.from_numpy(self._last_target).to(self.physics.device), turn)
-                .cpu()
-                .numpy()
-            )
-        if "time" in senses:
-            seen["time"] = (self.judge.steps[:, None] * CONTROL_DT).astype(np.float32)
-        if "elevation" in senses:
-            seen["elevation"] = camera_map(
-                self.physics, rig=self.task.rig, cell=self.task.map_cell, workers=self.config.workers
-            ).numpy()
-        if "depth" in senses:
-            seen["depth"] = ray_depth(self.physics, None, *self.config.cameras, rig=self.task.rig)
-        if "color" in senses or "labels" in senses:
-            qpos = self.physics.qpos()
-            looks = [
-                self._eyes.look(env, start.obj, qpos[env], start.wrist_goal_w) for env, start in enumerate(self.starts)
-            ]
-            seen |= {
-                name: np.stack([getattr(look, name) for look in looks])
-                for name in ("color", "labels")
-                if name in senses
-            }
-        if self.task.wrist_goals:
-            goal, qpos = self.judge.wrist_goal_w, self.physics.qpos()
-            root_pos, root_quat = qpos[:, :3], qpos[:, 3:7]
-            links = self.physics.links()
-            wrists = BodyPoints.of(self.robot, links.pos_w.cpu().numpy(), links.quat_w.cpu().numpy()).wrist_pos_w
-            place = np.where(np.isnan(goal), wrists, goal)  # a hand that has nothing to do is where it should be
-            seen["targets"] = rot.rotate_inverse(root_quat[:, None], place - root_pos[:, None]).astype(np.float32)
-            if "elevation" in senses:
-                seen["target_elevation"] = target_map(root_pos, root_quat, goal, self.task.map_cell).numpy()
+        obs = self.env.observe([term.name for term in self.terms])
+        seen = {name: values.cpu().numpy() for name, values in obs.items()}
         for values in seen.values():
             if not (values.max() <= BOUND and values.min() >= -BOUND):
                 # of a scene that broke: its episode ends with `diverged`, but what is returned has to be in the space
@@ -239,14 +185,14 @@ class Episodes:
                 np.clip(values, -BOUND, BOUND, out=values)
         return seen
 
-    def facts(self) -> dict[str, np.ndarray]:
+    def info(self) -> dict[str, np.ndarray]:
         """What is known of each episode now, one entry a robot. See gym.TaskEnv."""
-        judge = self.judge
+        metrics = self.metrics
         return {
             "success": self.success(),
-            "effort": judge.effort().copy(),
-            "fell": judge.fell.copy(),
-            "diverged": judge.diverged.copy(),
+            "effort": metrics.effort().cpu().numpy().copy(),
+            "fell": metrics.fell.cpu().numpy().copy(),
+            "diverged": metrics.diverged.cpu().numpy().copy(),
             "object_id": np.array([start.obj.id for start in self.starts], object),
             "reference_id": np.array([start.reference_id for start in self.starts], object),
             "seed": self.seeds.copy(),

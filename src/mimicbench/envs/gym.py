@@ -14,7 +14,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from mimicbench.core.errors import MimicbenchError, UnknownName
-from mimicbench.envs.episodes import EnvConfig, Episodes
+from mimicbench.envs.episodes import Episodes, GymConfig
 from mimicbench.envs.spaces import action_space, batched, observation_space
 from mimicbench.envs.view import View
 from mimicbench.sim.scene import CONTROL_DT
@@ -45,7 +45,7 @@ class TaskEnv(gymnasium.Env[Observation, np.ndarray]):
 
     `Box(19)`, float32, one number for each joint in the order of `robot.joint_names`; the bounds are the robot's
     limits. By `control`:
-    target angles [rad] that a PD controller with the gains of `preset` drives to, target velocities [rad/s], or torques
+    target angles [rad] that a PD controller with the gains `gains` drives to, target velocities [rad/s], or torques
     [N m]. Actions beyond
     the bounds are not clipped: joint stops and torque limits decide what becomes of them. Numbers that are not finite
     are refused.
@@ -114,7 +114,7 @@ class TaskEnv(gymnasium.Env[Observation, np.ndarray]):
 
     ## Arguments
 
-    Those of `mimicbench.envs.episodes.EnvConfig`: `split`, `control`, `preset`, `observe`, `cameras`, `time_limit`,
+    Those of `mimicbench.envs.episodes.GymConfig`: `split`, `control`, `gains`, `observe`, `cameras`, `time_limit`,
     `starts`, `objects`, `pool`,
     `robot`, `workers`, `device`, `height`, `width`; and `render_mode`, None or `"rgb_array"`, which needs OpenGL.
 
@@ -158,7 +158,7 @@ class TaskEnv(gymnasium.Env[Observation, np.ndarray]):
         return {name: values[0] for name, values in self.episodes.observe().items()}
 
     def _info(self) -> dict[str, Any]:
-        return _row(self.episodes.facts(), 0)
+        return _row(self.episodes.info(), 0)
 
     def render(self) -> np.ndarray | None:  # type: ignore[override]
         """A picture (height, width, 3), uint8; None without a render mode."""
@@ -247,7 +247,7 @@ class TaskVectorEnv(VectorEnv[Observation, np.ndarray, np.ndarray]):
             if own is not None:
                 self._randoms[env] = seeding.np_random(own)[0]
         self._begin(np.flatnonzero(mask), [own for _, own in chosen])
-        return self.episodes.observe(), _masked(self.episodes.facts(), mask)
+        return self.episodes.observe(), _masked(self.episodes.info(), mask)
 
     def step(self, actions: np.ndarray) -> tuple[Observation, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """One control step of 0.02 s everywhere, but where an episode begins instead."""
@@ -262,7 +262,7 @@ class TaskVectorEnv(VectorEnv[Observation, np.ndarray, np.ndarray]):
         if self.autoreset_mode is AutoresetMode.SAME_STEP and self._ended.any():
             last = self._last_frames(self._ended)
             self._begin(np.flatnonzero(self._ended))
-        info = _masked(self.episodes.facts(), np.ones(self.num_envs, bool)) | last
+        info = _masked(self.episodes.info(), np.ones(self.num_envs, bool)) | last
         return self.episodes.observe(), outcome.reward, outcome.terminated, outcome.truncated, info
 
     def _begin(self, ids: np.ndarray, seeds: Sequence[int | None] | None = None) -> None:
@@ -283,7 +283,7 @@ class TaskVectorEnv(VectorEnv[Observation, np.ndarray, np.ndarray]):
         return {
             "final_obs": observations,
             "_final_obs": ended.copy(),
-            "final_info": _masked(self.episodes.facts(), ended),
+            "final_info": _masked(self.episodes.info(), ended),
             "_final_info": ended.copy(),
         }
 
@@ -302,12 +302,12 @@ class TaskVectorEnv(VectorEnv[Observation, np.ndarray, np.ndarray]):
             self._view.close()
 
 
-def _config(arguments: dict[str, Any]) -> EnvConfig:
-    known = [field.name for field in fields(EnvConfig)]
+def _config(arguments: dict[str, Any]) -> GymConfig:
+    known = [field.name for field in fields(GymConfig)]
     for name in arguments:
         if name not in known:
             raise UnknownName("argument of the environment", name, known)
-    return EnvConfig(**arguments)
+    return GymConfig(**arguments)
 
 
 def _check_render_mode(render_mode: str | None) -> None:
@@ -335,9 +335,9 @@ def _row(values: Mapping[str, np.ndarray], env: int) -> dict[str, Any]:
     }
 
 
-def _masked(facts: Mapping[str, np.ndarray], mask: np.ndarray) -> dict[str, Any]:
+def _masked(info: Mapping[str, np.ndarray], mask: np.ndarray) -> dict[str, Any]:
     """Facts as Gymnasium's vector environments give them, each with a mask `_name` of whom it is known of."""
-    return {**facts, **{f"_{name}": mask.copy() for name in facts}}
+    return {**info, **{f"_{name}": mask.copy() for name in info}}
 
 
 def _view(episodes: Episodes) -> View:
@@ -346,4 +346,4 @@ def _view(episodes: Episodes) -> View:
 
 def _draw(view: View, episodes: Episodes, env: int) -> np.ndarray:
     start = episodes.starts[env]
-    return view.draw(env, start.obj, episodes.physics.qpos()[env], start.wrist_goal_w)
+    return view.draw(env, start.obj, episodes.qpos()[env], start.wrist_goal_w)

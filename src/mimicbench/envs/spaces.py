@@ -1,15 +1,13 @@
 """What one robot may do and observe, as Gymnasium spaces."""
 
 import numpy as np
+import torch
 from gymnasium import spaces
 from gymnasium.vector.utils import batch_space
 
 from mimicbench.core.errors import UnknownName
-from mimicbench.envs.episodes import BOUND, Episodes
+from mimicbench.envs.episodes import Episodes
 from mimicbench.robots.description import Robot
-from mimicbench.sensors.heightmap import CELLS
-from mimicbench.sensors.rays import FARTHEST
-from mimicbench.sim.scene import CONTROL_DT
 
 
 def action_space(robot: Robot, control: str) -> spaces.Box:
@@ -28,25 +26,13 @@ def action_space(robot: Robot, control: str) -> spaces.Box:
 
 def observation_space(episodes: Episodes) -> spaces.Dict:
     """What one robot observes."""
-    joints, links, limit = len(episodes.robot.joints), len(episodes.robot.links), episodes.limit * CONTROL_DT
-    every = {
-        "proprio": spaces.Box(-BOUND, BOUND, (10 + 2 * joints,)),
-        "state": spaces.Box(-BOUND, BOUND, (3 + 3 * joints + 12 * links,)),
-        "time": spaces.Box(0.0, limit, (1,)),
-        "elevation": spaces.Box(-BOUND, BOUND, (CELLS, CELLS)),
-        "target_elevation": spaces.Box(-BOUND, BOUND, (CELLS, CELLS)),
-        "targets": spaces.Box(-BOUND, BOUND, (2, 3)),
-    }
-    pictures = len(episodes.task.rig.mounts), *episodes.config.cameras
-    every |= {
-        "depth": spaces.Box(0.0, FARTHEST, pictures),
-        "color": spaces.Box(0, 255, (*pictures, 3), np.uint8),
-        "labels": spaces.Box(0, 255, pictures, np.uint8),
-    }
-    chosen = set(episodes.config.observe)
-    if episodes.task.wrist_goals:
-        chosen |= {"targets", "target_elevation"} if "elevation" in chosen else {"targets"}
-    return spaces.Dict({name: space for name, space in every.items() if name in chosen})
+    found = {}
+    for term in episodes.terms:
+        size = iter(episodes.config.cameras)
+        shape = tuple(next(size) if length < 0 else length for length in term.shape(episodes.robot, episodes.task))
+        kind = np.uint8 if term.dtype == torch.uint8 else np.float32
+        found[term.name] = spaces.Box(term.low, term.high, shape, kind)
+    return spaces.Dict(found)
 
 
 def batched(single: spaces.Dict, num_envs: int) -> spaces.Dict:

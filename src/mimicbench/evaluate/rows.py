@@ -19,7 +19,7 @@ from mimicbench.core.errors import BadFile, MimicbenchError
 from mimicbench.core.files import write_atomic
 from mimicbench.evaluate.intervals import Rate
 
-SCHEMA = 1
+SCHEMA = 2
 KIND = "episode_rows"
 METADATA = b"mimicbench"
 MAX_BYTES = 1 << 30  # 1 GiB, some ten million episodes
@@ -55,10 +55,20 @@ class EpisodeRow:
     success: bool
     """K was fulfilled at some time within the limit (lift-box: in the last frame)."""
     success_at_end: bool
-    """K held in the last frame."""
+    """The condition of K held for its time up to the last frame that was run."""
+    stays: bool
+    """Its condition held over the last 0.3 s of the time limit, and the robot has not fallen."""
     first_success_time: float | None
     """When K was first fulfilled [s]; None if never."""
     fell: bool
+    """The robot fell at any time up to the time limit, after success, too."""
+    fell_time: float | None
+    """When it fell [s]; None if it did not."""
+    fell_phase: str
+    """What it was at when its fall began: `walking`, `turning`, the task's word such as `sitting down`, or `after
+    success`; empty if it did not fall."""
+    diverged: bool
+    """The physics broke down."""
     max_energy: float
     """Largest e_i = sum over the joints of (torque * velocity)^2 over the frames of the episode [W^2]."""
     seat_height: float | None
@@ -78,6 +88,8 @@ class EpisodeRow:
                 f"episode {self.id}: the energy is {self.max_energy}; the simulation broke, run the "
                 "episode again with its seed to see where"
             )
+        if self.fell and self.fell_time is None:
+            raise MimicbenchError(f"episode {self.id}: a fall needs its time")
         if self.success and self.first_success_time is None:
             raise MimicbenchError(f"episode {self.id}: a success needs the time at which K was first fulfilled")
 
@@ -161,6 +173,8 @@ class Summary:
     by_limit: tuple[Rate, ...]
     """K and P(lambda) for each of ENERGY_LIMITS."""
     fell: Rate
+    stays: Rate
+    """K's condition at the time limit, on the feet or the seat."""
 
     @property
     def energy(self) -> Rate:
@@ -186,6 +200,7 @@ class Summary:
                 "interval": "Wilson at the mean count of successes over the limits",
             },
             "at_end": self.at_end.to_dict(),
+            "stays": self.stays.to_dict(),
             "fell": self.fell.to_dict(),
         }
 
@@ -202,10 +217,9 @@ def summarize(rows: Sequence[EpisodeRow]) -> Summary:
         )
     n = len(rows)
     by_limit = tuple(Rate(sum(row.holds(limit) for row in rows), n) for limit in ENERGY_LIMITS)
-    kinematic, at_end, fell = (
-        Rate(sum(getattr(row, name) for row in rows), n) for name in ("success", "success_at_end", "fell")
-    )
-    return Summary(*kinds[0], kinematic=kinematic, at_end=at_end, by_limit=by_limit, fell=fell)
+    names = ("success", "success_at_end", "fell", "stays")
+    kinematic, at_end, fell, stays = (Rate(sum(getattr(row, name) for row in rows), n) for name in names)
+    return Summary(*kinds[0], kinematic=kinematic, at_end=at_end, by_limit=by_limit, fell=fell, stays=stays)
 
 
 def group(rows: Sequence[EpisodeRow]) -> dict[tuple[str, str, str, str], list[EpisodeRow]]:

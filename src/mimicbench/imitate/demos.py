@@ -1,26 +1,24 @@
 """Stage `demos`: the tracker follows the training clips, and what fulfils K becomes a demonstration."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 
 from mimicbench.core.errors import BadMotion
-from mimicbench.core.motion import RobotMotion
 from mimicbench.core.parallel import progress
-from mimicbench.core.stage import Stage, open_stage
+from mimicbench.core.stage import Stage
+from mimicbench.envs.clips import ClipSet
+from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.imitate.lerobot import Demonstration, DemoWriter
-from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.proprioception import s_current
 from mimicbench.sim.kinematics import Kinematics
 from mimicbench.sim.physics import RobotState
 from mimicbench.sim.scene import CONTROL_DT
-from mimicbench.tasks.task import Task
-from mimicbench.track.checkpoint import Tracker
-from mimicbench.track.rollout import track_clips
+from mimicbench.track.rollout import Rollout, RolloutConfig, track_clips
+from mimicbench.track.spec import Tracker
 
 
 @dataclass(frozen=True)
@@ -34,68 +32,58 @@ class DemosConfig:
     clean_share: float = 0.25
     """Part of the clips that are tracked without noise."""
     settle: float = 1.0
-    """[s] seated at the end."""
+    """[s] that episodes go on after their clip."""
     batch: int = 64
     """Clips side by side: one shard of the data set, and what a kill can lose."""
 
 
 def make_demos(
-    folder: Path,
-    retarget: Stage,
-    robot: Robot,
-    task: Task,
+    stage: Stage,
     tracker: Tracker,
-    made_by: str,
-    motions: Sequence[RobotMotion],
-    objects: Mapping[str, SceneObject],
+    clips: ClipSet,
     config: DemosConfig,
-    seed: int,
-    workers: int,
+    env_config: EnvConfig | None = None,
     quiet: bool = False,
-    device: str = "cpu",
 ) -> Stage:
-    """Write the demonstrations as a LeRobotDataset v3; `made_by` is the tracker's fingerprint.
+    """Write the demonstrations as a LeRobotDataset v3.
 
     Killed and started again, it goes on after the last whole shard. Raises BadMotion if K was never fulfilled.
     """
-    stage = open_stage(
-        folder, "demos", task.name, seed, asdict(config), {"retarget": retarget.fingerprint, "tracker": made_by}
-    )
     if stage.complete:
         return stage
-    writer = DemoWriter(folder / "dataset", robot.name, task.title, robot.joint_names, 1 / CONTROL_DT, config.batch)
+    robot, task, seed = clips.robot, clips.task, stage.header["seed"]
+    dataset = stage.folder / "dataset"
+    writer = DemoWriter(dataset, robot.name, task.title, robot.joint_names, 1 / CONTROL_DT, config.batch)
     written = set(writer.written)
-    clips = motions[: config.clips]
-    parts = [clips[first : first + config.batch] for first in range(0, len(clips), config.batch)]
+    clips = clips.first(config.clips)
+    parts = [
+        replace(clips, motions=clips.motions[first : first + config.batch])
+        for first in range(0, len(clips), config.batch)
+    ]
     for number, part in enumerate(progress(parts, len(parts), "demonstrations", quiet)):
-        if any(motion.id in written for motion in part):
+        if any(motion.id in written for motion in part.motions):
             continue
         noise = 0.0 if number < config.clean_share * len(parts) else config.action_noise
-        rollout = track_clips(
-            tracker, robot, task, part, objects, workers, True, noise, seed, config.settle, device=device
-        )
-        for i, motion in enumerate(part):
-            if not rollout.judge.success[i] or rollout.judge.diverged[i]:
-                continue
-            state = observed_states(robot, rollout.qpos[i], rollout.qvel[i], rollout.targets[i])
-            writer.add(
-                Demonstration(
-                    state,
-                    rollout.targets[i],
-                    rollout.executed[i],
-                    rollout.qpos[i],
-                    rollout.qvel[i],
-                    motion.object_id,
-                    motion.id,
-                    True,
-                    seed,
-                )
-            )
+        rollout = track_clips(tracker, part, RolloutConfig(True, noise, seed, config.settle), env_config)
+        for demo in demonstrations(rollout, part, seed):
+            writer.add(demo)
         writer.finish()
     made = len(writer.written)
     if not made:
         raise BadMotion(f"the tracker fulfilled {task.name} on none of {len(clips)} clips; train it longer")
-    return stage.finish(clips=len(clips), demonstrations=made, rate=made / len(clips), device=device)
+    return stage.finish(clips=len(clips), demonstrations=made, rate=made / len(clips))
+
+
+def demonstrations(rollout: Rollout, clips: ClipSet, seed: int) -> Iterator[Demonstration]:
+    """The episodes of a recorded rollout that fulfilled K."""
+    verdict, kept = rollout.verdict, rollout.recording
+    for i, motion in enumerate(clips.motions):
+        if not verdict.success[i] or verdict.diverged[i]:
+            continue
+        state = observed_states(clips.robot, kept.qpos[i], kept.qvel[i], kept.targets[i])
+        yield Demonstration(
+            state, kept.targets[i], kept.applied[i], kept.qpos[i], kept.qvel[i], motion.object_id, motion.id, True, seed
+        )
 
 
 def observed_states(robot: Robot, qpos: np.ndarray, qvel: np.ndarray, targets: np.ndarray) -> np.ndarray:

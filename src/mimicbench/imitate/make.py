@@ -14,9 +14,10 @@ from pathlib import Path
 
 from mimicbench.core.checkpoint import checkpoint_kind
 from mimicbench.core.errors import UnknownName
-from mimicbench.core.motion import RobotMotion
 from mimicbench.core.parallel import counter
 from mimicbench.core.stage import Stage, open_stage
+from mimicbench.envs.clips import ClipSet
+from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.imitate.act import ACTConfig
 from mimicbench.imitate.bc import BCConfig
 from mimicbench.imitate.dataset import DemoFrames, MapMaker
@@ -27,8 +28,8 @@ from mimicbench.imitate.learn_planner import train_planner
 from mimicbench.imitate.learners import LearnerConfig, save_learner
 from mimicbench.imitate.lerobot import load_demos
 from mimicbench.imitate.perception import PerceptionConfig, save_perception
-from mimicbench.imitate.planner import PlannerConfig, load_planner, save_planner
-from mimicbench.imitate.policy import Policy, load_policy
+from mimicbench.imitate.planner import PlannerConfig, PlannerPolicy, load_planner, save_planner
+from mimicbench.imitate.policy import VisionPolicy, load_policy
 from mimicbench.imitate.train import TrainConfig, train
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
@@ -86,39 +87,28 @@ def make_perception(
 
 
 def make_planner(
-    folder: Path,
-    robot: Robot,
-    task: Task,
-    motions: Sequence[RobotMotion],
-    objects: Mapping[str, SceneObject],
-    made_from: Mapping[str, str],
+    stage: Stage,
+    clips: ClipSet,
     config: PlannerConfig,
-    seed: int,
-    workers: int,
     say: Callable[[str], None],
-    device: str = "cpu",
+    env_config: EnvConfig | None = None,
 ) -> Stage:
     """Learn the planner over the tracker beside it."""
-    stage = open_stage(folder, "planner", task.name, seed, asdict(config), made_from)
     if stage.complete:
         return stage
-    tracker = load_tracker(folder.parent / "tracker", robot)
+    robot, task, seed = clips.robot, clips.task, stage.header["seed"]
+    tracker = load_tracker(stage.folder.parent / "tracker", robot)
 
     def report(row: dict) -> None:
         say(
-            f"{row['samples'] / 1e6:6.2f} M frames  {row['samples'] / row['seconds']:6.0f}/s  loss "
-            f"{row['loss']:.4f}  failed {row['failed']:.2f}"
+            f"{row['samples'] / 1e6:6.2f} M frames  {row['samples'] / row['seconds']:6.0f}/s  loss {row['loss']:.4f}"
+            f"  failed {row['failed']:.2f}"
         )
 
-    network = train_planner(folder, robot, tracker, motions, objects, config, seed, workers, report, device)
-    save_planner(
-        folder,
-        robot,
-        network,
-        config,
-        {"seed": seed, "task": task.name, "samples": config.samples, "clips": len(motions)},
-    )
-    return stage.finish(clips=len(motions), samples=config.samples, device=device)
+    network = train_planner(stage.folder, tracker, clips, config, seed, env_config, report)
+    notes = {"seed": seed, "task": task.name, "samples": config.samples, "clips": len(clips)}
+    save_planner(stage.folder, robot, network, config, notes)
+    return stage.finish(clips=len(clips), samples=config.samples)
 
 
 def make_clone(
@@ -156,9 +146,9 @@ def _plain_maps(scene: Sequence[SceneObject]) -> MapMaker:
     return ObjectMaps(scene).sample
 
 
-def load_any(folder: Path, robot: Robot) -> Policy:
+def load_any(folder: Path, robot: Robot, task: Task) -> PlannerPolicy | VisionPolicy:
     """The policy in a folder, whatever kind it is. Raises BadCheckpoint or UnknownName."""
     kind = checkpoint_kind(folder)
     if kind == "planner":
-        return load_planner(folder, robot)
+        return load_planner(folder, robot, task)
     return load_policy(folder, robot.name, folder.parent / "perception")

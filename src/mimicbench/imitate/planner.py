@@ -13,7 +13,6 @@ input, and a small network, the chooser, settles it once, by the first look.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import torch
@@ -21,16 +20,17 @@ from torch import nn
 
 from mimicbench.core.checkpoint import load_checkpoint, save_checkpoint
 from mimicbench.core.motion import RobotMotion
+from mimicbench.envs.clip_starts import ClipStartConfig
 from mimicbench.imitate.clock import SIZE as CLOCK_SIZE
 from mimicbench.imitate.clock import clock_features
 from mimicbench.imitate.perception import MEMORY_SIZE, SEAT_SIZE, Perception, SeatMemory, load_perception
-from mimicbench.imitate.policy import Senses, look_again, look_first
+from mimicbench.imitate.policy import BODY, look_again, look_first, recall
 from mimicbench.robots.description import Robot
-from mimicbench.sensors.proprioception import body_state
-from mimicbench.track.checkpoint import Tracker, load_tracker
-from mimicbench.track.env import TrackingConfig
-from mimicbench.track.residual import LOOKAHEAD, RESIDUAL, assemble, planned_joint_pos, residual_target
-from mimicbench.track.tracker import Moment
+from mimicbench.sensors.observations import Observations
+from mimicbench.tasks.task import Task
+from mimicbench.track.checkpoint import load_tracker
+from mimicbench.track.spec import Tracker, sizes
+from mimicbench.track.tracking import EndConfig, TrackingConfig
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class PlannerConfig:
     """Threads of the network's arithmetic. Sums round differently with another number, so it is part of the result."""
     tracking: TrackingConfig = field(
         default_factory=lambda: TrackingConfig(
-            first_frame=0.5, push=0.2, max_pos_error=0.5, max_angle_error=1.0, max_drop=0.25
+            ClipStartConfig(first_frame=0.5), push=0.2, ends=EndConfig(0.5, 1.0, 0.25, 0.3)
         )
     )
     """Starts, disturbances and ends of training episodes. Pushed no harder than what the tracker survives: who falls
@@ -73,8 +73,8 @@ class PlannerConfig:
 class PlannerNetwork(nn.Module):
     """Body, clock, memory and style -> plan; and the first look -> style. All are normalized inside."""
 
-    def __init__(self, joints: int, style: int, hidden: tuple[int, ...]) -> None:
-        """For a robot with so many joints and clips with so many numbers of style."""
+    def __init__(self, joints: int, plan: int, style: int, hidden: tuple[int, ...]) -> None:
+        """For a robot with so many joints, a tracker that is told so many numbers, and clips of so much style."""
         super().__init__()
         self.input_mean: torch.Tensor
         self.input_std: torch.Tensor
@@ -83,7 +83,7 @@ class PlannerNetwork(nn.Module):
         self.style_mean: torch.Tensor
         self.style_std: torch.Tensor
         self.style_is_choice: torch.Tensor
-        inputs, outputs = 10 + 2 * joints + CLOCK_SIZE + MEMORY_SIZE + style, plan_size(joints)
+        inputs, outputs = 10 + 2 * joints + CLOCK_SIZE + MEMORY_SIZE + style, plan
         for name, size in (("input", inputs), ("plan", outputs), ("style", style)):
             self.register_buffer(f"{name}_mean", torch.zeros(size))
             self.register_buffer(f"{name}_std", torch.ones(size))
@@ -147,26 +147,22 @@ def styles_of(motions: Sequence[RobotMotion]) -> tuple[tuple[str, ...], torch.Te
     ).reshape(len(motions), len(names))
 
 
-def plan_size(joints: int) -> int:
-    """Numbers of a plan."""
-    return len(LOOKAHEAD) * (12 + 2 * joints)
-
-
-def tracker_action(tracker: Tracker, moment: Moment, plan: torch.Tensor) -> torch.Tensor:
-    """(N, J) the tracker's action on a plan (N, P)."""
-    return tracker.network(assemble(body_state(moment.state), moment.last_action, plan))
+def plan_terms(tracker: Tracker, plan: torch.Tensor, robot: Robot, task: Task) -> dict[str, torch.Tensor]:
+    """The terms that a plan (N, P) tells the tracker, by name."""
+    names = tracker.spec.plan(task)
+    return dict(zip(names, plan.split(sizes(names, robot, task), -1), strict=True))
 
 
 class PlannerPolicy:
-    """The planner in closed loop: looks, remembers, looks again while unsure, plans every frame, and the tracker
-    follows.
-    """
+    """The planner in closed loop: looks, remembers, looks again while unsure, plans every frame for the tracker."""
 
-    gains = RESIDUAL.gains
-    eyes: Literal["cameras", "rays"] = "cameras"
+    observations: tuple[str, ...] = (*BODY, "elevation")
 
-    def __init__(self, robot: Robot, network: PlannerNetwork, tracker: Tracker, perception: Perception) -> None:
-        self._robot, self._network, self._tracker = robot, network, tracker
+    def __init__(
+        self, robot: Robot, task: Task, network: PlannerNetwork, tracker: Tracker, perception: Perception
+    ) -> None:
+        self._robot, self._task, self._network, self._tracker = robot, task, network, tracker
+        self.gains = tracker.spec.gains
         self._memory = SeatMemory(perception, 0)
         self._last_action = torch.zeros(0, len(robot.joints))
         self._style = torch.zeros(0, len(network.style_mean))
@@ -179,28 +175,26 @@ class PlannerPolicy:
         self._last_action, self._style = self._last_action[:0].to(device), self._style[:0].to(device)
 
     @torch.no_grad()
-    def reset(self, ids: torch.Tensor, senses: Senses) -> None:
+    def reset(self, ids: torch.Tensor, obs: Observations) -> None:
         """Look at the first map, remember the seat, and settle how to go about it."""
-        if len(self._last_action) != len(senses.time):
-            device = senses.time.device
-            self._memory = SeatMemory(self._memory.perception, len(senses.time), device)
-            self._last_action = torch.zeros(len(senses.time), len(self._robot.joints), device=device)
-            self._style = torch.zeros(len(senses.time), len(self._network.style_mean), device=device)
-        look_first(self._memory, ids, senses)
+        robots, device = obs.num_envs, obs["time"].device
+        if len(self._last_action) != robots:
+            self._memory = SeatMemory(self._memory.perception, robots, device)
+            self._last_action = torch.zeros(robots, len(self._robot.joints), device=device)
+            self._style = torch.zeros(robots, len(self._network.style_mean), device=device)
+        look_first(self._memory, ids, obs)
         self._last_action[ids] = 0.0
         self._style[ids] = self._network.choose(self._memory.seat[ids])
 
     @torch.no_grad()
-    def act(self, senses: Senses) -> torch.Tensor:
+    def act(self, obs: Observations) -> torch.Tensor:
         """Joint position targets (N, J) [rad]."""
-        look_again(self._memory, senses)
-        memory = self._memory.recall(senses.odometry_pos, senses.odometry_yaw)
-        plan = self._network.plan(planner_inputs(senses.proprio, senses.time, memory, self._style))
-        action = self._tracker.network(assemble(senses.proprio, self._last_action, plan))
-        self._last_action = action
-        joints = len(self._robot.joints)
-        joint_pos = senses.proprio[:, -2 * joints : -joints]
-        return residual_target(self._robot, planned_joint_pos(plan, joint_pos), action)
+        look_again(self._memory, obs)
+        inputs = planner_inputs(obs["proprio"], obs["time"][:, 0], recall(self._memory, obs), self._style)
+        plan = plan_terms(self._tracker, self._network.plan(inputs), self._robot, self._task)
+        terms = {"proprio": obs["proprio"], "last_action": self._last_action, **plan}
+        self._last_action = self._tracker.action(terms)
+        return self._tracker.target(self._robot, terms, self._last_action)
 
 
 def save_planner(
@@ -217,16 +211,15 @@ def save_planner(
     )
 
 
-def load_planner(folder: Path, robot: Robot) -> PlannerPolicy:
+def load_planner(folder: Path, robot: Robot, task: Task) -> PlannerPolicy:
     """Read a planner with the `tracker` and the `perception` in the folders beside it. Raises BadCheckpoint."""
     checkpoint = load_checkpoint(folder, "planner", robot.name)
     config = checkpoint.config_as(PlannerConfig)
-    tracker, perception = (
-        load_tracker(folder.parent / "tracker", robot),
-        load_perception(folder.parent / "perception", robot.name),
-    )
+    tracker = load_tracker(folder.parent / "tracker", robot)
+    perception = load_perception(folder.parent / "perception", robot.name)
     style = checkpoint.tensors.get("style_mean", np.zeros(0)).shape[0]
-    network = PlannerNetwork(len(robot.joints), style, config.hidden)
+    plan = sum(sizes(tracker.spec.plan(task), robot, task))
+    network = PlannerNetwork(len(robot.joints), plan, style, config.hidden)
     arrays = checkpoint.matching({name: tuple(value.shape) for name, value in network.state_dict().items()})
     network.load_state_dict({name: torch.from_numpy(array.copy()) for name, array in arrays.items()})
-    return PlannerPolicy(robot, network.eval(), tracker, perception)
+    return PlannerPolicy(robot, task, network.eval(), tracker, perception)

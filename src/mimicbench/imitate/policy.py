@@ -1,9 +1,6 @@
-"""Policies as the evaluation runs them: many robots at once, from their senses alone."""
+"""Learners in their closed loop: what they look at, when they look again, and what they do."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, Protocol
 
 import torch
 from torch import Tensor
@@ -12,80 +9,43 @@ from mimicbench.core.errors import MimicbenchError
 from mimicbench.imitate.inputs import Learner
 from mimicbench.imitate.learners import load_learner
 from mimicbench.imitate.perception import Perception, SeatMemory, load_perception
+from mimicbench.sensors.observations import Observations
 
-
-@dataclass(frozen=True)
-class Senses:
-    """What N robots sense in one control frame.
-
-    No pose, shape or height of any object is among it but through the map.
-    """
-
-    state: Tensor
-    """(N, 300) S_current of the paper (see inputs.STATE_SIZE for its order)."""
-    proprio: Tensor
-    """(N, 48): gravity 3, root height 1, root linear velocity 3 and angular velocity 3 in the root frame, joint angles
-    19, velocities 19."""
-    time: Tensor
-    """(N,) since the robot's start [s]."""
-    odometry_pos: Tensor
-    """(N, 2) position relative to the start, in the heading frame of the start, by the robot's own reckoning [m]."""
-    odometry_yaw: Tensor
-    """(N,) heading relative to the start [rad]."""
-    elevation: Callable[[Tensor], Tensor]
-    """Makes the elevation maps (M, 128, 128) of robots (M,) in this frame, relative to the root [m], row along +x,
-    column along +y (sense.heightmap)."""
-
-    @property
-    def root_height(self) -> Tensor:
-        """(N,) height of the root above the floor [m]."""
-        return self.proprio[:, 3]
-
-
-class Policy(Protocol):
-    """Drives N robots. The same object serves them all; what it remembers of one is forgotten by `reset`."""
-
-    gains: str
-    """Which of the robot's gain presets its targets are meant for."""
-    eyes: Literal["cameras", "rays"]
-    """Which maker of elevation maps it looks through: `cameras` see what four cameras see, now and then; `rays` are
-    fast enough for every frame."""
-
-    def to(self, device: str) -> None:
-        """Move its networks to where the tensors of `device` live, as torch calls it; senses will come from there."""
-        ...
-
-    def reset(self, ids: Tensor, senses: Senses) -> None:
-        """Robots `ids` (M,) begin anew; `senses` are those of all N robots in their first frame."""
-        ...
-
-    def act(self, senses: Senses) -> Tensor:
-        """Joint position targets (N, 19) [rad] for all robots."""
-        ...
-
-
+BODY = ("proprio", "time", "odometry")
+"""What every policy with a memory observes beside maps."""
 LOOK_EVERY = 1.0
 """[s] between the looks of a robot that is not sure yet where the seat is."""
 
 
-def look_first(memory: SeatMemory, ids: Tensor, senses: Senses) -> None:
+def look_first(memory: SeatMemory, ids: Tensor, obs: Observations) -> None:
     """Robots `ids` (M,) begin anew and remember the seat as they see it now."""
     memory.forget(ids)
-    memory.look(ids, senses.elevation(ids), senses.root_height[ids], senses.odometry_pos[ids], senses.odometry_yaw[ids])
+    _look(memory, ids, obs)
 
 
-def look_again(memory: SeatMemory, senses: Senses) -> None:
+def _look(memory: SeatMemory, ids: Tensor, obs: Observations) -> None:
+    """Robots `ids` (M,) look at the map of this frame."""
+    odometry = obs["odometry"][ids]
+    memory.look(ids, obs.of("elevation", ids), obs["proprio"][ids, 3], odometry[:, :2], odometry[:, 2])
+
+
+def look_again(memory: SeatMemory, obs: Observations) -> None:
     """Robots that are not sure look again, at every whole multiple of LOOK_EVERY since their start."""
-    looks = senses.time / LOOK_EVERY
-    due = (senses.time > 0) & ((looks - looks.round()).abs() * LOOK_EVERY < 1e-3)
+    time, odometry = obs["time"][:, 0], obs["odometry"]
+    looks = time / LOOK_EVERY
+    due = (time > 0) & ((looks - looks.round()).abs() * LOOK_EVERY < 1e-3)
     if not due.any():
         return
-    ids = memory.doubtful(senses.odometry_pos, senses.odometry_yaw)
+    ids = memory.doubtful(odometry[:, :2], odometry[:, 2])
     ids = ids[due[ids]]
     if len(ids):
-        memory.look(
-            ids, senses.elevation(ids), senses.root_height[ids], senses.odometry_pos[ids], senses.odometry_yaw[ids]
-        )
+        _look(memory, ids, obs)
+
+
+def recall(memory: SeatMemory, obs: Observations) -> Tensor:
+    """(N, M) what robots remember by now."""
+    odometry = obs["odometry"]
+    return memory.recall(odometry[:, :2], odometry[:, 2])
 
 
 class VisionPolicy:
@@ -101,7 +61,13 @@ class VisionPolicy:
                 "this policy remembers the seat that it saw at the start; give it a perception checkpoint too"
             )
         self.learner = learner.eval()
-        self.eyes: Literal["cameras", "rays"] = "rays" if learner.inputs.elevation else "cameras"
+        inputs = learner.inputs
+        self.observations: tuple[str, ...] = (
+            *(("state",) if inputs.body == "state" else ()),
+            *BODY,
+            *(("heightmap",) if inputs.elevation else ()),
+            *(("elevation",) if inputs.memory else ()),
+        )
         self._memory = None if perception is None or not learner.inputs.memory else SeatMemory(perception, 0)
 
     def to(self, device: str) -> None:
@@ -111,25 +77,25 @@ class VisionPolicy:
             self._memory = SeatMemory(self._memory.perception.to(device), 0)
 
     @torch.no_grad()
-    def reset(self, ids: Tensor, senses: Senses) -> None:
+    def reset(self, ids: Tensor, obs: Observations) -> None:
         """Look and remember the seat."""
         if self._memory is None:
             return
-        if len(self._memory.doubt) != len(senses.time):
-            self._memory = SeatMemory(self._memory.perception, len(senses.time), senses.time.device)
-        look_first(self._memory, ids, senses)
+        if len(self._memory.doubt) != obs.num_envs:
+            self._memory = SeatMemory(self._memory.perception, obs.num_envs, obs["time"].device)
+        look_first(self._memory, ids, obs)
 
     @torch.no_grad()
-    def act(self, senses: Senses) -> Tensor:
+    def act(self, obs: Observations) -> Tensor:
         """Joint position targets (N, 19) [rad]."""
         memory = None
         if self._memory is not None:
-            look_again(self._memory, senses)
-            memory = self._memory.recall(senses.odometry_pos, senses.odometry_yaw)
+            look_again(self._memory, obs)
+            memory = recall(self._memory, obs)
         inputs = self.learner.inputs
-        vector = inputs.vector(senses.state, senses.proprio, senses.time, memory)
-        everyone = torch.arange(len(senses.time), device=senses.time.device)
-        return self.learner.predict(vector, senses.elevation(everyone)[:, None] if inputs.elevation else None)
+        state = obs["state"] if inputs.body == "state" else obs["proprio"]
+        vector = inputs.vector(state, obs["proprio"], obs["time"][:, 0], memory)
+        return self.learner.predict(vector, obs["heightmap"][:, None] if inputs.elevation else None)
 
 
 def load_policy(folder: Path, robot: str, perception: Path | None = None) -> VisionPolicy:

@@ -1,6 +1,6 @@
 """What a robot feels of itself."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -8,6 +8,7 @@ import torch
 
 from mimicbench.core import rotations as rot
 from mimicbench.sim.physics import LinkState, RobotState
+from mimicbench.sim.rows import Rows
 
 
 def gravity(state: RobotState) -> torch.Tensor:
@@ -62,6 +63,21 @@ def s_current(
     rotvec = _turns_between(xp, _rows(xp, root_quat), _along_robots(quat_w)).reshape(pos.shape)
     # the third row of R is gravity's direction in the root frame, but for its sign
     return _table(xp, [joint_pos.T, joint_vel.T, pos, rotvec, lin, ang, action.T, -r[2]])
+
+
+def link_state(
+    state: RobotState, links: LinkState, joint_pos: torch.Tensor | None = None, joint_vel: torch.Tensor | None = None
+) -> torch.Tensor:
+    """(N, 278 for the H1) J, dJ and all links' t, R, v, omega in the root frame of `state`, three numbers a link (F.1).
+
+    Of the robots themselves, or of others that have `links`, `joint_pos` and `joint_vel`, such as their references.
+    """
+    root_quat = state.root_quat_w[:, None]
+    pos = rot.rotate_inverse(root_quat, links.pos_w - state.root_pos_w[:, None])
+    turn = rot.to_rotvec(rot.multiply(rot.conjugate(root_quat).expand_as(links.quat_w), links.quat_w))
+    velocities = [rot.rotate_inverse(root_quat, v) for v in (links.lin_vel_w, links.ang_vel_w)]
+    joints = [state.joint_pos, state.joint_vel] if joint_pos is None or joint_vel is None else [joint_pos, joint_vel]
+    return torch.cat([*joints, *(part.flatten(1) for part in (pos, turn, *velocities))], -1)
 
 
 def body_state(state: RobotState, turn: torch.Tensor | None = None) -> torch.Tensor:
@@ -142,11 +158,12 @@ class Odometry:
         self._heading = torch.zeros(num_envs, device=device)
         self._velocity = torch.zeros(num_envs, 2, device=device)
 
-    def reset(self, ids: torch.Tensor, state: RobotState) -> None:
-        """Robots `ids` begin anew here."""
-        self.pos[ids], self.yaw[ids] = 0.0, 0.0
-        self._heading[ids] = rot.yaw_of(state.root_quat_w)[ids]
-        self._velocity[ids] = self._in_start_frame(state)[ids]
+    def reset(self, rows: Rows, state: RobotState) -> None:
+        """Robots `rows` begin anew where `state` says that all N are."""
+        rows.put(self.pos, 0.0)
+        rows.put(self.yaw, 0.0)
+        rows.put(self._heading, rot.yaw_of(state.root_quat_w)[rows.ids])
+        rows.put(self._velocity, self._in_start_frame(state)[rows.ids])
 
     def update(self, state: RobotState, dt: float) -> None:
         """One control step of `dt` seconds later."""
@@ -160,3 +177,12 @@ class Odometry:
         cos, sin = torch.cos(self._heading), torch.sin(self._heading)
         x, y = state.root_lin_vel_w[:, 0], state.root_lin_vel_w[:, 1]
         return torch.stack([cos * x + sin * y, cos * y - sin * x], -1)
+
+    def state_tensors(self) -> dict[str, torch.Tensor]:
+        """What it has added up."""
+        return {name: getattr(self, name).clone() for name in ("pos", "yaw", "_heading", "_velocity")}
+
+    def load_state_tensors(self, tensors: Mapping[str, torch.Tensor]) -> None:
+        """The inverse of `state_tensors`."""
+        for name, value in tensors.items():
+            setattr(self, name, value.to(self.pos.device))

@@ -1,26 +1,17 @@
 """Which simulator computes the physics. Everything else asks for a device and gets the interface."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
 from mimicbench.sim.devices import CPU, tensor_device
 from mimicbench.sim.native import NativePhysics
-from mimicbench.sim.physics import Physics
+from mimicbench.sim.physics import Physics, PhysicsConfig
 
 
 def make_physics(
-    device: str,
-    robot: Robot,
-    objects: Sequence[SceneObject],
-    preset: str = "improved",
-    control: str = "position",
-    workers: int = 0,
-    visuals: bool = False,
-    meshes: bool | None = None,
-    broken_dir: Path | None = None,
+    device: str, robot: Robot, objects: Sequence[SceneObject], config: PhysicsConfig | None = None, workers: int = 0
 ) -> Physics:
     """N scenes of one robot, one per object, on a device.
 
@@ -28,25 +19,20 @@ def make_physics(
         device: `cpu` (MuJoCo on threads), `cuda` or `cuda:1` (MuJoCo Warp on a GPU), or `warp-cpu` (MuJoCo Warp without
             one: slow, for tests).
         robot: the robot.
-        objects: one for each scene.
-        preset: which of the robot's gains to use.
-        control: `position`, `velocity` or `torque`.
+        objects: one for each scene; others may be added to the catalog later.
+        config: gains, control, and what there is to be room for.
         workers: threads on `cpu`, 0: all processors; Warp has none.
-        visuals: give the models that `model(env)` returns what is only there for pictures.
-        meshes: make room for imported objects' convex pieces, on `cpu`; None: if any object has some. Warp refuses
-            them.
-        broken_dir: where scenes whose physics breaks are written; None: a new temporary folder.
 
     Raises:
         UnknownName: there is no such device.
         MimicbenchError: Warp is not installed, or there is no such GPU, or an object does not fit the backend.
     """
     if device == CPU:
-        return NativePhysics(robot, objects, preset, control, workers, visuals, meshes, broken_dir)
+        return NativePhysics(robot, objects, config, workers)
     check_device(device)
     from mimicbench.sim.warp import WarpPhysics
 
-    return WarpPhysics(robot, objects, tensor_device(device), preset, control, visuals, broken_dir)
+    return WarpPhysics(robot, objects, config, tensor_device(device))
 
 
 def check_device(device: str) -> None:

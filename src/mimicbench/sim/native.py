@@ -1,20 +1,20 @@
 """Physics on CPU threads: `mujoco.batch`. Results are the same bits at any number of threads."""
 
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
 import torch
 from mujoco.batch import Batch
 
-from mimicbench.core.errors import MimicbenchError
+from mimicbench.core.errors import BadObject, MimicbenchError
 from mimicbench.core.parallel import cpu_count
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
 from mimicbench.sim.broken import BrokenLog, BrokenScene
 from mimicbench.sim.kinematics import Kinematics
-from mimicbench.sim.physics import LinkState, RobotState
+from mimicbench.sim.physics import LinkState, ObjectState, PhysicsConfig, RobotState
+from mimicbench.sim.rows import Rows
 from mimicbench.sim.scene import SUBSTEPS, build_model
 
 _WARNINGS = {
@@ -34,31 +34,31 @@ KEPT_MODELS = 2048
 class NativePhysics:
     """N scenes on `workers` threads (0: all processors). See the Physics protocol for the methods."""
 
+    asynchronous = False
+    device = "cpu"
+
     def __init__(
-        self,
-        robot: Robot,
-        objects: Sequence[SceneObject],
-        preset: str = "improved",
-        control: str = "position",
-        workers: int = 0,
-        visuals: bool = False,
-        meshes: bool | None = None,
-        broken_dir: Path | None = None,
+        self, robot: Robot, objects: Sequence[SceneObject], config: PhysicsConfig | None = None, workers: int = 0
     ) -> None:
-        self.robot, self.num_envs, self.device = robot, len(objects), "cpu"
-        self._preset, self._control, self._visuals = preset, control, visuals
-        # room for imported objects' convex pieces, now or by set_objects; by default if there are any now
-        self._meshes = any(obj.hulls for obj in objects) if meshes is None else meshes
+        self.robot, self.num_envs, self.config = robot, len(objects), config or PhysicsConfig()
+        # room for imported objects' convex pieces, now or later; by default if there are any now
+        self._meshes = any(obj.hulls for obj in objects) if self.config.meshes is None else self.config.meshes
         self._compiled: dict[str, mujoco.MjModel] = {}
-        self.objects: Sequence[SceneObject] = list(objects)
-        models = [self._model(obj) for obj in objects]
-        self.batch = Batch(models[0], self.num_envs, min(workers or cpu_count(), self.num_envs))
-        self._models = models
-        self.batch.set_models(models)
+        self.catalog: list[SceneObject] = []
+        self._places: dict[str, int] = {}
+        self._movable = objects[0].movable
+        self.object_index = torch.tensor(self.add_objects(objects))
+        self._models = [self._model(obj) for obj in objects]
+        self.batch = Batch(self._models[0], self.num_envs, min(workers or cpu_count(), self.num_envs))
+        self.batch.set_models(self._models)
+        self.workers = self.batch.nthread
         joints = len(robot.joints)
         self._qpos, self._qvel, self._ctrl = self.batch.bind("qpos"), self.batch.bind("qvel"), self.batch.bind("ctrl")
         self._joint_q, self._joint_v = slice(7, 7 + joints), slice(6, 6 + joints)
-        self.broken = BrokenLog(broken_dir)
+        self._object_q, self._object_v = slice(7 + joints, 14 + joints), slice(6 + joints, 12 + joints)
+        self._root = self._models[0].body(robot.link_names[0]).id
+        self._wrench: np.ndarray | None = None
+        self.broken = BrokenLog(self.config.broken_dir)
         self._warmstart = self.batch.bind("qacc_warmstart")
         self._before = [array.copy() for array in (self._qpos, self._qvel, self._warmstart)]
         self._warned, self._reported = np.zeros(self.num_envs, np.int64), np.zeros(self.num_envs, bool)
@@ -67,18 +67,13 @@ class NativePhysics:
 
     def _model(self, obj: SceneObject) -> mujoco.MjModel:
         """Compile a scene, or take it from those at hand."""
-        if obj.hulls and not self._meshes:
-            raise MimicbenchError(
-                f"object {obj.id} has convex pieces, and this simulation has room for boxes only; "
-                "make it with meshes=True"
-            )
         if obj.id not in self._compiled:
             # scenes hold on to what they run on; of other objects the latest are kept, so that memory is bounded
             # however many come by
             while len(self._compiled) >= max(KEPT_MODELS, 2 * self.num_envs):
                 del self._compiled[next(iter(self._compiled))]
             self._compiled[obj.id] = build_model(
-                self.robot, obj, self._preset, self._control, self._visuals, self._meshes
+                self.robot, obj, self.config.gains, self.config.control, self.config.visuals, self._meshes
             )
         return self._compiled[obj.id]
 
@@ -94,43 +89,56 @@ class NativePhysics:
         """(N, nv) live view of MuJoCo's velocities."""
         return self._qvel
 
-    def set_objects(self, objects: Sequence[SceneObject], ids: np.ndarray | None = None) -> None:
-        """Exchange the objects of scenes `ids` (None: all).
+    @property
+    def objects(self) -> list[SceneObject]:
+        """The object in each scene."""
+        return [self.catalog[place] for place in self.object_index.tolist()]
 
-        Scenes of movable and fixed objects cannot share a batch.
-        """
-        scene = list(self.objects)
-        for env, obj in zip(range(self.num_envs) if ids is None else ids, objects, strict=True):
-            self._models[env] = self._model(obj)
-            scene[env] = obj
-        self.objects = scene
+    def add_objects(self, objects: Sequence[SceneObject]) -> list[int]:
+        """Places of objects in the catalog, at whose end those are put that it lacks; see Physics.add_objects."""
+        for obj in objects:
+            if obj.hulls and not self._meshes:
+                raise MimicbenchError(
+                    f"object {obj.id} has convex pieces, and this simulation has room for boxes only; make it with "
+                    "meshes=True"
+                )
+            if obj.movable != self._movable:
+                kind = "movable" if obj.movable else "fixed"
+                raise BadObject(f"object {obj.id} is {kind} and others are not; simulate them apart")
+        return catalogued(self.catalog, self._places, objects)
+
+    def set_objects(self, rows: Rows, index: torch.Tensor) -> None:
+        """Exchange the objects of scenes `rows` for those at `index` (n,) of the catalog."""
+        if not len(rows):
+            return
+        rows.put(self.object_index, index)
+        for env, place in zip(rows.ids.tolist(), index.tolist(), strict=True):
+            self._models[env] = self._model(self.catalog[place])
         self.batch.set_models(self._models)
 
-    def reset(
-        self,
-        ids: np.ndarray,
-        root_pos_w: np.ndarray,
-        root_quat_w: np.ndarray,
-        joint_pos: np.ndarray,
-        root_lin_vel_w: np.ndarray | None = None,
-        root_ang_vel_b: np.ndarray | None = None,
-        joint_vel: np.ndarray | None = None,
-    ) -> None:
-        """Put the robots of scenes `ids` into a state; velocities default to zero, objects return to the origin."""
+    def reset(self, rows: Rows, robot: RobotState, obj: ObjectState | None = None) -> None:
+        """Put scenes `rows` into a state of n robots and objects; objects go to the origin if None."""
+        ids = rows.ids.numpy()
         if not len(ids):
             return
         self.batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
-        self._qpos[ids, :3], self._qpos[ids, 3:7], self._qpos[ids, self._joint_q] = root_pos_w, root_quat_w, joint_pos
-        if root_lin_vel_w is not None:
-            self._qvel[ids, :3] = root_lin_vel_w
-        if root_ang_vel_b is not None:
-            self._qvel[ids, 3:6] = root_ang_vel_b
-        if joint_vel is not None:
-            self._qvel[ids, self._joint_v] = joint_vel
+        qpos, qvel = self._qpos, self._qvel
+        qpos[ids, :3], qpos[ids, 3:7], qpos[ids, self._joint_q] = robot.root_pos_w, robot.root_quat_w, robot.joint_pos
+        qvel[ids, :3], qvel[ids, 3:6], qvel[ids, self._joint_v] = (
+            robot.root_lin_vel_w,
+            robot.root_ang_vel_b,
+            robot.joint_vel,
+        )
+        if obj is not None and self._movable:
+            qpos[ids, self._object_q] = np.concatenate([obj.pos_w.numpy(), obj.quat_w.numpy()], 1)
+            qvel[ids, self._object_v] = np.concatenate([obj.lin_vel_w.numpy(), obj.ang_vel_b.numpy()], 1)
+        if self._wrench is not None:
+            self._wrench[ids] = 0.0
         self._warned[ids], self._reported[ids] = self._warnings()[ids], False
 
-    def step(self, target: torch.Tensor, measure_effort: bool = False, ids: np.ndarray | None = None) -> None:
-        """Advance scenes `ids` (None: all) one control step; see Physics.step."""
+    def step(self, target: torch.Tensor, measure_effort: bool = False, running: torch.Tensor | None = None) -> None:
+        """Advance scenes `running` (N,) bool (None: all) one control step; see Physics.step."""
+        ids = None if running is None or bool(running.all()) else np.flatnonzero(running.numpy())
         for before, now in zip(self._before, (self._qpos, self._qvel, self._warmstart), strict=True):
             before[:] = now
         self._ctrl[:] = target.numpy()
@@ -159,9 +167,9 @@ class NativePhysics:
                     env,
                     "native",
                     self.robot.name,
-                    self._preset,
-                    self._control,
-                    self.objects[env],
+                    self.config.gains,
+                    self.config.control,
+                    self.catalog[int(self.object_index[env])],
                     qpos,
                     qvel,
                     warmstart,
@@ -187,10 +195,20 @@ class NativePhysics:
 
     def object_pose(self) -> tuple[np.ndarray, np.ndarray]:
         """Positions (N, 3) [m] and orientations (N, 4) of the objects now; the origin where they do not move."""
-        if not self.objects[0].movable:
+        if not self._movable:
             return np.zeros((self.num_envs, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (self.num_envs, 1))
-        pose = self._qpos[:, self._joint_q.stop :]
-        return pose[:, :3].copy(), pose[:, 3:7].copy()
+        pose = self._qpos[:, self._object_q]
+        return pose[:, :3].copy(), pose[:, 3:].copy()
+
+    def object_state(self) -> ObjectState:
+        """Where the objects are now."""
+        if not self._movable:
+            return ObjectState.at_origin(self.num_envs)
+        pose, velocity = (
+            torch.from_numpy(array.astype(np.float32))
+            for array in (self._qpos[:, self._object_q], self._qvel[:, self._object_v])
+        )
+        return ObjectState(pose[:, :3], pose[:, 3:], velocity[:, :3], velocity[:, 3:])
 
     def ray(
         self, starts: np.ndarray, rays: np.ndarray, groups: Sequence[int], ids: np.ndarray | None = None
@@ -200,9 +218,39 @@ class NativePhysics:
         seen[list(groups)] = 1
         return self.batch.ray(starts, rays, geomgroup=seen, ids=ids)[0]
 
-    def push(self, ids: np.ndarray, lin_vel_w: np.ndarray) -> None:
-        """Add (n, 3) [m/s] to the root's velocity in scenes `ids`."""
-        self._qvel[ids, :3] += lin_vel_w
+    def push(self, lin_vel_w: torch.Tensor) -> None:
+        """Add (N, 3) [m/s] to the roots' velocities."""
+        self._qvel[:, :3] += lin_vel_w.numpy()
+
+    def assist(self, force_w: torch.Tensor, torque_w: torch.Tensor) -> None:
+        """Forces (N, 3) [N] and torques (N, 3) [N m] on the roots, until they are set anew; see Physics.assist."""
+        wrench = self._wrench
+        if wrench is None:  # bound only where somebody assists: what is bound is copied in every step
+            wrench = self._wrench = self.batch.bind("xfrc_applied").reshape(self.num_envs, -1, 6)[:, self._root]
+        wrench[:, :3], wrench[:, 3:] = force_w.numpy(), torque_w.numpy()
+
+    def state_tensors(self) -> dict[str, torch.Tensor]:
+        """All that decides how the simulation goes on, to the last bit."""
+        tensors = {"qpos": self._qpos, "qvel": self._qvel, "warmstart": self._warmstart}
+        if self._wrench is not None:
+            tensors["wrench"] = self._wrench
+        copies = {name: torch.from_numpy(array.copy()) for name, array in tensors.items()}
+        return {**copies, "object_index": self.object_index.clone(), "effort": self._effort.clone()}
+
+    def load_state_tensors(self, tensors: Mapping[str, torch.Tensor]) -> None:
+        """The inverse of `state_tensors`, with the same catalog."""
+        every = Rows.every(self.num_envs)
+        self.set_objects(every, tensors["object_index"])
+        self.batch.reset(every.ids.numpy(), stage=mujoco.mjtStage.mjSTAGE_NONE.value)
+        for name, there in (("qpos", self._qpos), ("qvel", self._qvel), ("warmstart", self._warmstart)):
+            there[:] = tensors[name].numpy()
+        if "wrench" in tensors:
+            self.assist(tensors["wrench"][:, :3], tensors["wrench"][:, 3:])
+        self._effort.copy_(tensors["effort"])
+        self._warned[:], self._reported[:] = self._warnings(), False
+
+    def report(self) -> None:
+        """Nothing to do: every step reports what it broke."""
 
     @property
     def effort(self) -> torch.Tensor:
@@ -216,6 +264,15 @@ class NativePhysics:
 
     def _warnings(self) -> np.ndarray:
         return self.batch.warning[:, _KINDS, 1].sum(-1)
+
+
+def catalogued(catalog: list[SceneObject], places: dict[str, int], objects: Sequence[SceneObject]) -> list[int]:
+    """Places of objects in a catalog, by their ids, at whose end those are put that it lacks."""
+    for obj in objects:
+        if obj.id not in places:
+            places[obj.id] = len(catalog)
+            catalog.append(obj)
+    return [places[obj.id] for obj in objects]
 
 
 def _mean_of_substeps(values: np.ndarray) -> np.ndarray:

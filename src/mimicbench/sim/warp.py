@@ -5,9 +5,8 @@ writing rows. Warp shares the types of geoms between worlds: objects are boxes h
 Numbers have 32 bits, and a GPU adds up in no fixed order: unlike the native backend, two runs need not be the same.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
-from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -20,7 +19,9 @@ from mimicbench.core.errors import BadObject, MimicbenchError
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
 from mimicbench.sim.broken import BrokenLog, BrokenScene
-from mimicbench.sim.physics import LinkState, RobotState
+from mimicbench.sim.native import catalogued
+from mimicbench.sim.physics import LinkState, ObjectState, PhysicsConfig, RobotState
+from mimicbench.sim.rows import Rows
 from mimicbench.sim.scene import OBJECT_BODY, SUBSTEPS, build_model, build_object
 from mimicbench.sim.warp_kernels import BAD_POSITION, BAD_TARGET, BAD_VELOCITY, OVERFLOW, accumulate, guard
 
@@ -47,28 +48,26 @@ _OVERFLOWS = sum(int(mjw.OverflowType[name]) for name in ("NEFC", "NJMAX_NNZ", "
 class WarpPhysics:
     """N scenes on one device. See the Physics protocol for the methods."""
 
+    asynchronous = True
+    workers = 1
+
     def __init__(
         self,
         robot: Robot,
         objects: Sequence[SceneObject],
+        config: PhysicsConfig | None = None,
         device: str = "cuda",
-        preset: str = "improved",
-        control: str = "position",
-        visuals: bool = False,
-        broken_dir: Path | None = None,
         contacts: int = CONTACTS,
     ) -> None:
         """`contacts` is how many each world has room for; one that needs more is broken."""
-        self.robot, self.num_envs, self.device = robot, len(objects), device
-        self.objects: Sequence[SceneObject] = list(objects)
-        self.broken = BrokenLog(broken_dir)
-        self._preset, self._control, self._visuals = preset, control, visuals
+        self.robot, self.num_envs, self.device, self.config = robot, len(objects), device, config or PhysicsConfig()
+        self._broken_log = BrokenLog(self.config.broken_dir)
         self._wp_device = open_device(device)
-        self._rows_of: dict[str, dict[str, torch.Tensor]] = {}
         self._models: dict[str, mujoco.MjModel] = {}
-        base = build_model(robot, objects[0], preset, control)
+        base = build_model(robot, objects[0], self.config.gains, self.config.control)
         joints, body = len(robot.joints), base.body(OBJECT_BODY).id
         self._joint_q, self._joint_v = slice(7, 7 + joints), slice(6, 6 + joints)
+        self._object_q, self._object_v = slice(7 + joints, 14 + joints), slice(6 + joints, 12 + joints)
         self._movable = objects[0].movable
         first = int(base.body_geomadr[body])
         self._places = {
@@ -80,12 +79,17 @@ class WarpPhysics:
         self._link_rows = slice(root, root + len(robot.link_names))  # links are consecutive bodies, in order
         with wp.ScopedDevice(self._wp_device):
             self._make(base, contacts)
-        self.set_objects(objects)
+        self.catalog: list[SceneObject] = []
+        self._catalog_places: dict[str, int] = {}
+        self._catalog_rows: dict[str, torch.Tensor] = {}
+        every = Rows.every(self.num_envs, device)
+        self.object_index = torch.zeros(self.num_envs, dtype=torch.long, device=device)
+        self.set_objects(every, torch.tensor(self.add_objects(objects), device=device))
         self._qpos0 = torch.from_numpy(base.qpos0.astype(np.float32)).to(device)
-        every = torch.arange(self.num_envs, device=device)
         self._substeps = self._program(self._run_substeps)
         self._kinematics = self._program(self._run_kinematics)
         self._clear(every)
+        self._still = ObjectState.at_origin(self.num_envs, device)
 
     def _make(self, base: mujoco.MjModel, contacts: int) -> None:
         n, joints = self.num_envs, len(self.robot.joints)
@@ -99,12 +103,18 @@ class WarpPhysics:
         self._qpos, self._qvel, self._warmstart = self._state
         self._before = [array.clone() for array in self._state]
         self._ctrl = wp.to_torch(self._data.ctrl)
+        self._wrench = wp.to_torch(self._data.xfrc_applied)[:, self._link_rows.start]
+        # of worlds that broke: the states before, and the targets of, the steps in which they did
+        self._last_good = [*(array.clone() for array in self._state), self._ctrl.clone()]
         self._broken_wp = wp.zeros(n, dtype=int)
         self._torque_wp, self._velocity_wp = wp.zeros((n, joints), dtype=float), wp.zeros((n, joints), dtype=float)
         self._broken, self._torque, self._velocity = (
             wp.to_torch(array) for array in (self._broken_wp, self._torque_wp, self._velocity_wp)
         )
-        self._reported = torch.zeros(n, dtype=torch.bool, device=self.device)
+        self._noticed, self._untold = (
+            torch.zeros(n, dtype=torch.bool, device=self.device),
+            torch.zeros_like(self._broken),
+        )
         self._effort = torch.zeros(n, dtype=torch.float64, device=self.device)
 
     def _program(self, run: Callable[[], None]) -> Callable[[], None]:
@@ -159,11 +169,12 @@ class WarpPhysics:
 
     def model(self, env: int) -> mujoco.MjModel:
         """The compiled scene `env`, for rendering or replaying it."""
-        obj = self.objects[env]
+        obj = self.catalog[int(self.object_index[env])]
         if obj.id not in self._models:
             if len(self._models) >= _MODELS_KEPT:
                 self._models.clear()
-            self._models[obj.id] = build_model(self.robot, obj, self._preset, self._control, self._visuals)
+            config = self.config
+            self._models[obj.id] = build_model(self.robot, obj, config.gains, config.control, config.visuals)
         return self._models[obj.id]
 
     def qpos(self) -> np.ndarray:
@@ -176,130 +187,130 @@ class WarpPhysics:
         """(N, nv) copy of MuJoCo's velocities, which cannot be written to."""
         return _read_only(self._qvel)
 
-    def set_objects(self, objects: Sequence[SceneObject], ids: np.ndarray | None = None) -> None:
-        """Exchange the objects of scenes `ids` (None: all).
+    @property
+    def objects(self) -> list[SceneObject]:
+        """The object in each scene."""
+        return [self.catalog[place] for place in self.object_index.tolist()]
+
+    @property
+    def broken(self) -> BrokenLog:
+        """What was told of scenes whose physics broke, up to now."""
+        self.report()
+        return self._broken_log
+
+    def add_objects(self, objects: Sequence[SceneObject]) -> list[int]:
+        """Places of objects in the catalog, at whose end those are put that it lacks.
 
         Raises BadObject for convex pieces, and for movable among fixed ones.
         """
-        ids = np.arange(self.num_envs) if ids is None else ids
-        rows = [self._rows(obj) for obj in objects]
-        scene = list(self.objects)
-        for env, obj in zip(ids, objects, strict=True):
-            scene[env] = obj
-        self.objects = scene
-        if not rows:
-            return
-        index = torch.from_numpy(np.asarray(ids)).to(self.device)
+        fresh = [obj for obj in {obj.id: obj for obj in objects}.values() if obj.id not in self._catalog_places]
+        rows = [self._rows(obj) for obj in fresh]
+        if rows:
+            for name in rows[0]:
+                new = torch.stack([row[name] for row in rows]).to(self.device)
+                old = self._catalog_rows.get(name)
+                self._catalog_rows[name] = new if old is None else torch.cat([old, new])
+        return catalogued(self.catalog, self._catalog_places, objects)
+
+    def set_objects(self, rows: Rows, index: torch.Tensor) -> None:
+        """Exchange the objects of scenes `rows` for those at `index` (n,) of the catalog."""
+        rows.put(self.object_index, index)
         for name, place in self._places.items():
-            wp.to_torch(getattr(self._model, name))[index, place] = torch.stack([row[name] for row in rows]).to(
-                self.device
-            )
+            rows.put(wp.to_torch(getattr(self._model, name))[:, place], self._catalog_rows[name][index])
         if not self._movable:  # Warp places what cannot move only once
-            wp.to_torch(self._data.geom_xpos)[index, self._places["geom_pos"]] = torch.stack(
-                [row["geom_pos"] for row in rows]
-            ).to(self.device)
-            wp.to_torch(self._data.geom_xmat)[index, self._places["geom_pos"]] = torch.stack(
-                [row["geom_xmat"] for row in rows]
-            ).to(self.device)
+            for there, name in ((self._data.geom_xpos, "geom_pos"), (self._data.geom_xmat, "geom_xmat")):
+                rows.put(wp.to_torch(there)[:, self._places["geom_pos"]], self._catalog_rows[name][index])
 
     def _rows(self, obj: SceneObject) -> dict[str, torch.Tensor]:
-        """What an object has to write into its world, compiled once for each object."""
+        """What an object has to write into its world."""
         if obj.movable != self._movable:
             raise BadObject(
                 f"object {obj.id} is {'movable' if obj.movable else 'fixed'} and others are not; simulate them apart"
             )
-        if obj.id not in self._rows_of:
-            alone = build_object(obj)
-            if (alone.geom_type != mujoco.mjtGeom.mjGEOM_BOX).any():
-                raise BadObject(
-                    f"object {obj.id} has convex pieces, which Warp cannot exchange between scenes; "
-                    "use --device cpu for it"
-                )
-            rows = {name: torch.from_numpy(np.asarray(getattr(alone, name), np.float32)) for name in _GEOM_FIELDS}
-            rows |= {name: torch.from_numpy(np.asarray(getattr(alone, name)[1:], np.float32)) for name in _BODY_FIELDS}
-            rows |= {name: torch.from_numpy(np.asarray(getattr(alone, name), np.float32)) for name in _DOF_FIELDS}
-            rows["geom_aabb"] = rows["geom_aabb"].reshape(-1, 2, 3)
-            data = mujoco.MjData(alone)
-            mujoco.mj_kinematics(alone, data)
-            rows["geom_xmat"] = torch.from_numpy(data.geom_xmat.astype(np.float32)).reshape(-1, 3, 3)
-            self._rows_of[obj.id] = rows
-        return self._rows_of[obj.id]
+        alone = build_object(obj)
+        if (alone.geom_type != mujoco.mjtGeom.mjGEOM_BOX).any():
+            raise BadObject(
+                f"object {obj.id} has convex pieces, which Warp cannot exchange between scenes; use --device cpu for it"
+            )
+        rows = {name: torch.from_numpy(np.asarray(getattr(alone, name), np.float32)) for name in _GEOM_FIELDS}
+        rows |= {name: torch.from_numpy(np.asarray(getattr(alone, name)[1:], np.float32)) for name in _BODY_FIELDS}
+        rows |= {name: torch.from_numpy(np.asarray(getattr(alone, name), np.float32)) for name in _DOF_FIELDS}
+        rows["geom_aabb"] = rows["geom_aabb"].reshape(-1, 2, 3)
+        data = mujoco.MjData(alone)
+        mujoco.mj_kinematics(alone, data)
+        rows["geom_xmat"] = torch.from_numpy(data.geom_xmat.astype(np.float32)).reshape(-1, 3, 3)
+        return rows
 
-    def reset(
-        self,
-        ids: np.ndarray,
-        root_pos_w: np.ndarray,
-        root_quat_w: np.ndarray,
-        joint_pos: np.ndarray,
-        root_lin_vel_w: np.ndarray | None = None,
-        root_ang_vel_b: np.ndarray | None = None,
-        joint_vel: np.ndarray | None = None,
-    ) -> None:
-        """Put the robots of scenes `ids` into a state; velocities default to zero, objects return to the origin."""
-        if not len(ids):
-            return
-        index = torch.from_numpy(np.asarray(ids)).to(self.device)
-        self._clear(index)
+    def reset(self, rows: Rows, robot: RobotState, obj: ObjectState | None = None) -> None:
+        """Put scenes `rows` into a state of n robots and objects; objects go to the origin if None."""
+        self._clear(rows)
         for there, place, given in (
-            (self._qpos, slice(0, 3), root_pos_w),
-            (self._qpos, slice(3, 7), root_quat_w),
-            (self._qpos, self._joint_q, joint_pos),
-            (self._qvel, slice(0, 3), root_lin_vel_w),
-            (self._qvel, slice(3, 6), root_ang_vel_b),
-            (self._qvel, self._joint_v, joint_vel),
+            (self._qpos, slice(0, 3), robot.root_pos_w),
+            (self._qpos, slice(3, 7), robot.root_quat_w),
+            (self._qpos, self._joint_q, robot.joint_pos),
+            (self._qvel, slice(0, 3), robot.root_lin_vel_w),
+            (self._qvel, slice(3, 6), robot.root_ang_vel_b),
+            (self._qvel, self._joint_v, robot.joint_vel),
         ):
-            if given is not None:
-                there[index, place] = torch.from_numpy(np.asarray(given, np.float32)).to(self.device)
+            rows.put(there[:, place], given)
+        if obj is not None and self._movable:
+            rows.put(self._qpos[:, self._object_q], torch.cat([obj.pos_w, obj.quat_w], 1))
+            rows.put(self._qvel[:, self._object_v], torch.cat([obj.lin_vel_w, obj.ang_vel_b], 1))
 
-    def _clear(self, index: torch.Tensor) -> None:
+    def _clear(self, rows: Rows) -> None:
         """Bring scenes to the model's own pose, at rest and unbroken."""
-        self._qpos[index] = self._qpos0
-        self._qvel[index] = self._warmstart[index] = 0.0
-        self._ctrl[index] = 0.0
-        self._broken[index] = 0
-        self._reported[index] = False
+        rows.put(self._qpos, self._qpos0.expand(len(rows), -1))
+        for there in (self._qvel, self._warmstart, self._ctrl, self._wrench):
+            rows.put(there, 0.0)
+        rows.put(self._broken, 0)
+        rows.put(self._noticed, False)
 
-    def step(self, target: torch.Tensor, measure_effort: bool = False, ids: np.ndarray | None = None) -> None:
-        """Advance scenes `ids` (None: all) one control step; see Physics.step."""
+    def step(self, target: torch.Tensor, measure_effort: bool = False, running: torch.Tensor | None = None) -> None:
+        """Advance scenes `running` (N,) bool (None: all) one control step; see Physics.step."""
         for before, now in zip(self._before, self._state, strict=True):
             before.copy_(now)
-        broken = self._broken.clone() if ids is not None else None
+        broken = self._broken.clone()
         self._ctrl.copy_(target)
         self._substeps()
-        some: torch.Tensor | slice = slice(None)
-        if ids is not None and broken is not None:  # all worlds step; those that should not go back
-            some = torch.from_numpy(np.asarray(ids)).to(self.device)
-            others = torch.ones(self.num_envs, dtype=torch.bool, device=self.device)
-            others[some] = False
+        if running is not None:  # all worlds step; those that should not go back
+            others = Rows(~running, torch.empty(0), whole=True)
             for before, now in zip([*self._before, broken], [*self._state, self._broken], strict=True):
-                now[others] = before[others]
+                others.put(now, before)
         if measure_effort:
             effort = ((self._torque.double() / SUBSTEPS * self._velocity.double() / SUBSTEPS) ** 2).sum(-1)
-            self._effort[some] = effort[some]
-        self._report(target)
+            self._effort = effort if running is None else torch.where(running, effort, self._effort)
+        self._notice(target)
 
-    def _report(self, target: torch.Tensor) -> None:
-        """Tell of scenes that broke in this step, once each."""
-        fresh = (self._broken != 0) & ~self._reported
-        for env in fresh.nonzero()[:, 0].tolist():
-            self._reported[env] = True
-            found = int(self._broken[env])
-            qpos, qvel, warmstart = (array[env].double().cpu().numpy().copy() for array in self._before)
-            self.broken.add(
+    def _notice(self, target: torch.Tensor) -> None:
+        """Keep what it takes to tell of worlds that broke in this step, once each."""
+        fresh = (self._broken != 0) & ~self._noticed
+        self._noticed |= fresh
+        keep = Rows(fresh, torch.empty(0), whole=True)
+        for there, value in zip(self._last_good, [*self._before, target], strict=True):
+            keep.put(there, value.to(self.device))
+        keep.put(self._untold, self._broken)
+
+    def report(self) -> None:
+        """Tell of scenes that broke since the last report; of one that did so twice, the last time."""
+        for env in (self._untold != 0).nonzero()[:, 0].tolist():
+            found = int(self._untold[env])
+            qpos, qvel, warmstart, target = (array[env].double().cpu().numpy().copy() for array in self._last_good)
+            self._broken_log.add(
                 BrokenScene(
                     " and ".join(told for bit, told in _REASONS.items() if found & bit),
                     env,
                     "warp",
                     self.robot.name,
-                    self._preset,
-                    self._control,
-                    self.objects[env],
+                    self.config.gains,
+                    self.config.control,
+                    self.catalog[int(self.object_index[env])],
                     qpos,
                     qvel,
                     warmstart,
-                    target[env].double().cpu().numpy().copy(),
+                    target,
                 )
             )
+        self._untold.zero_()
 
     def advance(self, target: torch.Tensor) -> None:
         """One control step of all scenes and nothing else; see Physics.advance."""
@@ -330,8 +341,15 @@ class WarpPhysics:
         """Positions (N, 3) [m] and orientations (N, 4) of the objects now; the origin where they do not move."""
         if not self._movable:
             return np.zeros((self.num_envs, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (self.num_envs, 1))
-        pose = self._qpos[:, self._joint_q.stop :].double().cpu().numpy()
-        return pose[:, :3].copy(), pose[:, 3:7].copy()
+        pose = self._qpos[:, self._object_q].double().cpu().numpy()
+        return pose[:, :3].copy(), pose[:, 3:].copy()
+
+    def object_state(self) -> ObjectState:
+        """Where the objects are now."""
+        if not self._movable:
+            return self._still
+        pose, velocity = self._qpos[:, self._object_q].clone(), self._qvel[:, self._object_v].clone()
+        return ObjectState(pose[:, :3], pose[:, 3:], velocity[:, :3], velocity[:, 3:])
 
     def ray(
         self, starts: np.ndarray, rays: np.ndarray, groups: Sequence[int], ids: np.ndarray | None = None
@@ -376,11 +394,29 @@ class WarpPhysics:
             )
         return wp.to_torch(distance).double().cpu().numpy()
 
-    def push(self, ids: np.ndarray, lin_vel_w: np.ndarray) -> None:
-        """Add (n, 3) [m/s] to the root's velocity in scenes `ids`."""
-        self._qvel[torch.from_numpy(np.asarray(ids)).to(self.device), :3] += torch.from_numpy(
-            np.asarray(lin_vel_w, np.float32)
-        ).to(self.device)
+    def push(self, lin_vel_w: torch.Tensor) -> None:
+        """Add (N, 3) [m/s] to the roots' velocities."""
+        self._qvel[:, :3] += lin_vel_w
+
+    def assist(self, force_w: torch.Tensor, torque_w: torch.Tensor) -> None:
+        """Forces (N, 3) [N] and torques (N, 3) [N m] on the roots, until they are set anew; see Physics.assist."""
+        self._wrench[:, :3], self._wrench[:, 3:] = force_w, torque_w
+
+    def state_tensors(self) -> dict[str, torch.Tensor]:
+        """All that decides how the simulation goes on."""
+        tensors = {"qpos": self._qpos, "qvel": self._qvel, "warmstart": self._warmstart, "wrench": self._wrench}
+        tensors |= {"object_index": self.object_index, "effort": self._effort}
+        return {name: value.clone() for name, value in tensors.items()}
+
+    def load_state_tensors(self, tensors: Mapping[str, torch.Tensor]) -> None:
+        """The inverse of `state_tensors`, with the same catalog."""
+        every = Rows.every(self.num_envs, self.device)
+        self.set_objects(every, tensors["object_index"].to(self.device))
+        self._clear(every)
+        names = ("qpos", "qvel", "warmstart", "wrench")
+        for name, there in zip(names, (*self._state, self._wrench), strict=True):
+            there.copy_(tensors[name])
+        self._effort = tensors["effort"].to(self.device)
 
     @property
     def effort(self) -> torch.Tensor:

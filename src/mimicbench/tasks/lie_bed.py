@@ -1,15 +1,13 @@
 """Lying on a bed (LB): navigate, locate, and stably lie on a fixed, unseen bed."""
 
-import numpy as np
-
 from mimicbench.robots.rigs import PELVIS_RIG
-from mimicbench.tasks.task import BodyPoints, ObjectFacts, Task
+from mimicbench.tasks.task import Array, BodyPoints, ObjectInfo, Task
 
 BODY_BAND = 0.4
 """[m] A joint is on the bed while its height lies in [H, H + 0.4] (appendix D.1)."""
 
 
-def pelvis_and_ankles_on_bed(body: BodyPoints, obj: ObjectFacts) -> np.ndarray:
+def pelvis_and_ankles_on_bed(body: BodyPoints, obj: ObjectInfo) -> Array:
     """(N,) whether root and both ankles lie in the bed's interior in the bird-eye view, at heights in [H, H + 0.4
     m].
     """
@@ -21,6 +19,7 @@ TASK = Task(
     name="lie-bed",
     abbreviation="LB",
     title="Lie on a bed",
+    action="lying down",
     family="bed",
     time_limit=20.0,
     hold_time=0.3,

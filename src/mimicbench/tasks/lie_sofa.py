@@ -1,15 +1,13 @@
 """Lying on a sofa (LS): navigate, locate, and stably lie on a fixed, unseen sofa."""
 
-import numpy as np
-
 from mimicbench.robots.rigs import PELVIS_RIG
-from mimicbench.tasks.task import BodyPoints, ObjectFacts, Task
+from mimicbench.tasks.task import Array, BodyPoints, ObjectInfo, Task
 
 PELVIS_BAND = 0.4
 """[m] The pelvis is on the sofa while its height lies in [H, H + 0.4] (appendix D.1)."""
 
 
-def pelvis_on_sofa_and_ankles_up(body: BodyPoints, obj: ObjectFacts) -> np.ndarray:
+def pelvis_on_sofa_and_ankles_up(body: BodyPoints, obj: ObjectInfo) -> Array:
     """(N,) whether the root is on the sofa and both ankles are above half of the sofa's height."""
     half = 0.5 * obj.high[:, 2]
     return obj.on_plane(body.pelvis_pos_w, PELVIS_BAND) & (body.ankle_pos_w[..., 2] > half[:, None]).all(-1)
@@ -19,6 +17,7 @@ TASK = Task(
     name="lie-sofa",
     abbreviation="LS",
     title="Lie on a sofa",
+    action="lying down",
     family="couch",
     time_limit=20.0,
     hold_time=0.3,

@@ -1,15 +1,13 @@
 """Sitting on a chair (SC): navigate, locate, and stably sit on a fixed, unseen chair."""
 
-import numpy as np
-
 from mimicbench.robots.rigs import PELVIS_RIG
-from mimicbench.tasks.task import BodyPoints, ObjectFacts, Task
+from mimicbench.tasks.task import Array, BodyPoints, ObjectInfo, Task
 
 PELVIS_BAND = 0.27
 """[m] The pelvis frame is above the seat while its height lies in [H, H + 0.27] (appendix D.1)."""
 
 
-def pelvis_above_seat(body: BodyPoints, obj: ObjectFacts) -> np.ndarray:
+def pelvis_above_seat(body: BodyPoints, obj: ObjectInfo) -> Array:
     """(N,) whether the root lies in the object's interior in the bird-eye view, at a height in [H, H + 0.27 m]."""
     return obj.on_plane(body.pelvis_pos_w, PELVIS_BAND)
 
@@ -18,6 +16,7 @@ TASK = Task(
     name="sit-chair",
     abbreviation="SC",
     title="Sit on a chair",
+    action="sitting down",
     family="chair",
     time_limit=20.0,
     hold_time=0.3,
@@ -28,4 +27,5 @@ TASK = Task(
     max_start_distance=2.0,
     rig=PELVIS_RIG,
     map_cell=0.04,
+    height_weight=100.0,
 )

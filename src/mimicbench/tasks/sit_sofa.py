@@ -8,6 +8,7 @@ TASK = Task(
     name="sit-sofa",
     abbreviation="SS",
     title="Sit on a sofa",
+    action="sitting down",
     family="sofa",
     time_limit=20.0,
     hold_time=0.3,
@@ -18,4 +19,5 @@ TASK = Task(
     max_start_distance=2.0,
     rig=PELVIS_RIG,
     map_cell=0.04,
+    height_weight=100.0,
 )

@@ -2,122 +2,123 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import HumanMotion, RobotMotion
-from mimicbench.objects.shape import SceneObject
+from mimicbench.objects.shape import SLOTS, SceneObject
 from mimicbench.references.body.body import body_of
 from mimicbench.robots.description import Robot
 from mimicbench.robots.rigs import Rig
 
+_FAR = 1e6
+"""[m] Where boxes are that an object does not have."""
 REST = 1.5
 """[s] What is learned from a clip ends so long after it first fulfils K; clips rest for much longer."""
 
 
+Array = Any  # np.ndarray or torch.Tensor, the same kind throughout
+
+
 @dataclass(frozen=True)
-class ObjectFacts:
+class ObjectInfo:
     """What K needs to know of N objects and goals. Taken from their labels; no policy ever sees it."""
 
-    objects: list[SceneObject]
-    """One per scene."""
-    seat_height: np.ndarray
+    seat_height: Array
     """(N,) H [m]; NaN where there is no seat."""
-    low: np.ndarray
+    low: Array
     """(N, 3) lowest corner of the bounding box at the origin [m]."""
-    high: np.ndarray
+    high: Array
     """(N, 3) highest corner [m]."""
-    pos_w: np.ndarray
+    box_pos: Array
+    """(N, SLOTS, 3) centers of the boxes in the object's frame [m]; far away for slots that it leaves empty."""
+    box_quat: Array
+    """(N, SLOTS, 4) how they are turned."""
+    box_half: Array
+    """(N, SLOTS, 3) half sizes [m]."""
+    pos_w: Array
     """(N, 3) where the objects are now [m]; the origin unless they move."""
-    quat_w: np.ndarray
+    quat_w: Array
     """(N, 4) how they are turned now."""
-    wrist_goal_w: np.ndarray
+    wrist_goal_w: Array
     """(N, 2, 3) where left and right wrist are to go [m]; NaN for a wrist without such a goal."""
 
     @staticmethod
-    def of(objects: Sequence[SceneObject], wrist_goals: Sequence[np.ndarray] | None = None) -> "ObjectFacts":
-        """Gather the facts of several objects; `wrist_goals` are (2, 3) or empty, one per object."""
+    def of(objects: Sequence[SceneObject], wrist_goals: Sequence[np.ndarray] | None = None) -> "ObjectInfo":
+        """Gather what is known of several objects; `wrist_goals` are (2, 3) or empty, one per object."""
+        n = len(objects)
+        boxes = np.full((n, SLOTS, 3), _FAR), np.tile(rot.IDENTITY, (n, SLOTS, 1)), np.ones((n, SLOTS, 3))
+        for row, obj in enumerate(objects):
+            for array, values in zip(boxes, (obj.box_pos, obj.box_quat, obj.box_half), strict=True):
+                array[row, : len(values)] = values
         bounds = [obj.bounds() for obj in objects]
         heights = [np.nan if obj.seat_height is None else obj.seat_height for obj in objects]
         nowhere = np.full((2, 3), np.nan)
-        goals = (
-            [goal if len(goal) else nowhere for goal in wrist_goals]
-            if wrist_goals is not None
-            else [nowhere] * len(objects)
-        )
-        n = len(objects)
-        return ObjectFacts(
-            list(objects),
-            np.array(heights),
-            np.array([low for low, _ in bounds]),
-            np.array([high for _, high in bounds]),
-            np.zeros((n, 3)),
-            np.tile(rot.IDENTITY, (n, 1)),
-            np.array(goals),
-        )
+        goals = [nowhere] * n if wrist_goals is None else [goal if len(goal) else nowhere for goal in wrist_goals]
+        low, high = (np.array(corners) for corners in zip(*bounds, strict=True))
+        pose = np.zeros((n, 3)), np.tile(rot.IDENTITY, (n, 1))
+        return ObjectInfo(np.array(heights), low, high, *boxes, *pose, np.array(goals))
 
-    def repeated(self, frames: int) -> "ObjectFacts":
+    def map(self, function: Callable[[Array], Array]) -> "ObjectInfo":
+        """The same with every array replaced by what `function` makes of it."""
+        return ObjectInfo(*(function(value) for value in vars(self).values()))
+
+    def repeated(self, frames: int) -> "ObjectInfo":
         """Of one scene: the same in each of several frames."""
-        return ObjectFacts(
-            list(self.objects) * frames,
-            *(np.repeat(value, frames, 0) for name, value in vars(self).items() if name != "objects"),
-        )
+        return self.map(lambda value: np.broadcast_to(value, (frames, *value.shape[1:])))
 
-    def moved(self, pos_w: np.ndarray, quat_w: np.ndarray) -> "ObjectFacts":
+    def moved(self, pos_w: Array, quat_w: Array) -> "ObjectInfo":
         """The same with the objects at (N, 3) and turned by (N, 4)."""
         return replace(self, pos_w=pos_w, quat_w=quat_w)
 
-    def exchange(self, ids: np.ndarray, others: "ObjectFacts") -> None:
-        """Replace the facts of scenes `ids` (n,), here and now, by those of `others`."""
-        for row, env in enumerate(ids):
-            self.objects[env] = others.objects[row]
-        for name in ("seat_height", "low", "high", "pos_w", "quat_w", "wrist_goal_w"):
-            getattr(self, name)[ids] = getattr(others, name)
-
-    def interior_xy(self, pos_w: np.ndarray) -> np.ndarray:
+    def interior_xy(self, pos_w: Array) -> Array:
         """(N,) whether positions (N, 3) lie in the fixed object's interior in the bird-eye view (appendix D.1)."""
-        return np.all((pos_w[:, :2] >= self.low[:, :2]) & (pos_w[:, :2] <= self.high[:, :2]), axis=-1)
+        return ((pos_w[:, :2] >= self.low[:, :2]) & (pos_w[:, :2] <= self.high[:, :2])).all(-1)
 
-    def on_plane(self, pos_w: np.ndarray, band: float) -> np.ndarray:
-        """(N,) whether positions (N, 3) are in the interior seen from above, at a height in [H, H + band] (appendix
-        D.1).
-        """
+    def on_plane(self, pos_w: Array, band: float) -> Array:
+        """(N,) whether positions (N, 3) are in the interior seen from above, at a height in [H, H + band]."""
         height = pos_w[:, 2] - self.seat_height
         return self.interior_xy(pos_w) & (height >= 0) & (height <= band)
 
-    def distance(self, pos_w: np.ndarray, where: np.ndarray) -> np.ndarray:
-        """(N, K) from positions (N, K, 3) to the surface of each object where it is now [m].
-
-        0 inside of it, infinity where not `where` (N,).
-        """
-        away = np.full(pos_w.shape[:2], np.inf)
-        for env in np.flatnonzero(where).tolist():
-            away[env] = self.objects[env].distance(rot.rotate_inverse(self.quat_w[env], pos_w[env] - self.pos_w[env]))
-        return away
+    def within(self, pos_w: Array, reach: float) -> Array:
+        """(N, K) whether positions (N, K, 3) are no farther than `reach` [m] from the object's surface, or inside."""
+        local = rot.rotate_inverse(self.quat_w[:, None], pos_w - self.pos_w[:, None])
+        away = rot.rotate_inverse(self.box_quat[:, None], local[:, :, None] - self.box_pos[:, None])
+        outside = (abs(away) - self.box_half[:, None]).clip(0.0)
+        return ((outside * outside).sum(-1) <= reach * reach).any(-1)
 
 
 @dataclass(frozen=True)
 class BodyPoints:
     """Key positions of the robot, or of a person, in N scenes, world frame [m]."""
 
-    pelvis_pos_w: np.ndarray
+    pelvis_pos_w: Array
     """(N, 3) the root."""
-    ankle_pos_w: np.ndarray
+    ankle_pos_w: Array
     """(N, 2, 3) left, right."""
-    wrist_pos_w: np.ndarray
+    wrist_pos_w: Array
     """(N, 2, 3) left, right."""
 
     @staticmethod
-    def of(robot: Robot, link_pos_w: np.ndarray, link_quat_w: np.ndarray) -> "BodyPoints":
+    def of(robot: Robot, link_pos_w: Array, link_quat_w: Array) -> "BodyPoints":
         """From link poses (N, L, 3) and (N, L, 4)."""
-        points = [robot.keypoints[f"{side}_{name}"] for name in ("ankle", "wrist") for side in ("left", "right")]
-        pos_w = link_pos_w[:, [link for link, _ in points]]
-        off = [i for i, (_, offset) in enumerate(points) if any(offset)]  # the others are their links' origins
-        pos_w[:, off] += rot.rotate(
-            link_quat_w[:, [points[i][0] for i in off]], np.array([points[i][1] for i in off]).reshape(-1, 3)
-        )
-        return BodyPoints(link_pos_w[:, 0], pos_w[:, :2], pos_w[:, 2:])
+        found = {}
+        for name in ("ankle", "wrist"):
+            links, offsets = zip(*(robot.keypoints[f"{side}_{name}"] for side in ("left", "right")), strict=True)
+            found[name] = link_pos_w[:, list(links)]
+            if any(any(offset) for offset in offsets):  # the others are their links' origins
+                quat = link_quat_w[:, list(links)]
+                away = [rot.rotate(quat[:, side], _constant(offsets[side], quat[:, side])) for side in range(2)]
+                found[name] = found[name] + rot.stack(away, 1)
+        return BodyPoints(link_pos_w[:, 0], found["ankle"], found["wrist"])
+
+
+def _constant(numbers: Sequence[float], like: Array) -> Array:
+    """Three numbers as an array of the kind and place of another, made without copying from the host."""
+    parts = [like[..., 0] * 0 + number for number in numbers]
+    return rot.stack(parts, -1)
 
 
 @dataclass(frozen=True)
@@ -129,13 +130,15 @@ class Task:
     abbreviation: str
     """As in the paper's tables."""
     title: str
+    action: str
+    """What is done at the object, as in "fell while sitting down"."""
     family: str
     """Objects it is done with."""
     time_limit: float
     """[s] (appendix C.1)."""
     hold_time: float
     """[s] that the condition has to hold without a break."""
-    holds: Callable[[BodyPoints, ObjectFacts], np.ndarray]
+    holds: Callable[[BodyPoints, ObjectInfo], np.ndarray]
     """(N,) whether the condition of K holds in a frame."""
     in_last_frame: bool
     """K is judged in the last frame of the episode, not at any time in it."""
@@ -151,6 +154,10 @@ class Task:
     """[m] Side of a cell of the elevation map (appendix C.2)."""
     wrist_goals: bool = False
     """Whether every episode has a target for each wrist."""
+    moves_object: bool = False
+    """Whether the object is to be moved."""
+    height_weight: float = 10.0
+    """lambda_height of the paper's tracking reward (appendix F.3)."""
 
     def hold_frames(self, fps: float) -> int:
         """Frames in a row that count as holding."""
@@ -189,10 +196,10 @@ class Task:
         return self._held(points, motion, obj)
 
     def _held(self, points: BodyPoints, motion: HumanMotion | RobotMotion, obj: SceneObject) -> np.ndarray:
-        facts = ObjectFacts.of([obj], [motion.wrist_goal_w]).repeated(motion.frames)
+        info = ObjectInfo.of([obj], [motion.wrist_goal_w]).repeated(motion.frames)
         if len(motion.object_pos_w):
-            facts = facts.moved(motion.object_pos_w, motion.object_quat_w)
-        return self.holds(points, facts)
+            info = info.moved(motion.object_pos_w, motion.object_quat_w)
+        return self.holds(points, info)
 
     def _judge(self, holds: np.ndarray, fps: float) -> bool:
         needed = self.hold_frames(fps)

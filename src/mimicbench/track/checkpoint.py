@@ -1,16 +1,18 @@
 """A trained tracker on disk and in memory."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from mimicbench.core.checkpoint import BadCheckpoint, load_checkpoint, save_checkpoint
 from mimicbench.robots.description import Robot
 from mimicbench.track.network import TrackerNetwork
-from mimicbench.track.tracker import TrackerKind, get_kind
+from mimicbench.track.registry import TRACKERS
+from mimicbench.track.spec import Tracker
 
 MAX_WIDTH, MAX_LAYERS = 8192, 16
 """What a tracker may ask for before its weights have been seen."""
@@ -18,29 +20,40 @@ MAX_WIDTH, MAX_LAYERS = 8192, 16
 
 @dataclass(frozen=True)
 class TrackerConfig:
-    """What a tracker's network is built from."""
+    """What a trained tracker is built from."""
 
-    preset: str
-    """Name of the tracker's kind."""
+    tracker: str
+    """Name of its design in the registry."""
+    observed: tuple[str, ...]
+    """Names of the terms that it observes, in this order."""
     observations: int
     """Width of its observation."""
     actions: int
     """Width of its action."""
     hidden: tuple[int, ...]
     """Widths of the hidden layers."""
+    settings: dict[str, Any] = field(default_factory=dict)
+    """The design's own configuration, as plain values."""
 
 
-@dataclass(frozen=True)
-class Tracker:
-    """A tracker ready to run."""
-
-    kind: TrackerKind
-    config: TrackerConfig
-    network: TrackerNetwork
+def build_tracker(config: TrackerConfig, tensors: Mapping[str, np.ndarray]) -> Tracker:
+    """A tracker of that configuration with these weights. Raises UnknownName, BadCheckpoint."""
+    spec = TRACKERS.get(config.tracker)
+    try:
+        settings = msgspec.convert(config.settings, spec.settings) if spec.settings is not type(None) else None
+    except msgspec.ValidationError as error:
+        raise BadCheckpoint(f"these are no settings of tracker {spec.name} ({error}); train it again") from None
+    network = TrackerNetwork(config.observations, config.actions, config.hidden)
+    network.load_tensors(tensors)
+    return Tracker(spec, settings, network.eval(), config.observed)
 
 
 def save_tracker(
-    folder: Path, robot: Robot, config: TrackerConfig, tensors: Mapping[str, np.ndarray], notes: Mapping[str, Any]
+    folder: Path,
+    robot: Robot,
+    config: TrackerConfig,
+    tensors: Mapping[str, np.ndarray],
+    notes: Mapping[str, Any],
 ) -> None:
     """Write a tracker's checkpoint."""
     save_checkpoint(folder, "tracker", robot.name, config, tensors, notes)
@@ -50,14 +63,11 @@ def load_tracker(folder: Path, robot: Robot) -> Tracker:
     """Read a tracker for this robot. Raises BadCheckpoint."""
     checkpoint = load_checkpoint(folder, "tracker", robot.name)
     config = checkpoint.config_as(TrackerConfig)
-    if max(config.observations, config.actions, *config.hidden) > MAX_WIDTH or len(config.hidden) > MAX_LAYERS:
+    widths = (config.observations, config.actions, *config.hidden)
+    if not all(1 <= width <= MAX_WIDTH for width in widths) or len(config.hidden) > MAX_LAYERS:
         raise BadCheckpoint(
-            f"{folder} describes a tracker wider than {MAX_WIDTH} or deeper than {MAX_LAYERS} layers; "
-            "it is not one of ours"
+            f"{folder} describes a tracker with a layer outside 1 to {MAX_WIDTH}, or more than {MAX_LAYERS} layers; it "
+            "is not one of ours"
         )
-    network = TrackerNetwork(config.observations, config.actions, config.hidden)
-    network.load_tensors(
-        checkpoint.matching({name: tuple(value.shape) for name, value in network.state_dict().items()})
-    )
-    network.eval()
-    return Tracker(get_kind(config.preset), config, network)
+    shapes = TrackerNetwork.shapes(config.observations, config.actions, config.hidden)
+    return build_tracker(config, checkpoint.matching(shapes))

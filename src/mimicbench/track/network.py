@@ -27,6 +27,15 @@ class TrackerNetwork(nn.Module):
         """(N, actions) from (N, observations)."""
         return self.layers((obs - self.obs_mean) / (self.obs_std + 1e-2))
 
+    @staticmethod
+    def shapes(observations: int, actions: int, hidden: tuple[int, ...]) -> dict[str, tuple[int, ...]]:
+        """Shapes of all tensors by name, known without making any of them."""
+        found: dict[str, tuple[int, ...]] = {"obs_mean": (observations,), "obs_std": (observations,)}
+        widths = (observations, *hidden, actions)
+        for layer, (width, size) in enumerate(zip(widths[:-1], widths[1:], strict=True)):
+            found |= {f"layers.{2 * layer}.weight": (size, width), f"layers.{2 * layer}.bias": (size,)}
+        return found
+
     def tensors(self) -> dict[str, np.ndarray]:
         """All weights and statistics by name, for a checkpoint."""
         return {name: value.detach().cpu().numpy() for name, value in self.state_dict().items()}

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import torch
@@ -10,6 +10,8 @@ from rsl_rl.algorithms import PPO
 from rsl_rl.models import MLPModel
 from rsl_rl.storage import RolloutStorage
 from tensordict import TensorDict
+
+from mimicbench.core.training import OptimizerState
 
 _GROUPS = {"actor": ["obs"], "critic": ["obs"]}
 
@@ -35,9 +37,20 @@ class PPOConfig:
     entropy: float = 0.0005
     """Weight of the entropy bonus."""
     learning_rate: float = 1e-3
-    """Where Adam starts; adapted to the divergence below."""
+    """Where the optimizer starts."""
+    schedule: Literal["adaptive", "fixed"] = "adaptive"
+    """Whether the learning rate is adapted to the divergence below."""
     target_kl: float = 0.02
     """Divergence per update that the learning rate is adapted to."""
+    optimizer: Literal["adam", "adamw"] = "adam"
+    """AdamW decays weights by torch's default of 0.01."""
+    value_weight: float = 1.0
+    """Of the value loss."""
+    max_grad_norm: float = 1.0
+    """Longest gradient."""
+    scale_rewards: bool = True
+    """Multiply rewards by 1 - gamma, so that returns are of the size of one reward: the clipped value loss lets a value
+    move by 0.2 per update, no more."""
     initial_std: float = 0.5
     """Standard deviation of the first actions. With 0.25 the allowed divergence makes every step so small that nothing
     is learned for millions of samples."""
@@ -47,6 +60,7 @@ class PPOLearner:
     """Actor, critic, and their updates."""
 
     def __init__(self, observations: int, actions: int, num_envs: int, config: PPOConfig, device: str = "cpu") -> None:
+        self.config = config
         example = _wrap(torch.zeros(num_envs, observations, device=device))
         distribution = {
             "class_name": "GaussianDistribution",
@@ -73,8 +87,10 @@ class PPOLearner:
             entropy_coef=config.entropy,
             learning_rate=config.learning_rate,
             desired_kl=config.target_kl,
-            schedule="adaptive",
-            max_grad_norm=1.0,
+            schedule=config.schedule,
+            max_grad_norm=config.max_grad_norm,
+            value_loss_coef=config.value_weight,
+            optimizer=config.optimizer,
             device=device,
         )
         self.ppo.train_mode()
@@ -87,8 +103,7 @@ class PPOLearner:
     @torch.no_grad()
     def record(self, obs: torch.Tensor, reward: torch.Tensor, done: torch.Tensor, time_out: torch.Tensor) -> None:
         """What the last actions led to."""
-        # returns of the size of one reward: rsl-rl's clipped value loss lets a value move by 0.2 per update, no more
-        scaled = reward * (1.0 - self.ppo.gamma)
+        scaled = reward * (1.0 - self.ppo.gamma) if self.config.scale_rewards else reward
         self.ppo.process_env_step(_wrap(obs), scaled, done, {"time_outs": time_out.float()})
 
     def update(self, obs: torch.Tensor) -> dict[str, float]:
@@ -110,43 +125,26 @@ class PPOLearner:
         tensors |= {f"layers.{name.removeprefix('mlp.')}": value for name, value in weights.items()}
         return {name: value.detach().cpu().numpy() for name, value in tensors.items()}
 
-    def state_tensors(self) -> dict[str, np.ndarray]:
-        """A copy of everything needed to go on learning, without pickles."""
+    def state_tensors(self) -> dict[str, torch.Tensor]:
+        """A copy of everything needed to go on learning; torch's own random numbers are the caller's."""
         tensors = {f"actor/{k}": v for k, v in self.ppo.actor.state_dict().items()}
         tensors |= {f"critic/{k}": v for k, v in self.ppo.critic.state_dict().items()}
-        for i, moments in self.ppo.optimizer.state_dict()["state"].items():
-            tensors |= {f"optimizer/{i}/{k}": torch.as_tensor(v) for k, v in moments.items()}
-        tensors["learning_rate"] = torch.tensor(self.ppo.learning_rate, dtype=torch.float64)
-        tensors["random"] = torch.get_rng_state()
-        if self._on_gpu():
-            tensors["random_gpu"] = torch.cuda.get_rng_state(self.ppo.device)
-        return {name: value.detach().cpu().numpy().copy() for name, value in tensors.items()}
+        optimizer = OptimizerState(self.ppo.optimizer).state_tensors()
+        tensors |= {f"optimizer/{name}": value for name, value in optimizer.items()}
+        rate = torch.tensor(self.ppo.learning_rate, dtype=torch.float64)
+        return {**{name: value.detach().clone() for name, value in tensors.items()}, "learning_rate": rate}
 
-    def load_state_tensors(self, tensors: Mapping[str, np.ndarray]) -> None:
-        """The inverse of state_tensors."""
-        parts: dict[str, dict[str, torch.Tensor]] = {"actor": {}, "critic": {}}
-        moments: dict[int, dict[str, torch.Tensor]] = {}
+    def load_state_tensors(self, tensors: Mapping[str, torch.Tensor]) -> None:
+        """The inverse of `state_tensors`."""
+        parts: dict[str, dict[str, torch.Tensor]] = {"actor": {}, "critic": {}, "optimizer": {}}
         for name, value in tensors.items():
-            tensor = torch.from_numpy(np.array(value))
             head, _, rest = name.partition("/")
             if head in parts:
-                parts[head][rest] = tensor
-            elif head == "optimizer":
-                index, _, key = rest.partition("/")
-                moments.setdefault(int(index), {})[key] = tensor
+                parts[head][rest] = value
         self.ppo.actor.load_state_dict(parts["actor"])
         self.ppo.critic.load_state_dict(parts["critic"])
-        state = self.ppo.optimizer.state_dict()
-        self.ppo.optimizer.load_state_dict({"state": moments, "param_groups": state["param_groups"]})
+        OptimizerState(self.ppo.optimizer).load_state_tensors(parts["optimizer"])
         self.ppo.learning_rate = float(tensors["learning_rate"])
-        for group in self.ppo.optimizer.param_groups:
-            group["lr"] = self.ppo.learning_rate
-        torch.set_rng_state(torch.from_numpy(np.array(tensors["random"])))
-        if self._on_gpu() and "random_gpu" in tensors:
-            torch.cuda.set_rng_state(torch.from_numpy(np.array(tensors["random_gpu"])), self.ppo.device)
-
-    def _on_gpu(self) -> bool:
-        return torch.device(self.ppo.device).type == "cuda"
 
 
 def _wrap(obs: torch.Tensor) -> TensorDict:

@@ -1,117 +1,118 @@
 """Run a trained tracker over whole clips, from the first frame, and judge each by K and P."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
 
-from mimicbench.core import rotations as rot
-from mimicbench.core.motion import RobotMotion
-from mimicbench.core.seeds import rng
-from mimicbench.envs.judge import Judge
-from mimicbench.objects.shape import SceneObject
-from mimicbench.robots.description import Robot
-from mimicbench.sim.backends import make_physics
+from mimicbench.core.seeds import digest
+from mimicbench.envs.clip_starts import ClipStarts
+from mimicbench.envs.clips import ClipSet
+from mimicbench.envs.hooks import ActionNoise
+from mimicbench.envs.metrics import Verdict
+from mimicbench.envs.reference import ReferenceBank
+from mimicbench.envs.vec_env import EnvConfig, VecEnv
 from mimicbench.sim.devices import tensor_device
+from mimicbench.sim.physics import PhysicsConfig
+from mimicbench.sim.rows import Rows
 from mimicbench.sim.scene import CONTROL_DT
-from mimicbench.tasks.task import Task
-from mimicbench.track.checkpoint import Tracker
-from mimicbench.track.reference import ReferenceBank
-from mimicbench.track.tracker import Moment
+from mimicbench.track.spec import Tracker
 
 SETTLE = 1.0
 """[s] that an episode goes on, standing on the clip's last frame, after the clip is over."""
 
 
 @dataclass(frozen=True)
-class Rollout:
-    """What happened on C clips."""
+class RolloutConfig:
+    """How clips are tracked."""
 
-    judge: Judge
+    record: bool = False
+    """Keep states and targets."""
+    action_noise: float = 0.0
+    """Standard deviation of what is added to the applied targets [rad]; the recorded ones stay clean, so that they say
+    how to recover."""
+    seed: int = 0
+    """Of the noise."""
+    settle: float | None = SETTLE
+    """[s] that episodes go on after their clip; None: to the time limit."""
+    stop_early: bool = False
+    """Leave robots that have fulfilled K, or have fallen, where they are: enough to know K, and quicker."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What happened in E episodes, each as long as it took."""
+
+    qpos: list[np.ndarray] = field(default_factory=list)
+    """Per episode, (T, nq) simulator positions at every control step."""
+    qvel: list[np.ndarray] = field(default_factory=list)
+    """Per episode, (T, nv)."""
+    targets: list[np.ndarray] = field(default_factory=list)
+    """Per episode, (T, J) joint targets that the tracker chose [rad]."""
+    applied: list[np.ndarray] = field(default_factory=list)
+    """Per episode, (T, J) joint targets that were applied: with noise if there was any [rad]."""
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """What the tracker made of C clips."""
+
+    verdict: Verdict
     steps: np.ndarray
     """(C,) control steps until the episode ended."""
-    qpos: list[np.ndarray]
-    """Per clip, (T, nq) simulator positions at every control step, if recorded."""
-    qvel: list[np.ndarray]
-    """Per clip, (T, nv)."""
-    targets: list[np.ndarray]
-    """Per clip, (T, J) joint targets that the tracker chose [rad]."""
-    executed: list[np.ndarray]
-    """Per clip, (T, J) joint targets that were applied: with noise if there was any [rad]."""
+    recording: Recording
+    """Empty unless it was asked for."""
 
 
 @torch.no_grad()
 def track_clips(
-    tracker: Tracker,
-    robot: Robot,
-    task: Task,
-    motions: Sequence[RobotMotion],
-    objects: Mapping[str, SceneObject],
-    workers: int = 0,
-    record: bool = False,
-    action_noise: float = 0.0,
-    seed: int = 0,
-    settle: float = SETTLE,
-    go_on: bool = True,
-    device: str = "cpu",
+    tracker: Tracker, clips: ClipSet, config: RolloutConfig | None = None, env_config: EnvConfig | None = None
 ) -> Rollout:
     """Track every clip from its first frame by the mean action.
 
-    With `record`, keep the states and targets; with `action_noise` [rad], the applied targets are disturbed while the
-    recorded clean ones are not: demonstrations of how to recover. Unless they are to `go_on`, robots that have
-    fulfilled
-    K, or have fallen, are left where they are: enough to know K, and quicker. The tracker's network moves to where the
-    tensors of physics on `device` live.
+    The tracker's network moves to where the tensors of physics on the device of `env_config` live.
     """
-    n = len(motions)
-    scene = [objects[motion.object_id] for motion in motions]
-    bank = ReferenceBank(motions, robot, tensor_device(device))
-    physics = make_physics(device, robot, scene, tracker.kind.gains, workers=workers)
-    network = tracker.network.to(physics.device)
-    clip, index = torch.arange(n, device=physics.device), torch.zeros(n, dtype=torch.long, device=physics.device)
-    pos, quat, lin, ang, joint_pos, joint_vel = (
-        array.cpu().numpy() for array in vars(bank.frame(clip, index)).values()
+    config, env_config = config or RolloutConfig(), env_config or EnvConfig()
+    task, robot, n = clips.task, clips.robot, len(clips)
+    bank = ReferenceBank(clips.motions, robot, tensor_device(env_config.device))
+    hooks = [ActionNoise(config.action_noise)] if config.action_noise else []
+    env = VecEnv(
+        task,
+        robot,
+        clips.scenes,
+        EnvConfig(env_config.device, env_config.workers, PhysicsConfig(gains=tracker.spec.gains)),
+        digest(config.seed, "action noise", *(motion.id for motion in clips.motions)),
+        bank,
+        hooks,
     )
-    physics.reset(
-        np.arange(n),
-        pos,
-        quat.astype(float),
-        joint_pos,
-        lin,
-        rot.rotate_inverse(quat.astype(float), ang.astype(float)),
-        joint_vel,
-    )
-    lengths = np.minimum(bank.lengths.cpu().numpy() + round(settle / CONTROL_DT), round(task.time_limit / CONTROL_DT))
-    judge = Judge(task, robot, scene, CONTROL_DT, [motion.wrist_goal_w for motion in motions])
-    action = torch.zeros(n, len(robot.joints), device=physics.device)
-    draw = rng(seed, "action noise", *(motion.id for motion in motions))
-    qpos, qvel, targets, executed = [], [], [], []
+    everyone = torch.arange(n, device=env.device)
+    starts = ClipStarts(bank, env.physics.add_objects(clips.scenes), robot)
+    env.reset(Rows.every(n, env.device), starts.at(everyone, torch.zeros_like(everyone)))
+    tracker.network.to(env.device)
+    limit = round(task.time_limit / CONTROL_DT)
+    lengths = torch.full_like(bank.lengths, limit)
+    if config.settle is not None:
+        lengths = torch.clamp(bank.lengths + round(config.settle / CONTROL_DT), max=limit)
+    assert env.metrics is not None
+    rows: tuple[list[np.ndarray], ...] = ([], [], [], [])
     for step in range(int(lengths.max())):
-        moment = Moment(robot, physics.state(), physics.links, lambda k, at=index: bank.frame(clip, at + k), action)
-        action = network(tracker.kind.observe(moment))
-        target = tracker.kind.target(robot, moment.reference(1), action)
-        applied = target
-        if action_noise:
-            applied = (
-                target
-                + torch.from_numpy(draw.normal(size=target.shape).astype(np.float32)).to(physics.device) * action_noise
-            )
-        if record:
-            qpos.append(physics.qpos().astype(np.float32))
-            qvel.append(physics.qvel().astype(np.float32))
-            targets.append(target.cpu().numpy())
-            executed.append(applied.cpu().numpy())
         active = step < lengths
-        if not go_on:
-            active &= ~(judge.over() | judge.fell)
-        if not active.any():
-            break
-        physics.step(applied, True, None if active.all() else np.flatnonzero(active))
-        index = index + 1
-        judge.see(physics, active)
-    per_clip = [
-        [values[:length] for values, length in zip(np.stack(rows, 1), lengths, strict=True)] if rows else []
-        for rows in (qpos, qvel, targets, executed)
+        if config.stop_early:
+            active &= ~(env.metrics.over() | env.metrics.fell)
+            if not active.any():
+                break
+        action = tracker.action(env.observe(tracker.observed))
+        target = tracker.spec.target(robot, env.context.reference(1).joint_pos, action, tracker.settings)
+        before = [array.astype(np.float32) for array in (env.physics.qpos(), env.physics.qvel())]
+        env.step(target, action, active)
+        if config.record:
+            taken = (*before, target.cpu().numpy(), env.applied.cpu().numpy())
+            for kept, values in zip(rows, taken, strict=True):
+                kept.append(values)
+    ends = lengths.cpu().numpy()
+    recording = [
+        [values[:length] for values, length in zip(np.stack(kept, 1), ends, strict=True)] if kept else []
+        for kept in rows
     ]
-    return Rollout(judge, lengths, *per_clip)
+    env.close()
+    return Rollout(env.metrics.verdict(), ends, Recording(*recording))

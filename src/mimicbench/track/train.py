@@ -1,43 +1,40 @@
-"""Train a tracker: collect, update, look at how it does from the first frame, keep checkpoints, go on where it
-stopped.
-"""
+"""Train a tracker: collect, update, look at how it does from the first frame, save, go on where it stopped."""
 
-import json
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
-import safetensors.numpy
+import msgspec
 import torch
 
-from mimicbench.core.checkpoint import read_tensors
-from mimicbench.core.files import read_json, write_atomic, write_json
-from mimicbench.core.motion import RobotMotion
+from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.seeds import digest
-from mimicbench.objects.shape import SceneObject
-from mimicbench.robots.description import Robot
-from mimicbench.tasks.task import Task
-from mimicbench.track.checkpoint import Tracker, TrackerConfig, save_tracker
-from mimicbench.track.env import TrackingConfig, TrackingEnv
-from mimicbench.track.network import TrackerNetwork
+from mimicbench.core.training import TorchRandom, append_metrics, resume_training, save_training
+from mimicbench.envs.clips import ClipSet
+from mimicbench.envs.vec_env import EnvConfig
+from mimicbench.track.checkpoint import TrackerConfig, build_tracker, save_tracker
 from mimicbench.track.ppo import PPOConfig, PPOLearner
-from mimicbench.track.rollout import track_clips
-from mimicbench.track.tracker import get_kind
+from mimicbench.track.registry import TRACKERS
+from mimicbench.track.rollout import RolloutConfig, track_clips
+from mimicbench.track.tracking import ENDS, TrackingConfig, TrackingEnv
 
 
 @dataclass(frozen=True)
 class TrackConfig:
     """A tracker's training."""
 
-    preset: str = "improved"
-    """`improved`, or `paper` for HST as the paper has it."""
+    tracker: str = "residual"
+    """Its design: a name of the registry."""
+    settings: Any = None
+    """The design's own configuration; None: its defaults."""
     samples: int = 30_000_000
     """Control steps to learn from, over all robots."""
     num_envs: int = 1024
     """Robots side by side."""
-    evaluate_every: float = 420.0
-    """Seconds between evaluations from the first frame."""
+    evaluate_every: int = 4_000_000
+    """Samples between evaluations from the first frame."""
     evaluate_clips: int = 64
     """Clips of an evaluation."""
     save_every: float = 120.0
@@ -45,95 +42,111 @@ class TrackConfig:
     threads: int = 1
     """Threads of the network's arithmetic. Sums round differently with another number, so it is part of the result."""
     ppo: PPOConfig = field(default_factory=PPOConfig)
+    """The reinforcement learning."""
     tracking: TrackingConfig = field(default_factory=TrackingConfig)
+    """How training episodes start, are disturbed, and end."""
+
+    def resolved(self) -> "TrackConfig":
+        """The same with the design's own configuration in it. Raises UnknownName."""
+        spec = TRACKERS.get(self.tracker)
+        settings = self.settings
+        if settings is None and spec.settings is not type(None):
+            settings = spec.settings()
+        return replace(self, settings=settings)
+
+
+Report = Callable[[dict[str, Any]], None]
 
 
 def train_tracker(
     folder: Path,
-    robot: Robot,
-    task: Task,
-    motions: Sequence[RobotMotion],
-    held_out: Sequence[RobotMotion],
-    objects: Mapping[str, SceneObject],
+    clips: ClipSet,
+    held_out: ClipSet,
     config: TrackConfig,
     seed: int,
-    workers: int = 0,
-    report: Callable[[dict], None] | None = None,
-    device: str = "cpu",
+    env_config: EnvConfig | None = None,
+    report: Report | None = None,
 ) -> Path:
-    """Train on `motions`, evaluate on `held_out`, and write `<folder>/checkpoint`.
+    """Train on `clips`, evaluate on them and on `held_out`, and write `<folder>/checkpoint`.
 
     Progress goes to `<folder>/metrics.jsonl`, one line per evaluation, and to `report`. A killed training goes on from
-    its last save when called again. `device` computes the physics, and learns. Returns the checkpoint's folder.
+    its last save when called again, to the same bytes as one that was not killed. Returns the checkpoint's folder.
     """
+    config, env_config = config.resolved(), env_config or EnvConfig()
     torch.manual_seed(digest(seed, "tracker") % (1 << 63))
     torch.set_num_threads(config.threads)
-    kind = get_kind(config.preset)
-    env = TrackingEnv(kind, robot, motions, objects, config.num_envs, config.tracking, seed, workers, device)
+    spec = TRACKERS.get(config.tracker)
+    env = TrackingEnv(spec, clips, config.num_envs, config.tracking, seed, env_config)
     obs = env.observe()
-    shape = TrackerConfig(config.preset, obs.shape[1], len(robot.joints), config.ppo.hidden)
-    learner = PPOLearner(shape.observations, shape.actions, config.num_envs, config.ppo, env.device)
-    progress = _resume(folder, learner)
-    now = saved = evaluated = time.monotonic()
-    recent: list[float] = []
+    learner = PPOLearner(obs.shape[1], len(clips.robot.joints), config.num_envs, config.ppo, env.device)
+    shape = TrackerConfig(
+        spec.name, env.names, obs.shape[1], len(clips.robot.joints), config.ppo.hidden, _plain(config.settings)
+    )
+    parts = {"env": env, "ppo": learner, "torch": TorchRandom(env.device)}
+    fresh = {"samples": 0, "iterations": 0, "seconds": 0.0, "reward": 0.0, "steps": 0}
+    identity = {"config": _course(config), "seed": seed, "clips": [motion.id for motion in clips.motions]}
+    progress = resume_training(folder, identity, parts, fresh)
+    obs = env.observe()
+    now = saved = time.monotonic()
     while progress["samples"] < config.samples:
+        total = torch.zeros((), device=env.device)
         for _ in range(config.ppo.steps):
-            env.disturb()
-            action = learner.act(obs)
-            obs, reward, done, time_out = env.step(action)
+            obs, reward, done, time_out = env.step(learner.act(obs), config.settings)
             learner.record(obs, reward, done, time_out)
-            recent.append(float(reward.mean()))
+            total += reward.mean()
         losses = learner.update(obs)
+        _check(losses, folder, progress)
+        before = progress["samples"]
         progress["samples"] += config.num_envs * config.ppo.steps
         progress["iterations"] += 1
+        progress["reward"] += float(total)
+        progress["steps"] += config.ppo.steps
+        finished = progress["samples"] >= config.samples
         progress["seconds"] += time.monotonic() - now
-        now = time.monotonic()
-        done_training = progress["samples"] >= config.samples
-        if now - evaluated > config.evaluate_every or done_training:
-            tracker = Tracker(kind, shape, TrackerNetwork(shape.observations, shape.actions, shape.hidden))
-            tracker.network.load_tensors(learner.network_tensors())
-            row = {**progress, **losses, "reward": sum(recent) / len(recent), "ended": dict(env.ended)}
-            for name, clips in (("k_train", motions), ("k_held_out", held_out)):
-                chosen = clips[:: max(1, len(clips) // config.evaluate_clips)][: config.evaluate_clips]
-                rollout = (
-                    track_clips(tracker, robot, task, chosen, objects, workers, go_on=False, device=device)
-                    if chosen
-                    else None
-                )
-                row[name] = None if rollout is None else float(rollout.judge.success.mean())
-            _append(folder / "metrics.jsonl", row)
+        if finished or before // config.evaluate_every < progress["samples"] // config.evaluate_every:
+            row = {**progress, **losses, "ended": dict(zip(ENDS, env.ended.tolist(), strict=True))}
+            row["reward"] = progress["reward"] / progress["steps"]
+            for name, some in (("k_train", clips), ("k_held_out", held_out)):
+                row[name] = _success_rate(shape, learner, some.spread(config.evaluate_clips), env_config)
+            append_metrics(folder, row)
             if report:
                 report(row)
-            recent, env.ended = [], dict.fromkeys(env.ended, 0)
-            evaluated = time.monotonic()
-        if now - saved > config.save_every or done_training:
-            _save(folder, learner, progress)
-            save_tracker(
-                folder / "checkpoint",
-                robot,
-                shape,
-                learner.network_tensors(),
-                {**progress, "seed": seed, "task": task.name},
-            )
+            progress["reward"] = progress["steps"] = 0
+            env.ended = torch.zeros_like(env.ended)
+        if finished or time.monotonic() - saved > config.save_every:
+            save_training(folder, identity, parts, progress)
+            notes = {**progress, "seed": seed, "task": clips.task.name}
+            save_tracker(folder / "checkpoint", clips.robot, shape, learner.network_tensors(), notes)
             saved = time.monotonic()
         now = time.monotonic()
+    env.env.close()
     return folder / "checkpoint"
 
 
-def _save(folder: Path, learner: PPOLearner, progress: Mapping[str, float]) -> None:
-    data = safetensors.numpy.save(learner.state_tensors(), {"progress": json.dumps(dict(progress))})
-    write_atomic(folder / "training.safetensors", lambda stream: stream.write(data))
-    write_json(folder / "training.json", dict(progress))
+def _success_rate(shape: TrackerConfig, learner: PPOLearner, clips: ClipSet, env_config: EnvConfig) -> float | None:
+    """Share of clips on which K is fulfilled by the mean action, from the first frame; None without clips."""
+    if not len(clips):
+        return None
+    tracker = build_tracker(shape, learner.network_tensors())
+    verdict = track_clips(tracker, clips, RolloutConfig(stop_early=True), env_config).verdict
+    return float(verdict.success.double().mean())
 
 
-def _resume(folder: Path, learner: PPOLearner) -> dict[str, float]:
-    if not (folder / "training.json").exists():
-        return {"samples": 0, "iterations": 0, "seconds": 0.0}
-    learner.load_state_tensors(read_tensors(folder / "training.safetensors"))
-    return read_json(folder / "training.json")
+def _check(losses: dict[str, float], folder: Path, progress: dict[str, float]) -> None:
+    """Raises MimicbenchError if learning has diverged."""
+    for name, value in losses.items():
+        if value != value or abs(value) == float("inf"):
+            raise MimicbenchError(
+                f"training diverged: {name} is not a number after {progress['samples']:.0f} samples; {folder} keeps "
+                "what it saved before: train with a smaller learning rate"
+            )
 
 
-def _append(path: Path, row: Mapping[str, object]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with open(path, "a") as stream:
-        stream.write(json.dumps(row) + "\n")
+def _plain(settings: Any) -> dict[str, Any]:
+    return {} if settings is None else msgspec.to_builtins(asdict(settings))
+
+
+def _course(config: TrackConfig) -> dict[str, Any]:
+    """What decides the course of a training; it may run longer, and be saved more or less often."""
+    free = ("samples", "save_every")
+    return {name: value for name, value in msgspec.to_builtins(asdict(config)).items() if name not in free}

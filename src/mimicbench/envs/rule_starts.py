@@ -1,22 +1,21 @@
-"""How an episode starts (appendix C.1): the object at the origin facing +x, the robot in the first pose of a reference.
+"""How episodes of an environment start (appendix C.1): each from its seed, in the first pose of a clip, or by a rule.
 
-A start comes from a motion (`start_of`), or, where there are no motions, from a rule (`draw_start`): the robot stands
-at
-rest, around the object for the tasks that navigate, in front of it and facing it for the other two.
+By the rule the robot stands at rest: around the object for the tasks that navigate, in front of it and facing it for
+the others.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion, BadObject, UnknownName
 from mimicbench.core.motion import RobotMotion
 from mimicbench.core.seeds import rng
+from mimicbench.envs.initial_states import InitialState, start_of
 from mimicbench.objects.make import read_objects
 from mimicbench.objects.registry import FAMILIES, make_object
 from mimicbench.objects.shape import SceneObject, split_of
@@ -25,8 +24,6 @@ from mimicbench.references.locomotion.walking import draw_start as draw_place
 from mimicbench.retarget.make import read_retargeted
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.heightmap import CELLS
-from mimicbench.sim.physics import Physics
-from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.task import Task
 
 SPLITS = ("train", "test", "all")
@@ -39,89 +36,6 @@ SIDE, TURN = 0.1, 0.2
 """How far it may stand to either side [m], and be turned [rad]."""
 _TRIES = 50
 """Draws of a start with both targets on the map; nine in ten pairs can be, of every object."""
-_HEAD = 40
-"""Frames of a motion that its first frame's velocity is taken from; what comes later changes it by less than rounding
-does."""
-
-
-@dataclass(frozen=True)
-class Start:
-    """The first frame of one episode."""
-
-    obj: SceneObject
-    root_pos_w: np.ndarray
-    """(3,) [m]."""
-    root_quat_w: np.ndarray
-    """(4,)."""
-    joint_pos: np.ndarray
-    """(J,) [rad]."""
-    root_lin_vel_w: np.ndarray
-    """(3,) [m/s]."""
-    root_ang_vel_b: np.ndarray
-    """(3,) in the root's own frame [rad/s]."""
-    joint_vel: np.ndarray
-    """(J,) [rad/s]."""
-    wrist_goal_w: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
-    """(2, 3) where left and right wrist are to go [m]; empty if the task has no such goal."""
-    reference_id: str = ""
-    """The motion that it is the first frame of; empty if it was drawn by rule."""
-
-
-def start_of(motion: RobotMotion, obj: SceneObject, robot: Robot, task: Task) -> Start:
-    """The first frame of a motion, velocities included, no farther from the origin than the task allows.
-
-    Raises BadMotion.
-    """
-    if motion.joint_names != robot.joint_names:
-        raise BadMotion(
-            f"clip {motion.id} is for {motion.robot!r} with other joints than {robot.name!r}; retarget it again"
-        )
-    head = slice(0, _HEAD)
-    times = np.arange(motion.frames)[head] / motion.fps
-    quat = motion.root_quat_w[head].copy()
-    # a quaternion and its negative are the same turn; keep to one side so that a spline may pass through them
-    quat[1:] *= np.cumprod(np.where((quat[1:] * quat[:-1]).sum(-1) < 0, -1.0, 1.0))[:, None]
-    turning = rot.normalize(CubicSpline(times, quat)(np.array([0.0, CONTROL_DT])))
-    lin_vel_w, joint_vel = (
-        CubicSpline(times, values[head])(0.0, 1) for values in (motion.root_pos_w, motion.joint_pos)
-    )
-    spin_w, joint_pos = (
-        rot.angular_velocity(turning, 1 / CONTROL_DT)[0],
-        np.clip(motion.joint_pos[0], *robot.joint_range.T),
-    )
-    # rounded as a tracker's references are, so that both start from the same bits
-    pos, quat_w, joint_pos, lin_vel_w, spin_w, joint_vel = (
-        np.asarray(values, np.float32).astype(float)
-        for values in (motion.root_pos_w[0], turning[0], joint_pos, lin_vel_w, spin_w, joint_vel)
-    )
-    quat_w = rot.normalize(quat_w)
-    return Start(
-        obj,
-        clipped(pos, task.max_start_distance),
-        quat_w,
-        joint_pos,
-        lin_vel_w,
-        rot.rotate_inverse(quat_w, spin_w),
-        joint_vel,
-        motion.wrist_goal_w,
-        motion.id,
-    )
-
-
-def put_at_start(physics: Physics, ids: np.ndarray, starts: Sequence[Start]) -> None:
-    """Put the robots of scenes `ids` (n,) where their episodes start, and the objects to the origin."""
-    names = "root_pos_w", "root_quat_w", "joint_pos", "root_lin_vel_w", "root_ang_vel_b", "joint_vel"
-    physics.reset(ids, *(np.stack([getattr(start, name) for start in starts]) for name in names))
-
-
-def clipped(root_pos_w: np.ndarray, limit: float | None) -> np.ndarray:
-    """(3,) the position, moved towards the origin until it is within `limit` [m] of it seen from above (None:
-    anywhere).
-    """
-    pos = np.array(root_pos_w, float)
-    if limit is not None:
-        pos[:2] *= min(1.0, limit / max(float(np.linalg.norm(pos[:2])), 1e-9))
-    return pos
 
 
 @dataclass(frozen=True)
@@ -147,7 +61,7 @@ class Stance:
         return Stance(joints, CLEARANCE - float(soles[:, 2].min()), ankles.mean(0))
 
 
-def draw_start(task: Task, obj: SceneObject, stance: Stance, random: np.random.Generator) -> Start:
+def draw_start(task: Task, obj: SceneObject, stance: Stance, random: np.random.Generator) -> InitialState:
     """A start without a reference: at rest.
 
     Tasks that navigate: anywhere 1 to 2 m from the origin, within 100 degrees of the front and 0.45 m clear of the
@@ -163,7 +77,7 @@ def draw_start(task: Task, obj: SceneObject, stance: Stance, random: np.random.G
             break
         goal, root, quat = _stand(task, obj, stance, random)
     still = np.zeros(3)
-    return Start(obj, root, quat, stance.joint_pos, still, still, np.zeros(len(stance.joint_pos)), goal)
+    return InitialState(obj, root, quat, stance.joint_pos, still, still, np.zeros(len(stance.joint_pos)), goal)
 
 
 def _stand(
@@ -230,7 +144,7 @@ class Starts:
                 "objects or another split"
             )
 
-    def draw(self, seed: int) -> Start:
+    def draw(self, seed: int) -> InitialState:
         """The start of the episode `seed`."""
         random = rng(seed, "episode", self.task.name)
         if self._motions is not None:

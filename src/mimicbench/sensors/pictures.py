@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from torch import Tensor
 
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
@@ -10,6 +11,7 @@ from mimicbench.robots.rigs import Rig
 from mimicbench.sensors.opengl import SharedCanvas
 from mimicbench.sensors.render import RigCameras
 from mimicbench.sensors.targets import mark_targets
+from mimicbench.sim.physics import Physics
 from mimicbench.sim.scene import build_model
 
 
@@ -22,7 +24,7 @@ class Seen(NamedTuple):
     """(C, height, width) uint8, see mimicbench.sensors.render."""
 
 
-class Eyes:
+class CameraPictures:
     """Draws what the robots see one after the other, through one OpenGL context. Close it after use."""
 
     def __init__(self, robot: Robot, rig: Rig, height: int, width: int) -> None:
@@ -47,6 +49,15 @@ class Eyes:
             self._cameras[env] = obj, RigCameras(model, self._rig, self.height, self.width, canvas=self._canvas)
         views = self._cameras[env][1].look(qpos)
         return Seen(mark_targets(views.color, self._rig, qpos[:3], qpos[3:7], goal_w), views.labels)
+
+    def views(self, physics: Physics, wrist_goal_w: Tensor) -> Seen:
+        """Pictures of all N scenes, (N, C, ...), with the goals (N, 2, 3) that there are marked. Raises NoPictures."""
+        qpos, goals = physics.qpos(), wrist_goal_w.cpu().numpy()
+        looks = [
+            self.look(env, obj, qpos[env], goals[env][np.isfinite(goals[env]).all(-1)])
+            for env, obj in enumerate(physics.objects)
+        ]
+        return Seen(np.stack([look.color for look in looks]), np.stack([look.labels for look in looks]))
 
     def close(self) -> None:
         """Give the OpenGL context back; the next look opens another."""

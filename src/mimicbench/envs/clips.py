@@ -1,0 +1,49 @@
+"""A set of retargeted clips with the objects that they are beside: what trackers, learners and judges are given."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from mimicbench.core.errors import MimicbenchError
+from mimicbench.core.motion import RobotMotion
+from mimicbench.objects.shape import SceneObject
+from mimicbench.robots.description import Robot
+from mimicbench.tasks.task import Task
+
+
+@dataclass(frozen=True)
+class ClipSet:
+    """Clips of one task on one robot."""
+
+    task: Task
+    robot: Robot
+    motions: Sequence[RobotMotion]
+    objects: Mapping[str, SceneObject]
+    """By id, at least those of the motions."""
+
+    def __post_init__(self) -> None:
+        missing = sorted({motion.object_id for motion in self.motions} - set(self.objects))
+        if missing:
+            raise MimicbenchError(f"object {missing[0]!r} of the clips is missing; make the objects and clips again")
+
+    def __len__(self) -> int:
+        return len(self.motions)
+
+    @property
+    def scenes(self) -> list[SceneObject]:
+        """The object of each clip."""
+        return [self.objects[motion.object_id] for motion in self.motions]
+
+    def split(self, name: str | None) -> "ClipSet":
+        """The clips on objects of one split, `train` or `test`; all if None."""
+        if name is None:
+            return self
+        kept = [motion for motion in self.motions if self.objects[motion.object_id].split == name]
+        return replace(self, motions=kept)
+
+    def first(self, count: int) -> "ClipSet":
+        """The first so many clips."""
+        return replace(self, motions=self.motions[:count])
+
+    def spread(self, count: int) -> "ClipSet":
+        """About so many clips from all over the set, never more."""
+        return replace(self, motions=self.motions[:: max(1, len(self.motions) // count)][:count])

@@ -1,0 +1,235 @@
+"""What N running episodes come to: K as the task defines it, P by mechanical effort, falls, and who stays."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from mimicbench.robots.description import Robot
+from mimicbench.sim.physics import LinkState, Physics
+from mimicbench.sim.rows import Rows
+from mimicbench.tasks.task import BodyPoints, ObjectInfo, Task
+
+FALLEN_TILT = 1.2
+"""[rad] A robot whose root leans farther than this from upright counts as fallen, where lying is not the task."""
+FALLEN_DROP = 0.15
+"""[m] So does one whose root is this much below the seat."""
+STAY = 0.3
+"""[s] before the time limit over which the condition of K has to hold for a robot to have stayed."""
+PHASES = ("", "walking", "turning", "acting", "after success")
+"""What a robot was at; the task has a word for acting, such as sitting down. Places in this list are kept."""
+_WALKING, _TURNING, _ACTING, _AFTER = range(1, 5)
+_LOOK_BACK = 0.5
+"""[s] A fall began so long before the robot counts as fallen: what it was at then is what it fell in."""
+_NEAR = 0.35
+"""[m] Whose root is no farther from the object's rectangle acts on it, unless it still turns."""
+_LOWERED = 0.92
+"""Whose root is below this share of its height at the start acts, too, if near; it has begun to go down."""
+_TURN_RATE = 0.6
+"""[rad/s] Who turns faster than this on the spot is turning."""
+_UPRIGHT = float(torch.cos(torch.tensor(FALLEN_TILT, dtype=torch.float64)))
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What E episodes came to, one row an episode, on the host."""
+
+    success: Tensor
+    """(E,) bool: K was fulfilled; of a task that is judged in its last frame: K holds there."""
+    success_at_end: Tensor
+    """(E,) bool: the condition held for the hold time up to the last frame."""
+    stays: Tensor
+    """(E,) bool: the condition held over the last 0.3 s, and the robot has not fallen. Only at the time limit."""
+    first_success: Tensor
+    """(E,) when K was first fulfilled [s]; NaN if never."""
+    fell: Tensor
+    """(E,) bool."""
+    fell_time: Tensor
+    """(E,) when [s]; NaN if it did not."""
+    fell_phase: Tensor
+    """(E,) place in PHASES of what it was at when its fall began; 0 if it did not fall."""
+    diverged: Tensor
+    """(E,) bool: the physics broke down."""
+    effort: Tensor
+    """(E,) e that P is judged by [W^2]: the largest up to the fulfilment of K, where the protocol ends an episode, or
+    to the last frame."""
+    steps: Tensor
+    """(E,) control steps seen."""
+
+
+class EpisodeMetrics:
+    """Sees every control step of N episodes and keeps what they come to. Policies never see it."""
+
+    def __init__(self, task: Task, robot: Robot, physics: Physics, control_dt: float) -> None:
+        self.task, self.robot, self.control_dt = task, robot, control_dt
+        n, device = physics.num_envs, physics.device
+        self._physics, self._hold_frames = physics, task.hold_frames(1 / control_dt)
+        self._catalog = ObjectInfo.of(physics.catalog).map(lambda array: torch.from_numpy(array).to(device))
+        self.info = self._catalog.map(lambda array: array[physics.object_index].clone())
+        """What K needs to know of each scene's object and goal."""
+        zeros = {"dtype": torch.long, "device": device}
+        self.run, self.steps = torch.zeros(n, **zeros), torch.zeros(n, **zeros)
+        """(N,) frames in a row that the condition holds now; control steps seen."""
+        self.held, self.ever, self.fell, self.diverged = (
+            torch.zeros(n, dtype=torch.bool, device=device) for _ in range(4)
+        )
+        """(N,) the condition has held for the hold time; it once had; the robot fell; the physics broke down."""
+        self.first_success, self.fell_time, self.max_effort, self.effort_at_success, self.start_height = (
+            torch.full((n,), unknown, dtype=torch.float64, device=device)
+            for unknown in (torch.nan, torch.nan, 0.0, torch.nan, torch.inf)
+        )
+        self.fell_phase = torch.zeros(n, **zeros)
+        self._phases = torch.zeros(max(1, round(_LOOK_BACK / control_dt)), n, dtype=torch.uint8, device=device)
+        self._place = 0
+        self._lowest = _lowest(self.info)
+
+    def begin(self, rows: Rows, wrist_goal_w: Tensor) -> None:
+        """Episodes `rows` begin anew, with the objects that their scenes have now and goals (n, 2, 3)."""
+        self._learn_new_objects()
+        fresh = self._catalog.map(lambda array: array[self._physics.object_index[rows.ids]])
+        for name, there in vars(self.info).items():
+            rows.put(there, wrist_goal_w if name == "wrist_goal_w" else getattr(fresh, name))
+        rows.put(self._lowest, _lowest(fresh))
+        for counts in (self.run, self.steps, self.max_effort, self.fell_phase):
+            rows.put(counts, 0)
+        for verdicts in (self.held, self.ever, self.fell, self.diverged):
+            rows.put(verdicts, False)
+        for unknown in (self.first_success, self.effort_at_success, self.fell_time):
+            rows.put(unknown, torch.nan)
+        rows.put(self.start_height, self._physics.state().root_pos_w[rows.ids, 2])
+        for phases in self._phases:
+            rows.put(phases, 0)
+
+    def _learn_new_objects(self) -> None:
+        known, catalog = len(self._catalog.seat_height), self._physics.catalog
+        if len(catalog) > known:
+            more = ObjectInfo.of(catalog[known:]).map(lambda array: torch.from_numpy(array).to(self._physics.device))
+            joined = {name: torch.cat([array, getattr(more, name)]) for name, array in vars(self._catalog).items()}
+            self._catalog = ObjectInfo(**joined)
+
+    def update(self, links: LinkState, active: Tensor | None = None) -> None:
+        """Look at one control step of the episodes `active` (N,) bool (None: all), after a step that measured effort.
+
+        `links` are where the robots' links are now.
+        """
+        physics = self._physics
+        active = torch.ones_like(self.fell) if active is None else active
+        self.diverged |= physics.diverged & active
+        active = active & ~self.diverged
+        self.steps += active
+        info = self.info
+        if physics.catalog[0].movable:
+            obj = physics.object_state()
+            info = info.moved(obj.pos_w.double(), obj.quat_w.double())
+        holds = self.task.holds(BodyPoints.of(self.robot, links.pos_w, links.quat_w), info)
+        self.run = torch.where(active, (self.run + 1) * torch.as_tensor(holds), self.run)
+        self.max_effort = torch.where(active, torch.maximum(self.max_effort, physics.effort), self.max_effort)
+        held = self.run >= self._hold_frames
+        new = held & active & ~self.ever
+        self.first_success = torch.where(new, self.steps.double() * self.control_dt, self.first_success)
+        self.effort_at_success = torch.where(new, self.max_effort, self.effort_at_success)
+        self.held = torch.where(active, held, self.held)
+        self.ever |= new
+        self._watch_falls(links, info, active)
+
+    def _watch_falls(self, links: LinkState, info: ObjectInfo, active: Tensor) -> None:
+        root, quat = links.pos_w[:, 0], links.quat_w[:, 0]
+        fallen = root[:, 2] < self._lowest
+        if self.task.upright:
+            x, y = quat[:, 1], quat[:, 2]
+            fallen |= 1 - 2 * (x * x + y * y) < _UPRIGHT  # how much of the root's own z axis points upwards
+        fallen &= active & ~self.fell
+        self._place = (self._place + 1) % len(self._phases)  # the oldest is overwritten after it was read
+        began = self._phases[self._place]
+        self.fell_phase = torch.where(fallen, began.long().clamp(min=_WALKING), self.fell_phase)
+        self.fell_time = torch.where(fallen, self.steps.double() * self.control_dt, self.fell_time)
+        self.fell |= fallen
+        self._phases[self._place] = self._phase(links, info)
+
+    def _phase(self, links: LinkState, info: ObjectInfo) -> Tensor:
+        """(N,) what each robot is at now, a place in PHASES."""
+        root, turn = links.pos_w[:, 0], links.ang_vel_w[:, 0, 2].abs()
+        away = info.pos_w[:, :2] - root[:, :2]
+        beyond = torch.maximum(torch.maximum(info.low[:, :2] + away, -away - info.high[:, :2]), torch.zeros_like(away))
+        near = (beyond * beyond).sum(-1) <= _NEAR**2
+        lowered = root[:, 2] < _LOWERED * self.start_height
+        phase = torch.where(near, _ACTING, _WALKING)
+        phase = torch.where((turn > _TURN_RATE) & ~(near & lowered), _TURNING, phase)
+        return torch.where(self.ever, _AFTER, phase).to(torch.uint8)
+
+    @property
+    def success(self) -> Tensor:
+        """(N,) K was fulfilled at some time; of a task that is judged in its last frame: K holds now."""
+        return self.held.clone() if self.task.in_last_frame else self.ever.clone()
+
+    @property
+    def stays(self) -> Tensor:
+        """(N,) the condition has held over the last 0.3 s and the robot has not fallen: asked at the time limit."""
+        frames = max(self._hold_frames, round(STAY / self.control_dt))
+        return (self.run >= frames) & ~self.fell & ~self.diverged
+
+    def over(self) -> Tensor:
+        """(N,) whether the benchmark's episode is over: K has been fulfilled, or the physics broke down."""
+        return self.diverged.clone() if self.task.in_last_frame else self.diverged | self.ever
+
+    def effort(self) -> Tensor:
+        """(N,) the e that P is judged by: up to the fulfilment of K, where the episode ends, or to the last frame."""
+        return (
+            self.max_effort
+            if self.task.in_last_frame
+            else torch.where(self.ever, self.effort_at_success, self.max_effort)
+        )
+
+    def verdict(self) -> Verdict:
+        """What all episodes have come to by now, on the host."""
+        found = {
+            "success": self.success & ~self.diverged,
+            "success_at_end": self.held & ~self.diverged,
+            "stays": self.stays,
+            "first_success": self.first_success,
+            "fell": self.fell,
+            "fell_time": self.fell_time,
+            "fell_phase": self.fell_phase,
+            "diverged": self.diverged,
+            "effort": self.effort(),
+            "steps": self.steps,
+        }
+        return Verdict(**{name: value.clone().cpu() for name, value in found.items()})
+
+    def state_tensors(self) -> dict[str, Tensor]:
+        """All that it has seen."""
+        names = (
+            "run",
+            "steps",
+            "held",
+            "ever",
+            "fell",
+            "diverged",
+            "first_success",
+            "fell_time",
+            "max_effort",
+            "effort_at_success",
+            "start_height",
+            "fell_phase",
+            "_phases",
+            "_lowest",
+        )
+        found = {name: getattr(self, name).clone() for name in names}
+        found |= {f"info/{name}": value.clone() for name, value in vars(self.info).items()}
+        return {**found, "_place": torch.tensor(self._place)}
+
+    def load_state_tensors(self, tensors: dict[str, Tensor]) -> None:
+        """The inverse of `state_tensors`."""
+        device = self._physics.device
+        for name, value in tensors.items():
+            if name.startswith("info/"):
+                getattr(self.info, name.removeprefix("info/")).copy_(value)
+            elif name == "_place":
+                self._place = int(value)
+            else:
+                setattr(self, name, value.to(device))
+
+
+def _lowest(info: ObjectInfo) -> Tensor:
+    """(N,) below what height of the root a robot has fallen [m]."""
+    return torch.where(torch.isnan(info.seat_height), 0.3, info.seat_height) - FALLEN_DROP

@@ -1,0 +1,118 @@
+"""The clips that episodes follow or start from, laid end to end at the control rate."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from scipy.interpolate import CubicSpline
+from torch import Tensor
+
+from mimicbench.core import rotations as rot
+from mimicbench.core.errors import BadMotion
+from mimicbench.core.motion import RobotMotion
+from mimicbench.robots.description import Robot
+from mimicbench.sensors.context import Frame
+from mimicbench.sim.physics import ObjectState
+from mimicbench.sim.scene import CONTROL_DT
+
+
+class ReferenceBank:
+    """C clips in tables of frames. A clip that is over stays at its last frame, at rest."""
+
+    def __init__(self, motions: Sequence[RobotMotion], robot: Robot, device: str = "cpu") -> None:
+        """Resample to the control rate by cubic splines, whose derivatives are the velocities.
+
+        `device` is where the tables and all their frames live.
+        """
+        if not motions:
+            raise BadMotion("no clips to track; run `mimicbench retarget` first, or see why it kept none")
+        rows = [_robot_rows(motion, robot) for motion in motions]
+        self.ids = [motion.id for motion in motions]
+        self.object_ids = [motion.object_id for motion in motions]
+        self.lengths = torch.tensor([len(row) for row in rows], device=device)
+        """(C,) frames of each clip."""
+        self.starts = torch.cumsum(self.lengths, 0) - self.lengths
+        """(C,) row of each clip's first frame."""
+        self._table = torch.from_numpy(np.concatenate(rows).astype(np.float32)).to(device)
+        self._joints = len(robot.joints)
+        goals = [motion.wrist_goal_w if len(motion.wrist_goal_w) else np.full((2, 3), np.nan) for motion in motions]
+        self.wrist_goal_w = torch.from_numpy(np.array(goals, np.float32)).to(device)
+        """(C, 2, 3) where left and right wrist are to go [m]; NaN without such a goal."""
+        # objects that stay where they are need one row for the whole clip
+        objects = [_object_rows(motion, len(row)) for motion, row in zip(motions, rows, strict=True)]
+        self._object_last = torch.tensor([len(part) - 1 for part in objects], device=device)
+        self._object_first = torch.cumsum(self._object_last + 1, 0) - self._object_last - 1
+        self._objects = torch.from_numpy(np.concatenate(objects).astype(np.float32)).to(device)
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def frame(self, clip: Tensor, index: Tensor) -> Frame:
+        """The frames `index` (N,) of clips `clip` (N,), the last one where a clip is over."""
+        row = self._table[self.starts[clip] + torch.minimum(index, self.lengths[clip] - 1)]
+        j = self._joints
+        pos, quat, joint_pos, lin, ang, joint_vel = row.split([3, 4, j, 3, 3, j], -1)
+        moved = self._objects[self._object_first[clip] + torch.minimum(index, self._object_last[clip])]
+        return Frame(
+            pos,
+            quat,
+            lin,
+            ang,
+            joint_pos,
+            joint_vel,
+            ObjectState(*moved.split([3, 4, 3, 3], -1)),
+            self.wrist_goal_w[clip],
+        )
+
+
+class _Curve(NamedTuple):
+    """A pose over time at the control rate."""
+
+    pos: np.ndarray
+    quat: np.ndarray
+    lin_vel: np.ndarray
+    ang_vel_w: np.ndarray
+
+
+def _at_control_rate(motion: RobotMotion) -> tuple[np.ndarray, np.ndarray]:
+    """Times of the clip's frames (T,) and of control steps (T',) [s]."""
+    times = np.arange(motion.frames) / motion.fps
+    return times, np.arange(int(times[-1] / CONTROL_DT + 1e-6) + 1) * CONTROL_DT
+
+
+def _pose_curve(times: np.ndarray, at: np.ndarray, pos: np.ndarray, quat: np.ndarray) -> _Curve:
+    """Positions and orientations of frames by cubic splines; at rest at the end."""
+    quat = quat.copy()
+    # a quaternion and its negative are the same turn; keep to one side so that a spline may pass through them
+    quat[1:] *= np.cumprod(np.where((quat[1:] * quat[:-1]).sum(-1) < 0, -1.0, 1.0))[:, None]
+    along, turning = CubicSpline(times, pos), CubicSpline(times, quat)
+    turned = rot.normalize(turning(at))
+    lin, ang = along(at, 1), rot.angular_velocity(turned, 1 / CONTROL_DT)
+    lin[-1], ang[-1] = 0, 0
+    return _Curve(along(at), turned, lin, ang)
+
+
+def _robot_rows(motion: RobotMotion, robot: Robot) -> np.ndarray:
+    """(T', 13 + 2 J) rows of pose and velocity at the control rate."""
+    if motion.joint_names != robot.joint_names:
+        raise BadMotion(
+            f"clip {motion.id} is for {motion.robot!r} with other joints than {robot.name!r}; retarget it again"
+        )
+    times, at = _at_control_rate(motion)
+    root = _pose_curve(times, at, motion.root_pos_w, motion.root_quat_w)
+    joints = CubicSpline(times, motion.joint_pos)
+    joint_pos = np.clip(joints(at), robot.joint_range[:, 0], robot.joint_range[:, 1])
+    joint_vel = joints(at, 1)
+    joint_vel[-1] = 0
+    return np.concatenate([root.pos, root.quat, joint_pos, root.lin_vel, root.ang_vel_w, joint_vel], -1)
+
+
+def _object_rows(motion: RobotMotion, frames: int) -> np.ndarray:
+    """(T', 13) pose and velocities of the object, angular ones in its own frame; one row if it stays at the origin."""
+    if not len(motion.object_pos_w):
+        return np.array([[0.0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0]])
+    times, at = _at_control_rate(motion)
+    curve = _pose_curve(times, at, motion.object_pos_w, motion.object_quat_w)
+    assert len(at) == frames
+    return np.concatenate([curve.pos, curve.quat, curve.lin_vel, rot.rotate_inverse(curve.quat, curve.ang_vel_w)], -1)

@@ -1,0 +1,62 @@
+"""References and objects as seen from a robot's root: what trackers are told to follow."""
+
+import torch
+from torch import Tensor
+
+from mimicbench.core import rotations as rot
+from mimicbench.robots.description import Robot
+from mimicbench.sensors.context import Frame
+from mimicbench.sim.physics import LinkState, ObjectState, RobotState
+
+
+def reference_in_root(state: RobotState, frame: Frame) -> Tensor:
+    """(N, 12 + 2 J) one reference frame relative to the body.
+
+    Position, orientation (6D) and velocity of the reference root in the robot's root frame; difference of the joint
+    angles; joint velocities.
+    """
+    pos_r = rot.rotate_inverse(state.root_quat_w, frame.root_pos_w - state.root_pos_w)
+    quat_r = rot.multiply(rot.conjugate(state.root_quat_w), frame.root_quat_w)
+    vel_r = rot.rotate_inverse(state.root_quat_w, frame.root_lin_vel_w)
+    return torch.cat([pos_r, rot.to_6d(quat_r), vel_r, frame.joint_pos - state.joint_pos, frame.joint_vel], -1)
+
+
+def object_in_root(state: RobotState, obj: ObjectState) -> Tensor:
+    """(N, 12) position [m], orientation (rotation vector), linear [m/s] and angular velocity [rad/s] in the root frame.
+
+    The object's state of the paper's tracker for lifting (F.1).
+    """
+    quat = state.root_quat_w
+    ang_vel_w = rot.rotate(obj.quat_w, obj.ang_vel_b)
+    parts = [
+        rot.rotate_inverse(quat, obj.pos_w - state.root_pos_w),
+        rot.to_rotvec(rot.multiply(rot.conjugate(quat), obj.quat_w)),
+        rot.rotate_inverse(quat, obj.lin_vel_w),
+        rot.rotate_inverse(quat, ang_vel_w),
+    ]
+    return torch.cat(parts, -1)
+
+
+def reference_links(robot: Robot, frame: Frame) -> LinkState:
+    """Link poses and velocities of a reference frame by forward kinematics."""
+    parents, drives = robot.link_parents, {int(link): j for j, link in enumerate(robot.joint_link)}
+    offsets, rests, axes = (
+        frame.root_pos_w.new_tensor(array) for array in (robot.link_pos, robot.link_quat, robot.joint_axis)
+    )
+    pos, quat, lin, ang = [frame.root_pos_w], [frame.root_quat_w], [frame.root_lin_vel_w], [frame.root_ang_vel_w]
+    for i, parent in enumerate(parents):
+        if parent < 0:
+            continue
+        arm = rot.rotate(quat[parent], offsets[i].expand_as(frame.root_pos_w))
+        turned = rot.multiply(quat[parent], rests[i].expand_as(frame.root_quat_w))
+        spin = ang[parent]
+        if i in drives:
+            j = drives[i]
+            axis_w = rot.rotate(turned, axes[j].expand_as(frame.root_pos_w))
+            turned = rot.multiply(turned, rot.from_rotvec(axes[j] * frame.joint_pos[:, j, None]))
+            spin = spin + axis_w * frame.joint_vel[:, j, None]
+        pos.append(pos[parent] + arm)
+        quat.append(turned)
+        lin.append(lin[parent] + torch.linalg.cross(ang[parent], arm))
+        ang.append(spin)
+    return LinkState(torch.stack(pos, 1), torch.stack(quat, 1), torch.stack(lin, 1), torch.stack(ang, 1))

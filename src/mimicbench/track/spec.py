@@ -1,0 +1,81 @@
+"""What a tracker is made of: what it observes, what its action means, what it is rewarded for."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from mimicbench.robots.description import Robot
+from mimicbench.sensors.context import StepContext, Transition
+from mimicbench.sensors.observations import TERMS, Term, chosen_terms
+from mimicbench.tasks.task import Task
+from mimicbench.track.network import TrackerNetwork
+
+Terms = Mapping[str, Tensor]
+"""Values (N, ...) of observation terms by name."""
+
+
+@dataclass(frozen=True)
+class TrackerSpec:
+    """A tracker's design. The network that fills it in is learned.
+
+    Whoever plans instead of following a clip gives the privileged terms itself: `next_joint_pos` and `target` see
+    nothing but terms, so a tracker also follows what was never recorded.
+    """
+
+    name: str
+    gains: str
+    """Which of the robot's gains it drives."""
+    observations: tuple[str | Term, ...]
+    """Terms, laid out one after the other for the network; those that a task does not have are left out."""
+    target: Callable[[Robot, Tensor, Tensor, Any], Tensor]
+    """(N, J) joint targets [rad] from the robot, the next reference's joint angles (N, J), the action (N, J) and the
+    settings."""
+    next_joint_pos: Callable[[Robot, Terms], Tensor]
+    """(N, J) the next reference's joint angles [rad], read off the terms."""
+    reward: Callable[[StepContext, Transition, Any], Tensor]
+    """(N,) reward of the step that led to this context, by the settings."""
+    settings: type = type(None)
+    """Configuration dataclass of its own, or None."""
+    measures_effort: bool = False
+    """Whether the reward needs the mechanical effort, which costs time."""
+
+    def names(self, task: Task) -> tuple[str, ...]:
+        """Names of the terms that it observes at a task."""
+        return tuple(term.name for term in chosen_terms(self.observations, task))
+
+    def plan(self, task: Task) -> tuple[str, ...]:
+        """Names of the privileged terms: what it has to be told by a clip or a planner."""
+        return tuple(term.name for term in chosen_terms(self.observations, task) if term.privileged)
+
+
+@dataclass(frozen=True)
+class Tracker:
+    """A tracker ready to run at a task."""
+
+    spec: TrackerSpec
+    settings: Any
+    network: TrackerNetwork
+    observed: tuple[str, ...]
+    """Names of the terms that its network takes, in this order."""
+
+    def action(self, terms: Terms) -> Tensor:
+        """(N, J) its mean action on terms that hold at least those it observes."""
+        return self.network(flat(terms, self.observed))
+
+    def target(self, robot: Robot, terms: Terms, action: Tensor) -> Tensor:
+        """(N, J) joint targets [rad] of an action on terms."""
+        return self.spec.target(robot, self.spec.next_joint_pos(robot, terms), action, self.settings)
+
+
+def flat(terms: Terms, names: tuple[str, ...]) -> Tensor:
+    """(N, size) terms laid out one after the other."""
+    return torch.cat([terms[name].flatten(1) for name in names], -1)
+
+
+def sizes(names: tuple[str, ...], robot: Robot, task: Task) -> list[int]:
+    """Numbers in each of the terms, of one robot."""
+    return [math.prod(TERMS[name].shape(robot, task)) for name in names]

@@ -1,0 +1,78 @@
+"""Our tracker: actions move the reference's joint angles a little, and the observation is what that needs."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from mimicbench.core import rotations as rot
+from mimicbench.robots.description import Robot
+from mimicbench.sensors.context import StepContext, Transition
+from mimicbench.track.spec import Terms, TrackerSpec
+
+GAINS = "improved"
+
+
+@dataclass(frozen=True)
+class ResidualConfig:
+    """Weights of the reward: of agreement with the reference, each part at most 1, and of what it costs."""
+
+    position: float = 0.35
+    """Of exp(-10 d^2), d being the root's distance from its reference [m]."""
+    orientation: float = 0.20
+    """Of exp(-5 a^2), a being the angle between the root and its reference [rad]."""
+    joints: float = 0.25
+    """Of exp(-sum dq^2) over the joints [rad]."""
+    velocity: float = 0.10
+    """Of exp(-2 dv^2) of the root [m/s]."""
+    joint_velocity: float = 0.10
+    """Of exp(-0.02 sum dq'^2) over the joints [rad/s]."""
+    action_rate: float = 0.005
+    """Price of the squared change of the action."""
+    object: float = 0.5
+    """Share of the whole that exp(-10 d) of the object's distance d [m] from its reference has, where it moves."""
+
+
+def target(robot: Robot, next_joint_pos: Tensor, action: Tensor, settings: ResidualConfig) -> Tensor:
+    """(N, J) joint targets [rad]: the reference's next joint angle + scale x action."""
+    scale = torch.tensor(robot.gains[GAINS].action_scale, dtype=action.dtype, device=action.device)
+    return next_joint_pos + scale * action
+
+
+def next_joint_pos(robot: Robot, terms: Terms) -> Tensor:
+    """(N, J) joint angles [rad] of the next frame: where the joints are, and the difference that the plan tells."""
+    joints = len(robot.joints)
+    now = terms["proprio"][:, -2 * joints : -joints]
+    return now + terms["reference+1"][:, 12 : 12 + joints]
+
+
+def reward(context: StepContext, step: Transition, settings: ResidualConfig) -> Tensor:
+    """(N,) agreement with the reference, at most 1, less a price on changing the action."""
+    state, ref = context.state, context.reference(0)
+    position = ((state.root_pos_w - ref.root_pos_w) ** 2).sum(-1)
+    angle = rot.angle_between(state.root_quat_w, ref.root_quat_w)
+    joints = ((state.joint_pos - ref.joint_pos) ** 2).sum(-1)
+    velocity = ((state.root_lin_vel_w - ref.root_lin_vel_w) ** 2).sum(-1)
+    joint_velocity = ((state.joint_vel - ref.joint_vel) ** 2).sum(-1)
+    agreement = (
+        settings.position * torch.exp(-10.0 * position)
+        + settings.orientation * torch.exp(-5.0 * angle**2)
+        + settings.joints * torch.exp(-1.0 * joints)
+        + settings.velocity * torch.exp(-2.0 * velocity)
+        + settings.joint_velocity * torch.exp(-0.02 * joint_velocity)
+    )
+    if context.task.moves_object:
+        away = (context.object.pos_w - ref.object.pos_w).norm(dim=-1)
+        agreement = (1 - settings.object) * agreement + settings.object * torch.exp(-10.0 * away)
+    return agreement - settings.action_rate * ((step.action - step.previous.last_action) ** 2).sum(-1)
+
+
+TRACKER = TrackerSpec(
+    "residual",
+    GAINS,
+    ("proprio", "last_action", "reference+1", "reference+5", "object", "object+1", "object+5"),
+    target,
+    next_joint_pos,
+    reward,
+    ResidualConfig,
+)

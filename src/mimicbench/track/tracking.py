@@ -1,0 +1,178 @@
+"""The tracking environment: N robots, each following a clip next to the clip's object, over and over."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import torch
+from torch import Tensor
+
+from mimicbench.core import rotations as rot
+from mimicbench.core.seeds import digest
+from mimicbench.envs.clip_starts import ClipStartConfig, ClipStarts
+from mimicbench.envs.clips import ClipSet
+from mimicbench.envs.hooks import Pushes
+from mimicbench.envs.reference import ReferenceBank
+from mimicbench.envs.vec_env import EnvConfig, VecEnv
+from mimicbench.sensors.context import StepContext
+from mimicbench.sensors.observations import Observations
+from mimicbench.sim.devices import tensor_device
+from mimicbench.sim.physics import PhysicsConfig
+from mimicbench.sim.rows import Rows
+from mimicbench.track.spec import TrackerSpec, flat
+
+ENDS = ("position", "angle", "drop", "object", "diverged", "clip over")
+"""Why episodes end."""
+
+
+@dataclass(frozen=True)
+class EndConfig:
+    """When the robot of a training episode has failed."""
+
+    max_pos_error: float = 0.4
+    """The root is farther than this from its reference [m]; 0.5 in the paper (F.4)."""
+    max_angle_error: float = 0.7
+    """Its orientation is farther than this [rad]; a large number asks nothing of it."""
+    max_drop: float = 0.2
+    """It is this much lower [m]."""
+    max_object_error: float = 0.3
+    """The object, where it moves, is farther than this from its reference [m]."""
+
+
+@dataclass(frozen=True)
+class TrackingConfig:
+    """How training episodes start, are disturbed, and end."""
+
+    starts: ClipStartConfig = field(default_factory=ClipStartConfig)
+    """Where in their clips they start, and with how much noise."""
+    push: float = 0.4
+    """Standard deviation of the horizontal velocity that a push adds [m/s]."""
+    push_interval: float = 2.0
+    """Mean time between pushes [s]."""
+    ends: EndConfig = field(default_factory=EndConfig)
+    """When an episode has failed."""
+
+
+class TrackingEnv:
+    """Steps all robots together; episodes that end start again at once, each with a clip and object drawn anew."""
+
+    def __init__(
+        self,
+        spec: TrackerSpec,
+        clips: ClipSet,
+        num_envs: int,
+        config: TrackingConfig,
+        seed: int,
+        env_config: EnvConfig | None = None,
+    ) -> None:
+        """`env_config` says which device and how many threads; gains and metrics follow from the tracker."""
+        env_config = env_config or EnvConfig()
+        self.spec, self.config, self.clips = spec, config, clips
+        self.names = spec.names(clips.task)
+        device = tensor_device(env_config.device)
+        self.bank = ReferenceBank(clips.motions, clips.robot, device)
+        scenes = clips.scenes
+        self.random = torch.Generator(device).manual_seed(digest(seed, "tracking starts") % (1 << 63))
+        first = torch.randint(len(scenes), (num_envs,), generator=self.random, device=device).tolist()
+        physics = PhysicsConfig(gains=spec.gains, meshes=any(obj.hulls for obj in scenes))
+        hooks = [Pushes(config.push, config.push_interval)] if config.push else []
+        self.env = VecEnv(
+            clips.task,
+            clips.robot,
+            [scenes[clip] for clip in first],
+            EnvConfig(
+                env_config.device, env_config.workers, physics, judged=False, measure_effort=spec.measures_effort
+            ),
+            seed,
+            self.bank,
+            hooks,
+        )
+        self.starts = ClipStarts(self.bank, self.env.physics.add_objects(scenes), clips.robot, config.starts)
+        self.ended = torch.zeros(len(ENDS), dtype=torch.long, device=device)
+        """How many episodes ended for each of ENDS."""
+        self._start(Rows.every(num_envs, device))
+
+    @property
+    def num_envs(self) -> int:
+        """N."""
+        return self.env.num_envs
+
+    @property
+    def device(self) -> str:
+        """Where all tensors live."""
+        return self.env.device
+
+    @property
+    def context(self) -> StepContext:
+        """All robots now."""
+        return self.env.context
+
+    def terms(self) -> Observations:
+        """What the tracker observes now, by name."""
+        return self.env.observe(self.names)
+
+    def observe(self) -> Tensor:
+        """(N, O) what the tracker observes now."""
+        return flat(self.terms(), self.names)
+
+    def step(
+        self, action: Tensor, settings: object, target: Tensor | None = None
+    ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """Apply actions (N, J).
+
+        Args:
+            action: (N, J) what the tracker gave.
+            settings: of the tracker's reward and targets.
+            target: (N, J) joint targets [rad] to apply, if not those that the action means on the clip's reference.
+
+        Returns:
+            observation (N, O) after restarts, reward (N,), done (N,) bool, time_out (N,) bool: done because the clip
+            is over, not because the robot failed.
+        """
+        if target is None:
+            following = self.context.reference(1).joint_pos
+            target = self.spec.target(self.clips.robot, following, action, settings)
+        transition = self.env.step(target, action)
+        reward = self.spec.reward(self.context, transition, settings)
+        done, time_out = self._ends()
+        reward = torch.where(self.env.physics.diverged, torch.zeros_like(reward), reward)
+        self._start(self.env.rows(done))
+        return self.observe(), reward, done, time_out
+
+    def _ends(self) -> tuple[Tensor, Tensor]:
+        diverged = self.env.physics.diverged
+        time_out = self.env.index >= self.bank.lengths[self.env.clip] - 1
+        flags = (*deviations(self.context, self.config.ends), diverged, time_out)
+        self.ended = self.ended + torch.stack([flag.sum() for flag in flags])
+        failed = torch.stack(flags[:-1]).any(0)
+        return failed | time_out, time_out & ~failed
+
+    def _start(self, rows: Rows) -> None:
+        """Put robots on frames drawn at random, with noise, and exchange their objects."""
+        if len(rows):
+            self.env.reset(rows, self.starts.draw(len(rows), self.random))
+
+    def state_tensors(self) -> dict[str, Tensor]:
+        """All that decides how the episodes go on, between steps."""
+        own = {"starts": self.random.get_state(), "ended": self.ended.clone()}
+        return {**own, **{f"env/{name}": value for name, value in self.env.state_tensors().items()}}
+
+    def load_state_tensors(self, tensors: Mapping[str, Tensor]) -> None:
+        """The inverse of `state_tensors`, in an environment made alike."""
+        self.random.set_state(tensors["starts"].cpu())
+        self.ended = tensors["ended"].to(self.device)
+        self.env.load_state_tensors({n.removeprefix("env/"): v for n, v in tensors.items() if n.startswith("env/")})
+
+
+def deviations(context: StepContext, ends: EndConfig) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Whether each root is too far from, too much turned from, too much below its reference; the object too far.
+
+    Each (N,) bool.
+    """
+    state, ref = context.state, context.reference(0)
+    far = (state.root_pos_w - ref.root_pos_w).norm(dim=-1) > ends.max_pos_error
+    turned = rot.angle_between(state.root_quat_w, ref.root_quat_w) > ends.max_angle_error
+    dropped = ref.root_pos_w[:, 2] - state.root_pos_w[:, 2] > ends.max_drop
+    if not context.task.moves_object:
+        return far, turned, dropped, torch.zeros_like(far)
+    lost = (context.object.pos_w - ref.object.pos_w).norm(dim=-1) > ends.max_object_error
+    return far, turned, dropped, lost
