@@ -19,7 +19,8 @@ from mimicbench.robots.registry import ROBOTS
 from mimicbench.sensors.elevation import ElevationMaps
 from mimicbench.sensors.heightmap import MapView
 from mimicbench.sim.backends import make_physics
-from mimicbench.sim.physics import Physics
+from mimicbench.sim.physics import Physics, RobotState
+from mimicbench.sim.rows import Rows
 from mimicbench.tasks.registry import TASKS
 from mimicbench.tasks.task import Task
 
@@ -125,5 +126,6 @@ def _stand_around(task: Task, robots: int, config: MapBenchConfig) -> Physics:
     height = np.full(robots, -robot.keypoint_pos("left_sole", pos, quat)[2])
     yaw = around + np.pi + random.uniform(-0.5, 0.5, robots)
     rest = np.tile(robot.rest_pose, (robots, 1))
-    physics.reset(np.arange(robots), np.column_stack([place, height]), rot.from_yaw(yaw), rest)
+    state = RobotState.of(np.column_stack([place, height]), rot.from_yaw(yaw), rest, device=physics.device)
+    physics.reset(Rows.every(robots, physics.device), state)
     return physics

@@ -83,8 +83,8 @@ def down_map(physics: Physics, ids: np.ndarray | None = None, cell: float = CELL
 def _scenes(physics: Physics, ids: np.ndarray | None) -> tuple[list[ObjectFaces], Poses]:
     """The objects of some scenes, and where everything is."""
     ids = np.arange(physics.num_envs) if ids is None else ids
-    qpos, (pos, quat) = physics.qpos()[ids], physics.object_pose()
-    return [faces_of(physics.objects[env]) for env in ids], Poses(qpos[:, :3], qpos[:, 3:7], pos[ids], quat[ids])
+    qpos, (pos, quat), scenes = physics.qpos()[ids], physics.object_pose(), physics.objects
+    return [faces_of(scenes[env]) for env in ids], Poses(qpos[:, :3], qpos[:, 3:7], pos[ids], quat[ids])
 
 
 class ElevationMaps:
