@@ -29,8 +29,12 @@ ROW = EpisodeRow(
     steps=300,
     success=True,
     success_at_end=True,
+    stays=True,
     first_success_time=5.5,
     fell=False,
+    fell_time=None,
+    fell_phase="",
+    diverged=False,
     max_energy=5e4,
     seat_height=0.45,
     start_distance=2.5,
@@ -162,8 +166,8 @@ def test_missing_and_foreign_files(tmp_path):
         read_rows(foreign)
     for header, message in [
         ({"schema": 99, "type": "episode_rows"}, "schema 99"),
-        ({"schema": 1, "type": "other"}, "holds 'other'"),
-        ({"schema": 1, "type": "episode_rows"}, "other columns"),
+        ({"schema": 2, "type": "other"}, "holds 'other'"),
+        ({"schema": 2, "type": "episode_rows"}, "other columns"),
     ]:
         pq.write_table(
             pa.table({"success": [True]}).replace_schema_metadata({"mimicbench": json.dumps(header)}), foreign
