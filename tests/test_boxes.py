@@ -9,7 +9,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from joined import joined
-from mimicbench.objects.families.box import COUNT, FRICTION, KINDS, MASS, SIZE_DEVIATION, SIZE_MEAN, make_box
+from mimicbench.objects.families.box import (
+    COUNT,
+    FRICTION,
+    KINDS,
+    MADE_OF,
+    MASS,
+    SIZE_DEVIATION,
+    SIZE_MEAN,
+    kinds_of,
+    make_box,
+)
 from mimicbench.objects.registry import make_object
 from mimicbench.objects.surface import box_distance
 from mimicbench.robots.registry import ROBOTS
@@ -35,6 +45,26 @@ def test_thirty_boxes_have_the_tables_sizes(seed, first):
 def test_the_table_is_row_l():
     np.testing.assert_array_equal(SIZE_MEAN, [0.673, 0.434, 0.889])
     np.testing.assert_array_equal(SIZE_DEVIATION, [0.064, 0.062, 0.078])
+
+
+@pytest.mark.parametrize("seed", [0, 7])
+def test_boxes_are_of_what_is_as_light(seed):
+    """What weighs less for its surface is of foam or cloth, what weighs more of plastic; nothing is of wood."""
+    of = {kind: [] for kind in KINDS}
+    for index in range(4 * COUNT):
+        obj = make_box(index, seed)
+        x, y, z = size(obj)
+        per_area = obj.mass / (2 * (x * y + x * z + y * z))
+        least, most = MADE_OF[obj.kind]
+        assert least <= per_area * 1.02 and per_area * 0.98 < most
+        of[obj.kind].append(per_area)
+    means = [np.mean(of[kind]) for kind in KINDS]
+    assert all(np.diff(means) > 0) and min(map(len, of.values())) >= 8
+
+
+def test_every_weight_has_a_kind():
+    for mass in np.linspace(*MASS, 31):
+        assert kinds_of((0.673, 0.434, 0.889), float(mass))
 
 
 def test_both_splits_have_some_and_all_kinds_occur():

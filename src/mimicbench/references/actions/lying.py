@@ -17,7 +17,7 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.references.actions import on_side
 from mimicbench.references.actions.berths import SINK, Berth, lifted_share
 from mimicbench.references.actions.lying_limbs import lay_hands_down, move_arms, move_legs, rests_beside
-from mimicbench.references.actions.lying_style import BEGIN, END, LieStyle, Lying, ease, needed_time
+from mimicbench.references.actions.lying_style import LieStyle, Lying, ease, needed_time
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.hands import keep_off
 from mimicbench.references.body.limbs import about_y
@@ -87,12 +87,12 @@ def _lie(
     on_back = clock >= 4.2
     lain = legs
     if style.side > 0.5:
-        below = act.near
+        below, turns = act.near, style.turns
         trunk, legs, arms = on_side.turn_over(act, trunk, legs, arms)
-        on_back &= clock < BEGIN
-        still[:, below] &= (clock < BEGIN - 0.3) | (clock >= END)
-        still[:, 1 - below] &= clock < BEGIN - 0.3
-        hands &= clock[:, None] < BEGIN
+        on_back &= clock < turns
+        still[:, below] &= (clock < turns - 0.3) | (clock >= act.ends)
+        still[:, 1 - below] &= clock < turns - 0.3
+        hands &= clock[:, None] < turns
     contacts = np.concatenate([still, np.stack([act.sitting >= 0.9, on_back], -1), hands], -1)
     arms = keep_off(body, trunk, legs, arms)
     quat = lay_hands_down(act, trunk, lain, pose(body, trunk, legs, arms))

@@ -7,7 +7,7 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.curves import minimum_jerk
 from mimicbench.references.actions.berths import lifted_share, resting_foot
-from mimicbench.references.actions.lying_style import BEGIN, END, Lying, ease
+from mimicbench.references.actions.lying_style import TURNING_TIME, Lying, ease
 from mimicbench.references.actions.reaching import wrists_of
 from mimicbench.references.actions.resting_hands import BESIDE, HEAD, UP, Bedding
 from mimicbench.references.body.body import Body
@@ -52,8 +52,9 @@ def move_legs(act: Lying, trunk: Trunk, scoot: np.ndarray) -> tuple[Legs, np.nda
         foot.append(rot.slerp(raised, laid, land))
         moves = np.abs(np.gradient(stretch)) > 0
         still.append(np.where(off, (land >= 1) & (scoot >= 1) & ~moves, act.way.feet.contact[:, side]))
-        # a knee that is up leans out
-        splay = act.style.splay * sign * land * (1.0 - stretch) * ease(act.clock, 2.4 + late, 4.4 + late)
+        # a knee that is up leans out, or both to one side
+        askew = act.style.askew if act.berth.wide else abs(act.style.askew) * (1.0 if act.near == 0 else -1.0)
+        splay = (act.style.splay * sign + askew) * land * (1.0 - stretch) * ease(act.clock, 2.4 + late, 4.4 + late)
         hinge.append(rot.rotate(rot.from_rotvec(splay[:, None] * _along(place - hip)), axis))
     share = ease(act.clock, -0.6, 0.4)[:, None, None]
     knee_axis = walking.knee_axis_w * (1 - share) + share * np.stack(hinge, 1)
@@ -250,7 +251,7 @@ def lay_hands_down(act: Lying, trunk: Trunk, legs: Legs, quat: np.ndarray) -> np
     if style.side > 0.5:
         front, head = np.array([*berth.out, 0.0]), np.array([*berth.head, 0.0])
         flat = point_hands(body, trunk, quat, 0.8 * front + 0.6 * head, np.ones((len(quat), 2)))
-        quat = _blended(body, quat, flat, ease(act.clock, BEGIN + 0.8, END))
+        quat = _blended(body, quat, flat, ease(act.clock, style.turns + 0.8, style.turns + TURNING_TIME))
     return quat
 
 

@@ -1,12 +1,12 @@
 """How somebody lies down: the choices of a clip, and its clocks."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mimicbench.core.curves import minimum_jerk
 from mimicbench.references.actions.berths import Berth
-from mimicbench.references.actions.resting_hands import SPOTS
+from mimicbench.references.actions.resting_hands import BELLY, BESIDE, CHEST, HEAD, SPOTS, UP
 from mimicbench.references.body.body import Body
 from mimicbench.references.locomotion.walking import Walk
 
@@ -14,8 +14,10 @@ PAUSE = 0.35
 """Between the last step and the first bend [s]."""
 LYING_TIME = 6.1
 """From the seat to rest at pace 1 [s]."""
-BEGIN, END = 5.8, 8.6
-"""When on the clock somebody turns onto the side, at pace 1 [s]."""
+TURNING_TIME = 2.8
+"""From the back onto the side at pace 1 [s]."""
+NEAR_TRUNK = {BESIDE: BELLY, UP: BELLY, HEAD: CHEST}
+"""Where the hands of who turns onto the side are before, instead of elsewhere."""
 HAND_SHARES = (0.28, 0.24, 0.14, 0.08, 0.12, 0.14)
 """How often hands rest at each of the spots of `resting_hands`."""
 
@@ -72,6 +74,10 @@ class LieStyle:
     """Where to: one of `resting_hands`."""
     later_leg: float = 0.0
     """1 to draw up or stretch the left leg then, -1 the right one, 0 none."""
+    turns: float = 5.8
+    """When on the clock who turns onto the side begins to, at pace 1 [s]."""
+    askew: float = 0.0
+    """How far both knees lean to the left if both are up [rad]; only off the edge where there is no room."""
     roll: float = 1.35
     """How far who turns onto the side does [rad]."""
     curl: float = 0.85
@@ -108,7 +114,8 @@ def draw_style(random: np.random.Generator, body_scale: float, duration: float, 
         left_farther=random.uniform(-0.05, 0.09),
         right_farther=random.uniform(-0.05, 0.09),
         apart=random.uniform(-0.02, 0.14),
-        splay=random.uniform(-0.05, 0.35),
+        splay=random.uniform(-0.05, 0.35) if up < 3 else random.uniform(-0.08, 0.15),
+        askew=random.uniform(-0.4, 0.4) if up == 3 else 0.0,
         later=random.uniform(1.2, 5.0),
         later_hand=float(random.choice([0, 1, -1])),
         later_spot=float(random.choice(SPOTS, p=HAND_SHARES)),
@@ -141,7 +148,7 @@ class Lying:
     @property
     def ends(self) -> float:
         """When on the clock who lies is at rest."""
-        return END if self.style.side > 0.5 else LYING_TIME
+        return time_to_lie(self.style)
 
     @property
     def rest(self) -> np.ndarray:
@@ -174,6 +181,19 @@ def ease(clock: np.ndarray, start: float, end: float) -> np.ndarray:
     return minimum_jerk((clock - start) / (end - start))
 
 
+def onto_the_side(style: LieStyle, turns: float) -> LieStyle:
+    """The style of who turns onto the side from a time on the clock on: knees down and hands near the trunk before."""
+    hands = [float(NEAR_TRUNK.get(int(hand), int(hand))) for hand in (style.left_hand, style.right_hand)]
+    return replace(
+        style, side=1.0, turns=turns, left_up=0.0, right_up=0.0, left_hand=hands[0], right_hand=hands[1], askew=0.0
+    )
+
+
+def time_to_lie(style: LieStyle) -> float:
+    """From the seat to rest, at pace 1 [s]."""
+    return style.turns + TURNING_TIME if style.side > 0.5 else LYING_TIME
+
+
 def needed_time(style: LieStyle) -> float:
     """From the last step to rest [s]."""
-    return PAUSE + style.sit_duration + style.pace * (END if style.side > 0.5 else LYING_TIME) + 0.3
+    return PAUSE + style.sit_duration + style.pace * time_to_lie(style) + 0.3

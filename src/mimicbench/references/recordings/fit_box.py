@@ -9,7 +9,7 @@ from scipy.spatial import ConvexHull
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.seeds import rng
-from mimicbench.objects.families.box import KINDS, build_box
+from mimicbench.objects.families.box import build_box
 from mimicbench.objects.importing.convex import box_around
 from mimicbench.objects.importing.mesh import read_mesh
 from mimicbench.objects.shape import SceneObject
@@ -146,6 +146,6 @@ def _level(object_id: str, size: np.ndarray, pos: np.ndarray, quat: np.ndarray, 
     sunk = float(pos[rests, 2])
     mass = float(np.clip(MASS_PER_VOLUME * np.prod(size), 1.0, 4.0))
     obj = build_box(
-        object_id, KINDS[0], (float(size[0]), float(size[1]), float(size[2])), mass, rng(0, "fitted", object_id)
+        object_id, "carton", (float(size[0]), float(size[1]), float(size[2])), mass, rng(0, "fitted", object_id)
     )
     return BoxTrack(obj, pos - np.array([0.0, 0.0, sunk]), rot.normalize(quat), -sunk)

@@ -2,7 +2,6 @@
 the pillow.
 """
 
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -12,15 +11,14 @@ from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.actions.berths import Berth, perch
 from mimicbench.references.actions.lying import lie_course, lie_down
-from mimicbench.references.actions.lying_style import LieStyle, draw_style
-from mimicbench.references.actions.resting_hands import BELLY, BESIDE, CHEST, HEAD, UP
+from mimicbench.references.actions.lying_style import LieStyle, draw_style, onto_the_side
 from mimicbench.references.body.body import Body, unihsi_body
 from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait, Route, around_box
 from mimicbench.references.locomotion.walking import draw_start
 
-NEAR_TRUNK = {BESIDE: BELLY, UP: BELLY, HEAD: CHEST}
-"""Where the hands of who turns onto the side are before, instead of elsewhere."""
+TURNS = 5.8
+"""When on the clock somebody turns onto the side: after lying on the back [s]."""
 MARGIN = 0.40
 """Between the way and the bed [m]."""
 ON_SIDE = 0.25
@@ -37,8 +35,7 @@ def synthesize_lie_bed(clip_id: str, obj: SceneObject, seed: int) -> HumanMotion
     duration = 24.8 + 0.7 * float(np.clip(random.standard_normal(), -2.0, 2.0))
     style = draw_style(random, scale, duration, (0.95, 1.1))
     if random.uniform() < ON_SIDE:
-        low = [float(NEAR_TRUNK.get(int(hand), int(hand))) for hand in (style.left_hand, style.right_hand)]
-        style = replace(style, side=1.0, left_up=0.0, right_up=0.0, left_hand=low[0], right_hand=low[1])
+        style = onto_the_side(style, TURNS)
     return make_lie_bed(clip_id, obj, start_xy, start_yaw, style)
 
 

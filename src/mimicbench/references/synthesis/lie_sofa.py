@@ -2,6 +2,7 @@
 on the seat.
 """
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -12,7 +13,7 @@ from mimicbench.objects.families.upholstery import HEAD_ROOM
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.actions.berths import Berth, perch
 from mimicbench.references.actions.lying import lie_course, lie_down
-from mimicbench.references.actions.lying_style import LieStyle, draw_style, needed_time
+from mimicbench.references.actions.lying_style import LieStyle, draw_style, needed_time, onto_the_side
 from mimicbench.references.body.body import Body, roam_body
 from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait, Route, around_box, plan_footsteps
@@ -20,6 +21,10 @@ from mimicbench.references.locomotion.walking import draw_start
 
 MARGIN = 0.40
 """Between the way and the sofa [m]."""
+ON_SIDE = 0.3
+"""Share of people who lie on the side in the end."""
+TURNS = 4.3
+"""When on the clock they turn: while the legs are still being stretched [s]."""
 TRIES = 60
 """Starts that are drawn to find one from which there is time enough; on the largest sofas the quickest of them may take
 longer."""
@@ -37,6 +42,8 @@ def synthesize_lie_sofa(clip_id: str, obj: SceneObject, seed: int) -> HumanMotio
     scale = random.uniform(shortest, max(shortest + 0.02, min(1.15, (span + 0.03) / 1.25)))
     duration = 12.1 + 0.05 * float(np.clip(random.standard_normal(), -2.0, 2.0))
     style = draw_style(random, scale, duration, (0.66, 0.72))
+    if random.uniform() < ON_SIDE:
+        style = onto_the_side(replace(style, curl=random.uniform(0.4, 0.85)), TURNS)
     plans, ends = [], []
     for _ in range(TRIES):
         start_xy, start_yaw = draw_start(random, obj)
