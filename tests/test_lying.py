@@ -23,6 +23,7 @@ from mimicbench.references.synthesis.lie_bed import make_lie_bed
 from mimicbench.references.synthesis.lie_sofa import find_berth as find_sofa_berth
 from mimicbench.references.synthesis.lie_sofa import make_lie_sofa
 from mimicbench.references.synthesis.registry import synthesize
+from mimicbench.retarget.trunk import head_rests
 from mimicbench.tasks.registry import TASKS
 
 STYLE = LieStyle(
@@ -162,6 +163,11 @@ def test_who_lies_on_the_side_is_not_twisted(bed_clips: list[Pair]) -> None:
             # drawn up to where the belly faces, not beside it
             hinge = rot.rotate(quat[-1, body.pelvis], np.array([0.0, 1.0, 0.0]))
             assert (thighs @ fronts[0] > 0.2).all() and (np.abs(thighs @ hinge) < 0.35).all()
+
+
+def test_no_robot_without_a_neck_is_asked_to_rest_its_head_beside_its_shoulders(bed_clips: list[Pair]) -> None:
+    for motion, bed in bed_clips:
+        assert head_rests(motion, bed)[-1] == (motion.style["side"] < 0.5)
 
 
 def test_nobody_who_lies_freezes(bed_clips: list[Pair], sofa_clips: list[Pair]) -> None:

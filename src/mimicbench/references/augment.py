@@ -26,7 +26,7 @@ from mimicbench.references.checks.quality import Fulfils, gate
 from mimicbench.references.warp import approach_end, rescaled, turned_approach
 
 Kind = Literal["mirror", "speed", "start", "size"]
-LATERAL = ("turn", "seat_y", "twist", "tilt", "askew", "first", "habits")
+LATERAL = ("turn", "seat_y", "twist", "tilt", "askew", "first", "habits", "uneven", "later_hand", "later_leg")
 """Choices of a clip's style that change their sign in a mirror."""
 _SPECULAR = np.array([1.0, -1.0, 1.0])
 _SPECULAR_QUAT = np.array([1.0, -1.0, 1.0, -1.0])

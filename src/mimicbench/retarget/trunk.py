@@ -15,6 +15,9 @@ NEAR = 0.03
 TRUNK = ("pelvis", "back")
 """Contacts of who sits or lies."""
 
+ON_SIDE = 0.6
+"""Sine of the angle from which on a line through the shoulders is that of who lies on the side."""
+
 
 def bears(motion: HumanMotion, name: str) -> np.ndarray:
     """(T,) a contact label, false where the clip has none."""
@@ -55,10 +58,14 @@ def swung(quat: np.ndarray, up: np.ndarray) -> np.ndarray:
 
 
 def head_rests(motion: HumanMotion, obj: SceneObject) -> np.ndarray:
-    """(T,) whether a person's head rests on the object."""
+    """(T,) whether a person's head rests on the object, but for who lies on the side: a robot's shoulders are too wide
+    for a head without a neck to get down beside them.
+    """
     body = body_of(motion.skeleton)
     pos, quat = motion.forward_kinematics()
+    across = pos[:, body.arms[0].root] - pos[:, body.arms[1].root]
+    on_side = np.abs(across[:, 2]) > ON_SIDE * np.linalg.norm(across, axis=-1)
     head = next(part for part in body.parts if part.role == "head")
     middle = pos[:, head.joint] + rot.rotate(quat[:, head.joint], 0.5 * (np.array(head.start) + np.array(head.end)))
     distance, _ = Scene.of(motion, obj).object_distance(np.arange(motion.frames), middle)
-    return distance - head.radius < NEAR
+    return (distance - head.radius < NEAR) & ~on_side

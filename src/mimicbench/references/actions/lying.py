@@ -17,7 +17,7 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.references.actions import on_side
 from mimicbench.references.actions.berths import SINK, Berth, lifted_share
 from mimicbench.references.actions.lying_limbs import lay_hands_down, move_arms, move_legs, rests_beside
-from mimicbench.references.actions.lying_style import LieStyle, Lying, ease, needed_time
+from mimicbench.references.actions.lying_style import LYING_TIME, LieStyle, Lying, ease, needed_time
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.hands import keep_off
 from mimicbench.references.body.limbs import about_y
@@ -89,7 +89,7 @@ def _lie(
     if style.side > 0.5:
         below, turns = act.near, style.turns
         trunk, legs, arms = on_side.turn_over(act, trunk, legs, arms)
-        on_back &= clock < turns
+        on_back &= (clock < turns) & (turns > LYING_TIME - 1.0)
         still[:, below] &= (clock < turns - 0.3) | (clock >= act.ends)
         still[:, 1 - below] &= clock < turns - 0.3
         hands &= clock[:, None] < turns

@@ -82,7 +82,7 @@ class LiftStyle:
     calls for."""
     uneven: float
     """How much higher the left hand clasps it than the right one [m]."""
-    tilt: float
+    tip: float
     """How far its upper side leans towards the body in the end [rad]."""
     squat: float
     """How far the hips sink with a lean [m/rad], beyond what the weight calls for."""
@@ -129,7 +129,7 @@ def draw_style(random: np.random.Generator) -> LiftStyle:
         brace=brace,
         hold_height=random.uniform(-0.03, 0.04),
         uneven=random.uniform(-0.03, 0.03),
-        tilt=random.uniform(0.0, 0.05),
+        tip=random.uniform(0.0, 0.05),
         squat=random.uniform(-0.05, 0.10),
         sway=random.uniform(0.0, 2 * np.pi),
         arm_swing=random.uniform(0.5, 0.9),
@@ -196,7 +196,7 @@ def _lift(
     lifting = (way.time - way.end + style.overlap - style.reach_duration - style.brace) / style.lift_duration
     # straight up first, past the knees, and then to the belly
     up, near = minimum_jerk(lifting), minimum_jerk((lifting - 0.2) / 0.8)
-    box_quat = about_y(style.tilt * near)
+    box_quat = about_y(style.tip * near)
     # it turns about the line between the hands
     axis = clasp.mean(0)
     box_pos = axis + np.stack([near, near, up], -1) * carried - rot.rotate(box_quat, axis)
