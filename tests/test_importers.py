@@ -21,16 +21,17 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError, UnknownName
 from mimicbench.core.motion import forward_kinematics
 from mimicbench.core.untrusted import load_torch
-from mimicbench.references.body.body import body_of
+from mimicbench.references.body.body import body_of, core4d_body
 from mimicbench.references.body.skeletons import CORE4D, ROAM, SKELETONS, UNIHSI
 from mimicbench.references.checks.contacts import detect_feet
 from mimicbench.references.checks.quality import check_clip
+from mimicbench.references.importers.amass import T_POSE
 from mimicbench.references.importers.bvh_file import read_bvh, world
 from mimicbench.references.importers.intermimic import BODY_POS, SOURCES
 from mimicbench.references.importers.joint_names import split_name
 from mimicbench.references.importers.recording import Wishes
 from mimicbench.references.importers.registry import FORMATS, detect_format, import_recording
-from mimicbench.references.importers.rest_pose import axis_up, turned
+from mimicbench.references.importers.rest_pose import axis_up, hanging_turns, turned
 from mimicbench.references.importers.roam import read_pose
 from mimicbench.references.importers.stride import stride_scale
 from mimicbench.references.make import ImportConfig, import_references
@@ -209,24 +210,59 @@ def test_amass_with_and_without_joints(tmp_path, kind, joints):
     assert rot.angle_between(recording.local_quat, recordings.made_up(CORE4D)[1]).max() < (2e-3 if joints else 0.45)
 
 
+def as_smpl(pos, world_quat):
+    """What AMASS would store of a motion with these joints and orientations on our skeleton: rotations from SMPL's own
+    T-pose, of which the limbs are not quite straight, and a translation away from the pelvis.
+    """
+    turns = hanging_turns(core4d_body(), T_POSE.offsets, np.tile(rot.IDENTITY, (22, 1)), np.array([0.0, 1.0, 0.0]))
+    rotvec = rot.to_rotvec(recordings.local(CORE4D, rot.multiply(world_quat, rot.conjugate(turns))))
+    return {
+        "poses": np.pad(rotvec.reshape(len(pos), -1), ((0, 0), (0, 90))),
+        "trans": pos[:, 0] - [0.0, -0.35, 0.02],
+        "mocap_framerate": 30.0,
+    }
+
+
 @real
-def test_without_joints_a_real_persons_size_is_found(tmp_path):
+@pytest.mark.parametrize("name", ["sub3_largebox_003", "sub2_largetable_012"])
+def test_without_joints_a_real_persons_size_is_found(tmp_path, name):
     """A real walk (InterMimic) written as AMASS would have it."""
-    recording = import_recording(DATA / "omomo" / "sub3_largebox_003.pt")
-    pos, world_quat = recording.forward_kinematics()
-    smpl = rot.multiply(world_quat, rot.multiply(recordings.swings(CORE4D), recordings.SMPL_FRAME))
-    rotvec = rot.to_rotvec(recordings.local(CORE4D, smpl)).reshape(len(pos), -1)
-    np.savez(
-        tmp_path / "real.npz",
-        poses=np.pad(rotvec, ((0, 0), (0, 90))),
-        trans=pos[:, 0] - [0.0, -0.35, 0.01],
-        mocap_framerate=30.0,
-    )
+    recording = import_recording(DATA / "omomo" / f"{name}.pt")
+    np.savez(tmp_path / "real.npz", **as_smpl(*recording.forward_kinematics()))
     found = import_recording(tmp_path / "real.npz")
+    assert np.median(found.root_pos_w[:, 2] / recording.root_pos_w[:, 2]) == pytest.approx(1.0, abs=0.01)
+    # the bones keep the proportions of ours, so that legs are less exact than the height
     legs = [
         np.linalg.norm(skeleton.offsets[[4, 7]], axis=-1).sum() for skeleton in (found.skeleton, recording.skeleton)
     ]
-    assert legs[0] / legs[1] == pytest.approx(1.0, abs=0.02)
+    assert legs[0] / legs[1] == pytest.approx(1.0, abs=0.03)
+
+
+@pytest.mark.parametrize("size", [0.88, 1.0, 1.1])
+def test_the_size_of_who_never_stands_up_straight_follows_from_the_floor(tmp_path, size):
+    """Knees are bent all the time, and nobody walks; the floor is at z = 0."""
+    body = core4d_body(size)
+    time = np.arange(90) / 30
+    quat = np.tile(rot.IDENTITY, (90, 22, 1))
+    bend = 0.4 + 0.15 * np.sin(2 * time)
+    for leg in body.legs:
+        for joint, factor in zip(leg, (-1, 2, -1), strict=True):
+            quat[:, joint] = rot.from_rotvec(np.outer(factor * bend, [0.0, 1.0, 0.0]))
+    root = np.zeros((90, 3))
+    pos, world_quat = forward_kinematics(body.skeleton, root, quat)
+    pos[..., 2] += body.sole - pos[:, body.legs[0].end, 2][:, None]
+    np.savez(tmp_path / "clip.npz", **as_smpl(pos, world_quat))
+    found = import_recording(tmp_path / "clip.npz")
+    assert body_of(found.skeleton).size == pytest.approx(size, rel=0.02)
+    assert any("over a floor at z = 0" in line for line in found.assumed)
+
+
+@pytest.mark.skipif(not (DATA / "more" / "amass").is_dir(), reason=f"the real recordings are not at {DATA / 'more'}")
+def test_a_real_person_with_bent_knees_is_as_tall_as_the_markers(tmp_path):
+    """AMASS's own sample has markers: the forehead's are at 1.304 m, which is 0.08 m above the head's joint."""
+    recording = import_recording(DATA / "more" / "amass" / "amass_sample.npz")
+    head = np.median(recording.forward_kinematics()[0][:, 15, 2])
+    assert head + 0.08 == pytest.approx(1.304, abs=0.03)
 
 
 def test_object_tracks_come_along(tmp_path):

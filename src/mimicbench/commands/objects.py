@@ -72,7 +72,7 @@ def import_objects_(
         Literal["convex", "boxes"],
         tyro.conf.arg(help="what the objects collide with: convex pieces, or the boxes around them"),
     ] = "convex",
-    mass: Annotated[float, tyro.conf.arg(help="of an object to be lifted [kg]")] = 2.0,
+    mass: Annotated[float | None, tyro.conf.arg(help="of an object to be lifted [kg]; 2 if not given")] = None,
     workdir: Annotated[
         Path, tyro.conf.arg(help="a workdir of its own for these objects; the other commands go on from there")
     ] = Path("work/own"),

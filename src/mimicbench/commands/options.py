@@ -40,7 +40,9 @@ def slugs(task: str) -> list[str]:
 
 def say(line: str) -> None:
     """Progress goes to stderr, so that stdout holds results alone."""
-    print(line, file=sys.stderr, flush=True)
+    from mimicbench.core.names import printable
+
+    print(printable(line, lines=True), file=sys.stderr, flush=True)
 
 
 def done(header: object, as_json: bool) -> None:

@@ -1,11 +1,17 @@
 """Errors that a user can act on."""
 
+from mimicbench.core.names import printable
+
 
 class MimicbenchError(Exception):
     """Something the user can mend. The message is one sentence that says what to do next.
 
-    The command line prints the message without a traceback and exits with status 2.
+    The command line prints the message without a traceback and exits with status 2. Whatever names of files are in it,
+    it is one line and steers no terminal.
     """
+
+    def __str__(self) -> str:
+        return printable(super().__str__())
 
 
 class BadFile(MimicbenchError):

@@ -79,6 +79,14 @@ def load_torch(path: Path, max_bytes: int) -> Any:
     return _guarded(path, ".pt", lambda: _read_torch(raw, max_bytes))
 
 
+def is_file(path: Path) -> bool:
+    """Whether there is such a file; a name that is too long is none's."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
 def read_bytes(path: Path, max_bytes: int) -> bytes:
     """A file's content. Raises BadFile if it is missing, empty or larger than `max_bytes`."""
     try:

@@ -11,6 +11,7 @@ import numpy as np
 
 from mimicbench.core.errors import BadFile, BadMotion
 from mimicbench.core.motion import HumanMotion
+from mimicbench.core.names import printable
 from mimicbench.core.parallel import map_items
 from mimicbench.core.stage import HEADER, Stage, open_stage
 from mimicbench.objects.shape import SceneObject, load_object, save_object, split_of
@@ -160,10 +161,10 @@ def import_references(
             say(f"left out: {error}")
             continue
         if set(clips) & {motion.id for motion, _ in found}:
-            say(f"left out: {path} has the name of another file; rename it")
+            say(f"left out: {printable(str(path))} has the name of another file; rename it")
             continue
         say(
-            f"{path.name}: {len(found)} {task} {'clip' if len(found) == 1 else 'clips'} of "
+            f"{printable(path.name)}: {len(found)} {task} {'clip' if len(found) == 1 else 'clips'} of "
             f"{recording.frames / recording.fps:.1f} s"
         )
         for line in recording.assumed:

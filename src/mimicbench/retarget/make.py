@@ -82,7 +82,7 @@ def make_retargeted(
         reasons = ", ".join(f"{name} {count}" for name, count in found.rejected_for.items())
         raise BadMotion(
             f"none of {len(paths)} clips that {method.name} retargeted is solved and fulfils {task} ({reasons}); "
-            "look at one with `mimicbench view`, try another --method, or make other clips"
+            "try another --method, or make other clips"
         )
     return stage.finish(**asdict(found))
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from mimicbench.core.bounded import run_bounded
 from mimicbench.core.errors import BadFile
-from mimicbench.core.untrusted import read_bytes
+from mimicbench.core.untrusted import is_file, read_bytes
 from mimicbench.objects.importing.formats import CHECKS, MAX_FACES, binary_stl
 from mimicbench.objects.importing.ply import read_ply
 
@@ -58,7 +58,7 @@ def read_mesh(path: Path) -> Mesh:
     if kind not in CHECKS:
         hint = "; save it as .glb, which is whole in one file" if kind == "gltf" else ""
         raise BadFile(f"{path} is none of .obj, .ply, .stl and .glb{hint}")
-    if not path.is_file():
+    if not is_file(path):
         raise BadFile(f"{path} does not exist or is no file")
     stat = path.stat()
     if stat.st_size > MAX_BYTES:

@@ -12,7 +12,9 @@ from scipy.spatial import ConvexHull, Delaunay
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile, BadObject, MimicbenchError
 from mimicbench.core.files import write_json
+from mimicbench.core.names import printable
 from mimicbench.core.stage import HEADER, Stage, open_stage
+from mimicbench.core.untrusted import is_file
 from mimicbench.objects.importing.convex import box_around, split
 from mimicbench.objects.importing.evidence import Evidence, read_evidence
 from mimicbench.objects.importing.mend import close_holes
@@ -28,6 +30,8 @@ TOLERANCE = 0.03
 object is refused."""
 BOX_LIKE = 0.985
 """A piece that fills this share of its box is replaced by the box."""
+LIFTED, MASS = "box", 2.0
+"""The family of what is lifted, and its usual mass [kg]."""
 COLORS = ((0.62, 0.55, 0.47), (0.56, 0.52, 0.49), (0.68, 0.61, 0.53), (0.50, 0.47, 0.44))
 
 
@@ -38,8 +42,8 @@ class ImportConfig:
     wishes: Wishes = Wishes()
     pieces: str = "convex"
     """`convex`, or `boxes` to replace every convex piece by the box around it."""
-    mass: float = 2.0
-    """[kg], of objects to be lifted."""
+    mass: float | None = None
+    """[kg], of objects to be lifted; MASS if nothing is said."""
 
 
 def import_mesh(
@@ -55,8 +59,7 @@ def import_mesh(
 
 def _make(mesh: Mesh, path: Path, family: str, config: ImportConfig, object_id: str) -> tuple[SceneObject, Evidence]:
     kind = KINDS.get(family, ANYTHING)
-    if not 0 < config.mass < 1000:
-        raise BadObject(f"a mass of {config.mass} kg cannot be; give --mass between 0 and 1000")
+    check_mass(family, config.mass)
     mesh, pairs = one_sheet(mesh)
     placed = place(mesh, kind, path.suffix.lower()[1:], config.wishes)
     if kind.needs is not None and placed.plane is None:
@@ -101,8 +104,8 @@ def _make(mesh: Mesh, path: Path, family: str, config: ImportConfig, object_id: 
         height,
         polygon,
         head_xy=_head(placed) if lies else np.zeros(0),
-        movable=family == "box",
-        mass=config.mass if family == "box" else None,
+        movable=family == LIFTED,
+        mass=(config.mass or MASS) if family == LIFTED else None,
         hulls=() if is_box.all() else hulls,
     )
     if kind.touched:
@@ -112,7 +115,7 @@ def _make(mesh: Mesh, path: Path, family: str, config: ImportConfig, object_id: 
     length, width, tall = np.subtract(*obj.bounds()[::-1]).tolist()
     evidence = Evidence(
         object_id,
-        path.name,
+        printable(path.name),
         _sha256(path),
         placed.scale,
         placed.up,
@@ -130,6 +133,14 @@ def _make(mesh: Mesh, path: Path, family: str, config: ImportConfig, object_id: 
     return obj, evidence
 
 
+def check_mass(family: str, mass: float | None) -> None:
+    """A mass is of an object to be lifted, and can be. Raises BadObject."""
+    if mass is not None and family != LIFTED:
+        raise BadObject(f"--mass is of objects to be lifted; a {family} stays where it is: leave that out")
+    if mass is not None and not 0 < mass < 1000:
+        raise BadObject(f"a mass of {mass} kg cannot be; give --mass between 0 and 1000")
+
+
 def import_objects(
     folder: Path, task: str, family: str, files: Sequence[Path], config: ImportConfig, say: Callable[[str], None]
 ) -> tuple[Stage, list[Evidence]]:
@@ -139,8 +150,9 @@ def import_objects(
     """
     if not files:
         raise MimicbenchError("give at least one file: mimicbench objects import chair.obj")
+    check_mass(family, config.mass)
     ids = own_ids(files)
-    missing = next((path for path in files if not path.is_file()), None)
+    missing = next((path for path in files if not is_file(path)), None)
     if missing is not None:
         raise BadFile(f"{missing} does not exist or is no file")
     sources = {object_id: _sha256(path) for object_id, path in zip(ids, files, strict=True)}
@@ -183,7 +195,7 @@ def own_ids(files: Sequence[Path]) -> list[str]:
     """
     names = [own_id(path) for path in files]
     ids = [
-        f"{name}-{_sha256(path)[:8]}" if names.count(name) > 1 and path.is_file() else name
+        f"{name}-{_sha256(path)[:8]}" if names.count(name) > 1 and is_file(path) else name
         for name, path in zip(names, files, strict=True)
     ]
     if len(set(ids)) < len(ids):

@@ -30,13 +30,15 @@ from mimicbench.references.importers.stride import stride_scale
 
 RATES = ("mocap_framerate", "mocap_frame_rate", "fps", "frame_rate")
 ROOTS, BODIES, PLACES = ("root_orient", "global_orient"), ("pose_body", "body_pose"), ("trans", "transl")
-ANKLES, ANKLE = (7, 8), (0.03, 0.16)
-"""And how high standing ankles are [m]."""
+ANKLES = (7, 8)
+TOE = 0.025
+"""Height of SMPL's ball of the foot over the sole [m]."""
+PELVIS = 0.02
+"""How far SMPL's pelvis is above its translation, with z up [m]."""
 SIZES = (0.75, 1.25)
 """Of people, over our skeleton's."""
-
-STANDING = core4d_body().standing_height
-"""Of its pelvis [m]."""
+DISAGREE = 0.2
+"""If height and steps differ by more than this, as a logarithm, the floor is not at 0."""
 
 _KNEE, _ANKLE, _ELBOW, _WRIST = (
     (0.0573, -0.4231, -0.0126),
@@ -110,6 +112,7 @@ def _rotations(path: Path, data: dict) -> np.ndarray:
     if (
         not isinstance(root, np.ndarray)
         or not isinstance(body, np.ndarray)
+        or not min(root.ndim, body.ndim)
         or not len(root) == len(body)
         or not len(root)
     ):
@@ -127,26 +130,39 @@ def _rotations(path: Path, data: dict) -> np.ndarray:
 
 
 def _size(trans: np.ndarray, bare: np.ndarray, up: str, fps: float) -> tuple[float, str]:
-    """How tall the person is over our skeleton, from the pelvis's height or from the steps, and what to say about it.
+    """How tall the person is over our skeleton, from the height over a floor at z = 0, or from the steps, and what to
+    say about it.
 
-    The translation is a constant away from the pelvis: with z up by 1 to 3 cm of height only, with y up by about as
+    The translation is a constant away from the pelvis: with z up by about PELVIS of height only, with y up by about as
     much as a thigh's half.
     """
     _, turn = axis_up(up)
     place, body = rot.rotate(turn, trans), rot.rotate(turn, bare)
-    size = float(np.quantile(place[:, 2], 0.9)) / STANDING
-    ankles = place[:, None, 2] + size * body[:, ANKLES, 2]
-    if up == "z+" and ANKLE[0] < float(np.quantile(ankles.min(-1), 0.2)) < ANKLE[1] and SIZES[0] <= size <= SIZES[1]:
-        how = "by the height of the pelvis over a floor at z = 0"
-    else:
-        found = stride_scale(CORE4D, place[:, None] + body, fps)
-        known = found is not None and SIZES[0] <= found <= SIZES[1]
-        size, how = (
-            (found or 1.0, "so that feet stand still in walking")
-            if known
-            else (1.0, "for want of anything to tell its size by")
-        )
-    return size, f"no joints are stored: bones are {size:.3f} times those of our 1.80 m tall skeleton, {how}"
+    stride = stride_scale(CORE4D, place[:, None] + body, fps)
+    stride = stride if stride is not None and SIZES[0] <= stride <= SIZES[1] else None
+    if up == "z+":
+        size = _over_floor(place[:, 2] + PELVIS, body)
+        if SIZES[0] <= size <= SIZES[1] and (stride is None or abs(np.log(size / stride)) < DISAGREE):
+            return size, _said(size, "by how high the pelvis is over a floor at z = 0")
+    if stride is not None:
+        return stride, _said(stride, "so that feet stand still in walking")
+    return 1.0, _said(1.0, "for want of anything to tell its size by")
+
+
+def _over_floor(pelvis: np.ndarray, body: np.ndarray) -> float:
+    """The size at which the lower sole is usually at 0 while the person is up, from the pelvis's height (T,) over the
+    floor [m] and the joints (T, 22, 3) beside it of a person of size 1 [m].
+    """
+    person = core4d_body()
+    ankle = body[:, ANKLES, 2] - body[:, :1, 2] - person.sole
+    toe = body[:, FEET, 2] - body[:, :1, 2] - TOE
+    reach = -np.minimum(ankle, toe).min(-1)
+    up = reach >= 0.8 * np.quantile(reach, 0.98)
+    return float(np.median(pelvis[up] / reach[up]))
+
+
+def _said(size: float, how: str) -> str:
+    return f"no joints are stored: bones are {size:.3f} times those of our 1.80 m tall skeleton, {how}"
 
 
 FORMAT = Format(

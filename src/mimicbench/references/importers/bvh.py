@@ -129,4 +129,9 @@ def _between(sources: list[int | None]) -> list[int]:
     return [j for j in missing if j in below]
 
 
-FORMAT = Format("bvh", import_bvh, lambda file: file.content == "bvh" or (not file.content and file.suffix == ".bvh"))
+FORMAT = Format(
+    "bvh",
+    import_bvh,
+    lambda file: file.content == "bvh" or (not file.content and file.suffix == ".bvh"),
+    heeds=("unit", "scale"),
+)

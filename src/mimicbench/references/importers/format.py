@@ -12,6 +12,8 @@ from mimicbench.core.errors import BadFile
 from mimicbench.core.untrusted import NPY, read_bytes
 from mimicbench.references.importers.recording import MAX_BYTES, Recording, Wishes
 
+OPTIONAL = {"unit": "--unit", "scale": "--scale", "mesh": "--object-mesh"}
+"""Wishes that not every format can fulfill, and what they are called on the command line."""
 _BEGINNING = 400
 """Bytes of an array that hold its header."""
 
@@ -50,6 +52,8 @@ class Format:
     """Raises BadFile or BadMotion."""
     recognizes: Callable[[Glimpse], bool]
     """Whether a file seems to be in it."""
+    heeds: tuple[str, ...] = ()
+    """Which of the wishes OPTIONAL it can fulfill; the others are refused."""
 
 
 def glimpse(path: Path) -> Glimpse:

@@ -84,4 +84,4 @@ def _recognizes(file: Glimpse) -> bool:
     return not file.content and file.suffix in (".pt", ".pth")
 
 
-FORMAT = Format("intermimic", import_intermimic, _recognizes)
+FORMAT = Format("intermimic", import_intermimic, _recognizes, heeds=("mesh",))

@@ -11,6 +11,7 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion, MimicbenchError
 from mimicbench.core.motion import MAX_FRAMES, Skeleton, forward_kinematics
+from mimicbench.core.names import safe_name
 from mimicbench.references.body.body import Body, body_of
 from mimicbench.references.checks.contacts import sole_points
 
@@ -77,7 +78,7 @@ class Recording:
     """A recording as imported, not yet next to any object: z up, the floor at z = 0."""
 
     name: str
-    """The file's name without its ending."""
+    """The file's name without its ending, fit for ids."""
     skeleton: Skeleton
     """One of `SKELETONS` by name and joints, in their rest pose, with the person's own bone lengths."""
     fps: float
@@ -137,7 +138,11 @@ def finish(path: Path, recording: Recording, stands: bool = True) -> Recording:
     down = np.array([0.0, 0.0, floor])
     track = recording.track and replace(recording.track, pos_w=recording.track.pos_w - down)
     return replace(
-        recording, root_pos_w=recording.root_pos_w - down, assumed=(*recording.assumed, *warned, said), track=track
+        recording,
+        name=safe_name(recording.name),
+        root_pos_w=recording.root_pos_w - down,
+        assumed=(*recording.assumed, *warned, said),
+        track=track,
     )
 
 

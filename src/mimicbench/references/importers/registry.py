@@ -30,11 +30,16 @@ def import_recording(path: Path, form: str = AUTO, wishes: Wishes | None = None)
 
     Raises BadFile, BadMotion or UnknownName.
     """
+    from mimicbench.references.importers.format import OPTIONAL
     from mimicbench.references.importers.recording import Wishes
 
     if form != AUTO and form not in FORMATS:
         raise UnknownName("format", form, [AUTO, *FORMATS])
-    return FORMATS.get(detect_format(path) if form == AUTO else form).read(path, wishes or Wishes())
+    found, wishes = FORMATS.get(detect_format(path) if form == AUTO else form), wishes or Wishes()
+    for name, option in OPTIONAL.items():
+        if getattr(wishes, name) is not None and name not in found.heeds:
+            raise BadFile(f"{path} is in format {found.name}, to which {option} does not apply; leave that out")
+    return found.read(path, wishes)
 
 
 def detect_format(path: Path) -> str:

@@ -149,4 +149,4 @@ def _recognizes(file: Glimpse) -> bool:
     return not file.content and file.suffix in (".txt", ".csv")
 
 
-FORMAT = Format("roam", import_roam, _recognizes)
+FORMAT = Format("roam", import_roam, _recognizes, heeds=("unit", "scale"))

@@ -55,6 +55,8 @@ def find_clips(recording: Recording, task: str) -> list[Clip]:
     """
     if task not in TASKS:
         raise UnknownName("task", task, list(TASKS))
+    if recording.wishes.mesh is not None and task not in TRACKED:
+        raise BadMotion(f"--object-mesh is of an object to be touched or lifted, not for {task}; leave that out")
     return TASKS[task](recording)
 
 
@@ -96,7 +98,8 @@ def lifting_clips(recording: Recording) -> list[Clip]:
         handling = find_handling(_away(track, sides, wrists), track.pos_w[:, 2], recording.fps)
         found = [handling] if handling is not None and handling.end is not None else []
     else:
-        found = find_clasps(wrists, recording.fps)
+        ankles = recording.forward_kinematics()[0][:, [leg.end for leg in body_of(recording.skeleton).legs]]
+        found = find_clasps(wrists, ankles, recording.fps)
     if not found:
         raise BadMotion(
             f"{recording.name} has no part in which both hands lift something by "
@@ -121,6 +124,8 @@ TASKS: dict[str, Callable[[Recording], list[Clip]]] = {
     "touch-points": touching_clips,
     "lift-box": lifting_clips,
 }
+TRACKED = ("touch-points", "lift-box")
+"""Tasks in which the recorded object counts."""
 
 
 def _each(recording: Recording, parts: Sequence[Any], make: Callable[[Any, int], Clip]) -> list[Clip]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mimicbench.core.motion import Skeleton
-from mimicbench.references.body.body import body_of
+from mimicbench.references.body.body import Body, body_of
 from mimicbench.references.checks.contacts import drop_short
 
 
@@ -26,6 +26,8 @@ class SittingRules:
     """Most time kept before the pelvis comes down [s]."""
     after: float = 1.5
     """Time kept after the pelvis came down [s]."""
+    settles: float = 4.0
+    """Time after the pelvis came below a standing one's in which its height is judged [s]; later it may do anything."""
     distance: float = 2.0
     """Most distance of the first frame from the seat [m]."""
     walking: float = 0.3
@@ -51,17 +53,18 @@ def find_sittings(skeleton: Skeleton, pos: np.ndarray, fps: float, rules: Sittin
     body = body_of(skeleton)
     pelvis, head = pos[:, body.pelvis], pos[:, body.head]
     height = pelvis[:, 2]
-    standing = float(np.quantile(height, 0.9))
+    standing = _standing(body, height)
     speed = _smooth(np.linalg.norm(np.gradient(pelvis[:, :2], 1 / fps, axis=0), axis=-1), round(0.5 * fps))
     lean = _lean(pelvis, head)
     found = []
     down = np.concatenate([[False], height < 0.8 * standing, [False]])
     edges = np.flatnonzero(np.diff(down))
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        rest = float(np.median(height[begin:end]))
+        ahead = height[begin : min(end, begin + round(rules.settles * fps))]
+        rest = float(np.median(ahead))
         if end - begin < rules.stays * fps or not rules.least_height <= rest / standing <= rules.most_height:
             continue
-        landing = begin + int(np.argmax(height[begin:end] < rest + 0.02))
+        landing = begin + int(np.argmax(ahead < rest + 0.02))
         last = min(end, landing + round(rules.after * fps))
         if (
             (last - landing) / fps < 0.5 * rules.stays
@@ -86,6 +89,8 @@ class LyingRules(SittingRules):
     stays: float = 1.5
     before: float = 12.0
     after: float = 3.0
+    stretched: float = 0.2
+    """Least distance of the feet beyond the pelvis, seen from the head [m]; who squats has them below."""
 
 
 def find_lyings(skeleton: Skeleton, pos: np.ndarray, fps: float, rules: LyingRules | None = None) -> list[Sitting]:
@@ -97,11 +102,12 @@ def find_lyings(skeleton: Skeleton, pos: np.ndarray, fps: float, rules: LyingRul
     body = body_of(skeleton)
     pelvis, head = pos[:, body.pelvis], pos[:, body.head]
     height = pelvis[:, 2]
-    standing = float(np.quantile(height, 0.9))
+    standing = _standing(body, height)
     speed = _smooth(np.linalg.norm(np.gradient(pelvis[:, :2], 1 / fps, axis=0), axis=-1), round(0.5 * fps))
-    lies = drop_short(
-        (_lean(pelvis, head) > rules.lean) & (height < rules.most_height * standing), max(1, round(0.7 * fps))
-    )
+    feet = pos[:, [leg.end for leg in body.legs]].mean(1)
+    lies = (_lean(pelvis, head) > rules.lean) & (height < rules.most_height * standing)
+    lies &= _beyond(pelvis, head, feet) > rules.stretched
+    lies = drop_short(lies, max(1, round(0.7 * fps)))
     edges = np.flatnonzero(np.diff(np.concatenate([[False], lies, [False]])))
     found = []
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
@@ -115,6 +121,17 @@ def find_lyings(skeleton: Skeleton, pos: np.ndarray, fps: float, rules: LyingRul
         if start is not None:
             found.append(Sitting(start, landing, min(end, landing + round(rules.after * fps))))
     return found
+
+
+def _standing(body: Body, height: np.ndarray) -> float:
+    """Height of the pelvis of who stands [m], who need not do so for long; a jump is higher."""
+    return min(body.standing_height, float(height.max()))
+
+
+def _beyond(pelvis: np.ndarray, head: np.ndarray, feet: np.ndarray) -> np.ndarray:
+    """(T,) how far the feet are beyond the pelvis, seen from the head and from above [m]."""
+    trunk, legs = (pelvis - head)[:, :2], (feet - pelvis)[:, :2]
+    return (trunk * legs).sum(-1) / np.maximum(np.linalg.norm(trunk, axis=-1), 1e-9)
 
 
 def _lean(pelvis: np.ndarray, head: np.ndarray) -> np.ndarray:
@@ -141,6 +158,10 @@ class HandlingRules:
     """Most that the distance between the wrists changes while they lift something [m]."""
     apart: float = 0.12
     """Most that one wrist is above the other when they clasp something [m]."""
+    leap: float = 0.08
+    """Who has both ankles so far above where they usually are [m] is in the air."""
+    leaps: float = 0.5
+    """So long before and after a lift, nobody is [s]."""
     reach: float = 0.42
     """Least distance of a hand from the pelvis, seen from above, when it reaches for something [m]; above the chest its
     height counts, too."""
@@ -186,13 +207,17 @@ def find_handling(
     )
 
 
-def find_clasps(wrists: np.ndarray, fps: float, rules: HandlingRules | None = None) -> list[Handling]:
+def find_clasps(
+    wrists: np.ndarray, ankles: np.ndarray, fps: float, rules: HandlingRules | None = None
+) -> list[Handling]:
     """Lifts of something that was not recorded: both wrists (T, 2, 3) [m] rise together, as far apart as they were,
-    from below the hips.
+    from below the hips, while a foot stays on the floor: who leaps up right after lifts nothing. ankles: (T, 2, 3) [m].
     """
     rules = rules or HandlingRules()
     apart = np.linalg.norm(wrists[:, 0] - wrists[:, 1], axis=-1)
     low = wrists[..., 2].max(-1)
+    foot = ankles[..., 2].min(-1)
+    flies = foot > np.median(foot) + rules.leap
     found, frame = [], 0
     while frame < len(low) - 1:
         # from the lowest place on, as long as the grip lasts
@@ -201,7 +226,10 @@ def find_clasps(wrists: np.ndarray, fps: float, rules: HandlingRules | None = No
         span = low[ahead][: loose[0]] if len(loose) else low[ahead]
         up = np.flatnonzero(span > low[frame] + rules.lift)
         level = abs(wrists[frame, 0, 2] - wrists[frame, 1, 2]) < rules.apart
-        if low[frame] < 0.75 and 0.2 < apart[frame] < 0.9 and level and len(up) and low[frame] <= span.min() + 0.01:
+        after = frame + int(up[0]) + 1 + round(rules.leaps * fps) if len(up) else frame
+        leaps = flies[max(0, frame - round(rules.leaps * fps)) : after].any()
+        clasps = low[frame] < 0.75 and 0.2 < apart[frame] < 0.9 and level and not leaps
+        if clasps and len(up) and low[frame] <= span.min() + 0.01:
             found.append(Handling(max(0, frame - round(rules.before * fps)), frame, frame + int(up[0]) + 1))
             frame += int(up[0]) + round(1.0 * fps)
         frame += 1

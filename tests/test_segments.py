@@ -1,0 +1,82 @@
+"""Which parts of a recording are a task, and which only look like it, on hand-made tracks of pelvis, head and limbs."""
+
+import numpy as np
+import pytest
+
+from mimicbench.references.body.body import unihsi_body
+from mimicbench.references.recordings.segments import find_clasps, find_lyings, find_sittings
+
+FPS = 30
+BODY = unihsi_body()
+
+
+def person(pelvis, head, feet):
+    """(T, 15, 3) of whom only these places count: pelvis (T, 3), and head and feet seen from it (T, 3) [m]."""
+    pos = np.repeat(pelvis[:, None], 15, 1)
+    pos[:, BODY.head] += head
+    for leg in BODY.legs:
+        pos[:, leg.end] += feet
+    return pos
+
+
+def walk_then(low, stays, seconds=4.0):
+    """Pelvis (T, 3) of who walks up at 0.5 m/s, goes down to a height within a second, and stays; and how much of the
+    way down is done (T,).
+    """
+    time = np.arange(round((seconds + 1.0 + stays) * FPS)) / FPS
+    down = np.clip(time - seconds, 0, 1)
+    down = down**2 * (3 - 2 * down)
+    x = np.maximum(seconds - time, 0) * 0.5
+    return np.stack([x, 0 * x, 0.88 + down * (low - 0.88)], -1), down
+
+
+def along(angle, length, sign=1.0):
+    """(T, 3) [m] forward of the vertical by angle (T,) [rad]."""
+    return length * np.stack([sign * -np.sin(angle), 0 * angle, np.cos(angle)], -1)
+
+
+@pytest.mark.parametrize("stays", [5.0, 55.0, 300.0])
+def test_who_sits_for_long_sits(stays):
+    pelvis, down = walk_then(0.5, stays)
+    pos = person(pelvis, along(0 * down, 0.6), np.array([0.0, 0, -0.8]))
+    [sitting] = find_sittings(BODY.skeleton, pos, FPS)
+    assert sitting.landing == pytest.approx(4.85 * FPS, abs=5) and sitting.start < 3 * FPS
+
+
+def test_what_a_seated_person_does_later_does_not_count():
+    """The pelvis is on the seat for two seconds, then for long on the floor before it."""
+    pelvis, down = walk_then(0.5, 40.0)
+    pelvis[8 * FPS :, 2] = 0.30
+    pos = person(pelvis, along(0 * down, 0.6), np.array([0.0, 0, -0.4]))
+    assert len(find_sittings(BODY.skeleton, pos, FPS)) == 1
+
+
+def test_a_squat_is_no_lying_down():
+    pelvis, down = walk_then(0.35, 5.0)
+    head = along(np.radians(75) * down, 0.6)
+    squat = person(pelvis, head, np.array([-0.1, 0.0, -0.3]))
+    assert not find_lyings(BODY.skeleton, squat, FPS), "the feet are below, not beyond the pelvis"
+    feet = np.stack([0.7 * down, 0 * down, -0.8 * (1 - down)], -1)
+    [lying] = find_lyings(BODY.skeleton, person(pelvis, head, feet), FPS)
+    assert lying.landing < 5.2 * FPS
+
+
+def test_who_lies_for_long_lies():
+    pelvis, down = walk_then(0.45, 60.0)
+    feet = np.stack([0.7 * down, 0 * down, -0.8 * (1 - down)], -1)
+    assert len(find_lyings(BODY.skeleton, person(pelvis, along(np.radians(85) * down, 0.6), feet), FPS)) == 1
+
+
+def test_a_jump_is_no_lift():
+    time = np.arange(4 * FPS) / FPS
+    rise = np.clip((time - 2.0) / 0.6, 0, 1)
+    height = 0.5 + 0.5 * rise**2 * (3 - 2 * rise)
+    wrists = np.stack([np.stack([0.3 + 0 * time, y + 0 * time, height], -1) for y in (0.2, -0.2)], 1)
+    ankles = np.stack([np.stack([0 * time, y + 0 * time, 0.08 + 0 * time], -1) for y in (0.1, -0.1)], 1)
+    [lift] = find_clasps(wrists, ankles, FPS)
+    assert lift.end is not None and 2.2 * FPS < lift.end < 2.6 * FPS
+    flight = np.clip(1 - np.abs(time - 2.75) / 0.25, 0, 1)
+    assert not find_clasps(wrists, ankles + flight[:, None, None] * np.array([0, 0, 0.3]), FPS)
+    step = ankles.copy()
+    step[:, 0, 2] += 0.2 * flight
+    assert len(find_clasps(wrists, step, FPS)) == 1, "who steps back with a box is on the floor"
