@@ -229,7 +229,7 @@ def test_proprioception_of_a_turned_robot():
     assert found.shape == (48,)
 
 
-SHORT = TrainConfig(steps=6, batch=8, log_steps=2, checkpoint_minutes=1e9, average=0.9)
+SHORT = TrainConfig(steps=6, batch=8, log_steps=2, save_every=1e9, average=0.9)
 
 
 def test_training_is_deterministic_and_survives_a_kill(demos, chairs, tmp_path):
@@ -259,10 +259,8 @@ def test_training_refuses(demos, chairs, tmp_path):
     config = tiny("bc", INPUTS["blind"])
     data = DemoFrames(demos, chairs, config.inputs, 1)
     train(config, data, SHORT, tmp_path, quiet=True)
-    with pytest.raises(MimicbenchError, match="another configuration"):
+    with pytest.raises(MimicbenchError, match="another train"):
         train(config, data, replace(SHORT, seed=1), tmp_path, quiet=True)
-    with pytest.raises(MimicbenchError, match="how long"):
-        train(config, data, replace(SHORT, steps=None), tmp_path / "other", quiet=True)
     with pytest.raises(MimicbenchError, match="smaller learning rate"):
         train(config, data, replace(SHORT, learning_rate=1e30, clip=0.0, warmup=0.0), tmp_path / "wild", quiet=True)
     assert not (tmp_path / "wild/model.safetensors").exists()

@@ -65,7 +65,7 @@ def imitate(
     policy: Annotated[
         Literal["planner", "act", "bc", "act-clock", "bc-clock"], tyro.conf.arg(help="what to learn")
     ] = "planner",
-    minutes: Annotated[float, tyro.conf.arg(help="how long act and bc learn")] = 7.0,
+    batches: Annotated[int, tyro.conf.arg(help="batches that act and bc learn from")] = 3000,
     samples: Annotated[int, tyro.conf.arg(help="control steps that the planner learns from")] = 3_200_000,
     workdir: Workdir = WORK,
     seed: Seed = 0,
@@ -83,6 +83,6 @@ def imitate(
     ws = workspace.Workspace(workdir, task, seed, workers, as_json, device=device)
     config = ImitateConfig(
         planner=PlannerConfig(samples=samples),
-        clone=CloneConfig(TrainConfig(minutes=minutes, seed=seed, device=tensor_device(device))),
+        clone=CloneConfig(TrainConfig(steps=batches, seed=seed, device=tensor_device(device))),
     )
     done(workspace.imitate_stage(ws, policy, config, say).header, as_json)

@@ -52,7 +52,7 @@ LEARNERS: dict[str, LearnerConfig] = {
 class CloneConfig:
     """How long a learner clones."""
 
-    train: TrainConfig = field(default_factory=lambda: TrainConfig(minutes=7.0))
+    train: TrainConfig = field(default_factory=lambda: TrainConfig())
 
 
 @dataclass(frozen=True)

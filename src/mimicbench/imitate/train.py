@@ -1,33 +1,26 @@
 """Training of a learner on demonstrations: resumable at any moment, the same for the same seed, observed in a file."""
 
 import dataclasses
-import hashlib
-import json
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import msgspec
-import safetensors
-import safetensors.torch
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
-from mimicbench.core.checkpoint import BadCheckpoint
 from mimicbench.core.errors import MimicbenchError
-from mimicbench.core.files import write_atomic
 from mimicbench.core.seeds import digest
+from mimicbench.core.training import NetworkState, OptimizerState, append_metrics, resume_training, save_training
 from mimicbench.imitate.act import ACT
 from mimicbench.imitate.bc import BC
 from mimicbench.imitate.dataset import DemoFrames
 from mimicbench.imitate.inputs import Batch
 from mimicbench.imitate.learners import LearnerConfig, make_learner, save_learner
 
-STATE = "training.safetensors"
-METRICS = "metrics.jsonl"
 _VALIDATION_FRAMES = 512
 
 
@@ -35,26 +28,24 @@ _VALIDATION_FRAMES = 512
 class TrainConfig:
     """How long and how. The defaults are for a CPU."""
 
-    steps: int | None = None
-    """Batches; the result then depends on the seed alone."""
-    minutes: float | None = None
-    """Time to learn, all runs together; whichever of the two ends first."""
+    steps: int = 3000
+    """Batches to learn from: a faster machine gets the same network, sooner."""
     batch: int = 128
     """Frames per batch."""
     learning_rate: float = 1e-3
     """The highest."""
     schedule: str = "cosine"
-    """`cosine`: falls to 0 over the whole time; `constant`."""
+    """`cosine`: falls to 0 over all batches; `constant`."""
     warmup: float = 0.02
-    """Share of the time in which the learning rate rises from 0."""
+    """Share of the batches over which the learning rate rises from 0."""
     weight_decay: float = 1e-4
     """Of AdamW."""
     clip: float = 1.0
     """Longest gradient; 0 for no limit."""
     average: float = 0.999
     """Decay of the moving average of the weights, which is what is kept; 0 for the weights themselves."""
-    checkpoint_minutes: float = 2.0
-    """How much is lost at most when killed."""
+    save_every: float = 120.0
+    """Seconds between saves: what a kill can lose at most."""
     log_steps: int = 50
     """Batches per line of metrics.jsonl."""
     seed: int = 0
@@ -83,31 +74,50 @@ def train(learner: LearnerConfig, data: DemoFrames, config: TrainConfig, folder:
     Returns:
         The trained network (the moving average, if there is one), on the CPU and ready for use.
     """
-    if config.steps is None and config.minutes is None:
-        raise MimicbenchError("say how long to train: give steps, minutes or both")
     run = _Run(learner, data, config, folder)
     run.resume()
-    if run.steps and run.done() >= 1:
-        return run.result()
-    started = saved = time.monotonic()
-    before = run.seconds
+    saved = time.monotonic()
     sums: dict[str, float] = {}
     with _bar(quiet, f"{type(learner).__name__.removesuffix('Config')} learns") as show:
-        while (done := run.done()) < 1:
-            parts = run.step(done)
+        while run.steps < config.steps:
+            before = time.monotonic()
+            parts = run.step()
             for name, value in parts.items():
                 sums[name] = sums.get(name, 0.0) + value
-            now = time.monotonic()
-            run.seconds = before + now - started
+            run.seconds += time.monotonic() - before
             if run.steps % config.log_steps == 0:
                 run.log({name: total / config.log_steps for name, total in sums.items()})
-                show(run.done(), f"loss {sums['loss'] / config.log_steps:.3f}")
+                show(run.steps / config.steps, f"loss {sums['loss'] / config.log_steps:.3f}")
                 sums = {}
-            if now - saved > 60 * config.checkpoint_minutes:
+            if run.steps == config.steps or time.monotonic() - saved > config.save_every:
                 run.save()
-                saved = now
-        run.save()
+                saved = time.monotonic()
     return run.result()
+
+
+class _Average:
+    """A moving average of a network's weights, which is what is kept."""
+
+    def __init__(self, network: nn.Module, decay: float) -> None:
+        self.decay = decay
+        self.values = {n: v.detach().clone() for n, v in network.named_parameters()} if decay else {}
+
+    def follow(self, network: nn.Module, steps: int) -> None:
+        """After `steps` batches."""
+        # young averages forget faster, or they would long remember the first weights
+        decay = min(self.decay, (1 + steps) / (10 + steps))
+        parameters = dict(network.named_parameters())
+        for name, value in self.values.items():
+            value.lerp_(parameters[name].detach(), 1 - decay)
+
+    def state_tensors(self) -> dict[str, Tensor]:
+        """The averages by name."""
+        return dict(self.values)
+
+    def load_state_tensors(self, tensors: Mapping[str, Tensor]) -> None:
+        """The inverse of `state_tensors`."""
+        for name, value in self.values.items():
+            value.copy_(tensors[name])
 
 
 class _Run:
@@ -122,32 +132,24 @@ class _Run:
         self.learner.normalize_by(data.vector(frames), data.action[frames])
         self.learner.to(config.device)
         self.parameters = dict(self.learner.named_parameters())
-        self.average = (
-            {name: value.detach().clone() for name, value in self.parameters.items()} if config.average else {}
-        )
+        self.average = _Average(self.learner, config.average)
         self.optimizer = torch.optim.AdamW(
             self.parameters.values(), lr=config.learning_rate, weight_decay=config.weight_decay
         )
         self.steps = 0
         self.seconds = 0.0
-        plain = msgspec.to_builtins(
-            {"learner": dataclasses.asdict(learner), "train": _identity(config), "frames": data.demos.frames}
-        )
-        references = "\0".join(data.demos.reference_ids)
-        self.fingerprint = hashlib.blake2b(
-            (json.dumps(plain, sort_keys=True) + references).encode(), digest_size=8
-        ).hexdigest()
+        self.identity = {
+            "learner": msgspec.to_builtins(dataclasses.asdict(learner)),
+            "train": _identity(config),
+            "demonstrations": list(data.demos.reference_ids),
+            "frames": data.demos.frames,
+        }
+        optimizer = OptimizerState(self.optimizer)
+        self.parts = {"network": NetworkState(self.learner), "average": self.average, "optimizer": optimizer}
 
-    def done(self) -> float:
-        """The share of the training that is over."""
-        config = self.config
-        by_steps = 0.0 if config.steps is None else self.steps / max(1, config.steps)
-        by_time = 0.0 if config.minutes is None else self.seconds / (60 * max(1e-9, config.minutes))
-        return max(by_steps, by_time)
-
-    def step(self, done: float) -> dict[str, float]:
+    def step(self) -> dict[str, float]:
         """One batch. Its random numbers follow from its number, so a resumed run draws the same ones."""
-        config = self.config
+        config, done = self.config, self.steps / self.config.steps
         random = torch.Generator().manual_seed(self._seed("batch", self.steps))
         frames = self.data.train_frames[torch.randint(len(self.data.train_frames), (config.batch,), generator=random)]
         batch = _to(self.data.batch(frames, random), config.device)
@@ -173,97 +175,39 @@ class _Run:
             )
         self.optimizer.step()
         self.steps += 1
-        # young averages forget faster, or they would long remember the first weights
-        decay = min(config.average, (1 + self.steps) / (10 + self.steps))
-        for name, value in self.average.items():
-            value.lerp_(self.parameters[name].detach(), 1 - decay)
+        self.average.follow(self.learner, self.steps)
         return values
 
     def log(self, parts: dict[str, float]) -> None:
         """Append a line to metrics.jsonl."""
-        line = {
-            "step": self.steps,
-            "minutes": self.seconds / 60,
-            "learning_rate": self.optimizer.param_groups[0]["lr"],
-            **parts,
-        }
-        self.folder.mkdir(parents=True, exist_ok=True)
-        with open(self.folder / METRICS, "a") as stream:
-            stream.write(json.dumps(line) + "\n")
+        rate = self.optimizer.param_groups[0]["lr"]
+        append_metrics(self.folder, {"step": self.steps, "seconds": self.seconds, "learning_rate": rate, **parts})
 
     def save(self) -> None:
-        """Write the checkpoint, with its error on the episodes kept apart, and after it the state to go on from."""
-        tensors = {f"weights/{name}": value.detach() for name, value in self.parameters.items()}
-        tensors |= {
-            f"buffers/{name}": value
-            for name, value in self.learner.named_buffers()
-            if name in self.learner.state_dict()
-        }
-        tensors |= {f"average/{name}": value for name, value in self.average.items()}
-        for name, parameter in self.parameters.items():
-            for key, value in self.optimizer.state.get(parameter, {}).items():
-                tensors[f"optimizer.{key}/{name}"] = value
-        header = {"fingerprint": self.fingerprint, "steps": str(self.steps), "seconds": repr(self.seconds)}
-        data = safetensors.torch.save({name: value.cpu().contiguous() for name, value in tensors.items()}, header)
-
-        def write(stream: IO[bytes]) -> None:
-            stream.write(data)
-
+        """Write the state to go on from, and a checkpoint with its error on the episodes kept apart."""
         learner = self.result()
         error = self.validation_error(learner)
         if error is not None:
             self.log({"validation_error": error})
+        save_training(self.folder, self.identity, self.parts, {"step": self.steps, "seconds": self.seconds})
         notes = {
             "steps": self.steps,
-            "minutes": self.seconds / 60,
+            "seconds": self.seconds,
             "seed": self.config.seed,
             "episodes": self.data.demos.episodes,
             "validation_error": error,
         }
         save_learner(self.folder, learner, self.data.demos.robot, notes)
-        write_atomic(self.folder / STATE, write)
 
     def resume(self) -> None:
         """Take up what `save` left, if anything. Raises MimicbenchError if it was made with another configuration."""
-        path = self.folder / STATE
-        if not path.exists():
-            return
-        try:
-            with safetensors.safe_open(path, "pt") as file:
-                header, tensors = file.metadata() or {}, {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-        except (safetensors.SafetensorError, OSError) as error:
-            raise BadCheckpoint(
-                f"{path} cannot be read ({error}); delete {self.folder} to train from the start"
-            ) from None
-        if header.get("fingerprint") != self.fingerprint:
-            raise MimicbenchError(
-                f"{self.folder} was trained with another configuration or other demonstrations; use "
-                "another folder, or delete it"
-            )
-        self.steps, self.seconds = int(header["steps"]), float(header["seconds"])
-        self.learner.load_state_dict(
-            {
-                name.split("/", 1)[1]: value
-                for name, value in tensors.items()
-                if name.startswith(("weights/", "buffers/"))
-            }
-        )
-        for name, parameter in self.parameters.items():
-            if self.average:
-                self.average[name].copy_(tensors[f"average/{name}"])
-            keys = [key for key in ("step", "exp_avg", "exp_avg_sq") if f"optimizer.{key}/{name}" in tensors]
-            if keys:
-                # the moments live beside the weights, the count of steps on the CPU
-                self.optimizer.state[parameter] = {
-                    key: tensors[f"optimizer.{key}/{name}"].to("cpu" if key == "step" else self.config.device)
-                    for key in keys
-                }
-        _forget_after(self.folder / METRICS, self.steps)
+        progress = resume_training(self.folder, self.identity, self.parts, {"step": 0, "seconds": 0.0})
+        self.steps, self.seconds = int(progress["step"]), float(progress["seconds"])
 
     def result(self) -> ACT | BC:
         """The network to keep, on the CPU."""
         learner = make_learner(self.learner.config)
-        learner.load_state_dict({**self.learner.state_dict(), **self.average})
+        learner.load_state_dict({**self.learner.state_dict(), **self.average.values})
         return learner.eval()
 
     @torch.no_grad()
@@ -284,7 +228,7 @@ class _Run:
 
 def _identity(config: TrainConfig) -> dict[str, Any]:
     """The part of the configuration that a resumed run must share; it may run longer or elsewhere."""
-    free = ("steps", "minutes", "checkpoint_minutes", "log_steps", "device")
+    free = ("steps", "save_every", "log_steps", "device")
     return {key: value for key, value in dataclasses.asdict(config).items() if key not in free}
 
 
@@ -298,14 +242,6 @@ def _to(batch: Batch, device: str) -> Batch:
         move(batch.actions),
         move(batch.pad),
     )
-
-
-def _forget_after(path: Path, step: int) -> None:
-    """Drop the lines of metrics.jsonl that a killed run wrote after its last checkpoint."""
-    if not path.exists():
-        return
-    lines = [line for line in path.read_text().splitlines() if line.endswith("}") and json.loads(line)["step"] <= step]
-    write_atomic(path, lambda stream: stream.writelines(f"{line}\n".encode() for line in lines))
 
 
 @contextmanager
