@@ -25,6 +25,8 @@ LOWER = 0.012
 """Feet come out only so far that a pelvis so much lower would do, too [m]: thighs spread, and shift at rest."""
 SINK = 0.01
 """How deep a body sinks into what it sits on or leans against [m]."""
+DEEPEST = 0.325
+"""Farthest that a pelvis sits behind a seat's front edge [m]: who has shorter thighs, as robots do, can follow."""
 REAR = 0.10
 """Between a pelvis and the rear edge of a seat, at least [m]."""
 LEANS = np.array([0.0, 0.07, -0.07, 0.14, -0.14, 0.21, 0.28, 0.36])
@@ -129,7 +131,8 @@ def foot_allowed(obj: SceneObject, body: Body, hip: np.ndarray, ankle: np.ndarra
 
 def _ways_back(obj: SceneObject, body: Body, place: Place, most: float) -> np.ndarray:
     """(N, 3) shifts of the pelvis, ever farther back, up to `most` [m], on the seat and with the knees before it."""
-    most = min(most, float(place.pelvis[0] - obj.seat_polygon[:, 0].min()) - REAR)
+    low, high = float(obj.seat_polygon[:, 0].min()), float(obj.seat_polygon[:, 0].max())
+    most = min(most, float(place.pelvis[0]) - low - REAR, float(place.pelvis[0]) - high + DEEPEST)
     back = np.arange(0.0, max(most, 0.0) + 0.005, 0.01)[:, None] * [-1.0, 0.0, 0.0]
     return back[: max(1, _knees_clear(obj, body, place, back))]
 

@@ -152,7 +152,7 @@ def draw_manner(random: np.random.Generator) -> dict[str, float]:
         "pause": random.uniform(-0.05, 0.25),
         "lean": float(np.clip(0.89 + 0.12 * random.standard_normal(), 0.66, 1.10)),
         "recline": random.uniform(-0.45, -0.15) if knees else random.uniform(0.0, 0.30),
-        "slump": random.uniform(*((0.25, 0.50) if knees else (0.05, 0.24) if against else (0.10, 0.50))),
+        "slump": random.uniform(*((0.25, 0.50) if knees else (0.0, 0.10) if against else (0.10, 0.50))),
         "against": 1.0 if against and not knees else -1.0,
         "lean_back": random.uniform(0.20, 0.55),
         "back": random.uniform(0.0, 0.26),
