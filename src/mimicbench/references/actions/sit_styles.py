@@ -124,7 +124,7 @@ RESTS: dict[float, float] = {THIGH: 0.36, ARM: 0.20, SEAT: 0.22, LAP: 0.12, HANG
 """Where a hand rests in the end, unless it stays on an arm, or both lie in the lap."""
 STAYS, BOTH_IN_LAP = 0.6, 0.14
 """How often a hand stays on the arm of the seat that it took on the way down, and how often both go to the lap."""
-AGAINST, ON_KNEES = 0.76, 0.12
+AGAINST, ON_KNEES = 0.64, 0.12
 """How many people lean against the back of a seat, and how many sit bent forward."""
 
 
@@ -152,7 +152,7 @@ def draw_manner(random: np.random.Generator) -> dict[str, float]:
         "pause": random.uniform(-0.05, 0.25),
         "lean": float(np.clip(0.89 + 0.12 * random.standard_normal(), 0.66, 1.10)),
         "recline": random.uniform(-0.45, -0.15) if knees else random.uniform(0.0, 0.30),
-        "slump": random.uniform(*((0.25, 0.50) if knees else (0.0, 0.10) if against else (0.10, 0.50))),
+        "slump": random.uniform(*((0.25, 0.50) if knees else (0.0, 0.08) if against else (0.10, 0.50))),
         "against": 1.0 if against and not knees else -1.0,
         "lean_back": random.uniform(0.20, 0.55),
         "back": random.uniform(0.0, 0.26),

@@ -223,7 +223,7 @@ def _trunk(seat: _Seat, way: Walk, clock: np.ndarray) -> Trunk:
     wobble = busy * unrest(style.habits, clock, WOBBLE)
     aside += 0.3 * wobble
     gaze, looks = _gaze(way, seat, clock)
-    aside[:, 2] += 0.2 * gaze - 0.3 * askew
+    aside[:, 2] += 0.2 * gaze - (1.0 if seated.bears else 0.3) * askew  # both shoulders to the back
     chest = rot.multiply(pelvis, rot.multiply(rot.from_rotvec(aside), way.chest_turn(spine)))
     turn = gaze - looks * way.look - 0.4 * askew
     head = rot.multiply(rot.from_rotvec(wobble), rot.multiply(rot.from_yaw(turn), way.head_turn(nod)))
