@@ -15,7 +15,15 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.actions.seats import Place, Seated, foot_allowed, lean_against, place_at, sit_free
 from mimicbench.references.actions.sit_styles import HANGS, THIGH, SitStyle
-from mimicbench.references.actions.sitting_hands import Supports, arms_depth, find_supports, lay_flat, move_hands, tamer
+from mimicbench.references.actions.sitting_hands import (
+    Hands,
+    Supports,
+    arms_depth,
+    find_supports,
+    lay_flat,
+    move_hands,
+    tamer,
+)
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.hands import keep_off, lay_on_body
 from mimicbench.references.body.limbs import about_x, about_y
@@ -125,10 +133,12 @@ def _sit(clip_id: str, task: str, seat: _Seat, way: Walk, supports: list[Support
     clock = way.time - way.end - style.pause
     trunk = _trunk(seat, way, clock)
     legs, stands = _legs(seat, way, clock, trunk)
-    if not supports:
-        supports.append(_free_supports(seat, way, trunk, legs, clock))
+    if supports:
+        hands = move_hands(body, way, trunk, legs, clock, supports[0])
+    else:
+        found, hands = _free_supports(seat, way, trunk, legs, clock)
+        supports.append(found)
     style = supports[0][1]
-    hands = move_hands(body, way, trunk, legs, clock, supports[0])
     arms = keep_off(body, trunk, legs, hands.arms, 1.0 - hands.bears)
     quat = lay_on_body(body, trunk, pose(body, trunk, legs, arms))
     lay_flat(body, quat, trunk, hands)
@@ -149,8 +159,10 @@ def _sit(clip_id: str, task: str, seat: _Seat, way: Walk, supports: list[Support
     )
 
 
-def _free_supports(seat: _Seat, way: Walk, trunk: Trunk, legs: Legs, clock: np.ndarray) -> Supports:
-    """Supports to which the arms get without going through the object, of a style as like the wanted one as may be."""
+def _free_supports(seat: _Seat, way: Walk, trunk: Trunk, legs: Legs, clock: np.ndarray) -> tuple[Supports, Hands]:
+    """Supports to which the arms get without going through the object, of a style as like the wanted one as may be, and
+    how they get there.
+    """
     best, least = None, np.inf
     acts = np.flatnonzero((clock > -0.2) & (clock < 1.2 * seat.style.sit_duration + 2.0))[::3]
     for style in tamer(seat.style):
@@ -158,7 +170,7 @@ def _free_supports(seat: _Seat, way: Walk, trunk: Trunk, legs: Legs, clock: np.n
         hands = move_hands(seat.body, way, trunk, legs, clock, found)
         deep = arms_depth(seat.obj, seat.body, trunk, hands.arms, acts) if len(acts) else -np.inf
         if best is None or deep < least - 0.003:
-            best, least = found, deep
+            best, least = (found, hands), deep
         if deep < TOUCHES:
             break
     assert best is not None
