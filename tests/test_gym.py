@@ -250,14 +250,15 @@ def test_targets_are_where_the_wrists_are_to_go():
 def test_a_hand_without_a_goal_is_told_to_stay():
     env = make("TouchPoints", observe=("proprio",))
     env.reset(seed=1)
-    env.episodes.judge.wrist_goal_w[0, 1] = np.nan
+    env.episodes.env.wrist_goal_w[0, 1] = torch.nan
     seen = env.step(np.zeros(19, np.float32))[0]
-    qpos, links = env.episodes.physics.qpos()[0], env.episodes.physics.links()
+    physics = env.episodes.env.physics
+    qpos, links = physics.qpos()[0], physics.links()
     pos, quat = links.pos_w.cpu().numpy()[0], links.quat_w.cpu().numpy()[0]
     told = qpos[:3] + rot.rotate(qpos[3:7], seen["targets"].astype(float))
     wrist = env.episodes.robot.keypoint_pos("right_wrist", pos, quat)
     np.testing.assert_allclose(told[1], wrist, atol=1e-5)
-    np.testing.assert_allclose(told[0], env.episodes.judge.wrist_goal_w[0, 0], atol=1e-5)
+    np.testing.assert_allclose(told[0], env.episodes.env.wrist_goal_w[0, 0], atol=1e-5)
 
 
 def test_the_elevation_map_shows_the_object():

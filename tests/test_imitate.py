@@ -32,10 +32,11 @@ from mimicbench.imitate.perception import (
     unit_direction,
     window,
 )
-from mimicbench.imitate.policy import Senses, VisionPolicy, load_policy
+from mimicbench.imitate.policy import VisionPolicy, load_policy
 from mimicbench.imitate.train import TrainConfig, train
 from mimicbench.objects.families.chair import make_chair
 from mimicbench.sensors.heightmap import box_heightmap
+from mimicbench.sensors.observations import Observations
 
 TINY = EncoderConfig(pool=4, widths=(8, 8, 8, 8), blocks=(1, 1, 1, 1))
 INPUTS = {
@@ -339,13 +340,14 @@ def test_policy_sees_the_shape_and_nothing_else(demos, chairs, tmp_path):
     proprio[:, 3] = height
 
     def senses(elevation):
-        return Senses(
-            torch.randn(4, 300),
-            proprio,
-            torch.full((4,), 0.5),
-            torch.zeros(4, 2),
-            torch.zeros(4),
-            lambda ids: elevation[ids],
+        return Observations(
+            {
+                "proprio": proprio,
+                "time": torch.full((4, 1), 0.5),
+                "odometry": torch.zeros(4, 3),
+                "elevation": elevation,
+                "heightmap": elevation,
+            }
         )
 
     policy.reset(torch.arange(4), senses(maps))

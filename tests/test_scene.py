@@ -132,7 +132,9 @@ def drive(workers):
         if step == 15:
             stool.exchange(physics, [make_chair(9)], np.array([2]))
             stool.put(physics, np.array([2]), pos[None], rot.IDENTITY[None], joints[None])
-            physics.push(np.array([4]), np.array([[0.5, 0.0, 0.0]]))
+            push = torch.zeros(6, 3)
+            push[4, 0] = 0.5
+            physics.push(push)
         physics.step(torch.tensor(joints + 0.3 * random.normal(size=(6, 19))), measure_effort=step % 2 == 0)
     return physics.qpos().tobytes(), physics.qvel().tobytes(), physics.effort.numpy().tobytes()
 
@@ -203,7 +205,7 @@ def test_step_of_some_leaves_the_others():
     pos, joints = standing()
     place(physics, pos, joints)
     before = physics.qpos().copy()
-    physics.step(torch.tensor(joints).expand(3, 19), True, np.array([1]))
+    physics.step(torch.tensor(joints).expand(3, 19), True, torch.tensor([False, True, False]))
     moved = (physics.qpos() != before).any(-1)
     assert moved.tolist() == [False, True, False]
     assert (physics.effort > 0).tolist() == [False, True, False]

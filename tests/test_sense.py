@@ -12,6 +12,8 @@ import stool
 from mimicbench.bench.sensors import bench_senses
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import RobotMotion
+from mimicbench.envs.clips import ClipSet
+from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.evaluate.rollout import run_policy
 from mimicbench.objects.families.chair import make_chair
 from mimicbench.robots.rigs import HEAD_RIG, PELVIS_RIG
@@ -23,6 +25,7 @@ from mimicbench.sensors.proprioception import Odometry, body_state, gravity, s_c
 from mimicbench.sensors.render import RigCameras
 from mimicbench.sim.native import NativePhysics
 from mimicbench.sim.physics import RobotState
+from mimicbench.sim.rows import Rows
 from mimicbench.tasks.sit_chair import TASK as SIT_CHAIR
 from stool import H1, block, standing
 
@@ -319,24 +322,24 @@ def walk(t):
 
 def test_odometry_is_the_truth_on_a_known_path():
     odometry, start, dt = Odometry(1), walk(0.0), 0.02
-    odometry.reset(torch.arange(1), start)
+    odometry.reset(Rows.every(1), start)
     for step in range(1, 500):
         now = walk(step * dt)
         odometry.update(now, dt)
         truth = rot.rotate_inverse(start.root_quat_w, now.root_pos_w - start.root_pos_w)[:, :2]
         np.testing.assert_allclose(odometry.pos, truth, atol=2e-3)
         assert odometry.yaw[0] == pytest.approx(1.5 * step * dt, abs=1e-3), "over all turns, not only the last"
-    odometry.reset(torch.arange(1), now)
+    odometry.reset(Rows.every(1), now)
     assert odometry.pos.tolist() == [[0, 0]] and odometry.yaw.tolist() == [0]
 
 
 def test_odometry_under_physics():
     physics, _ = scene(block(), [(-2.5, 0.0, 0.9), (-2.5, 1.0, -2.0)])
     odometry, start = Odometry(2), physics.state()
-    odometry.reset(torch.arange(2), start)
+    odometry.reset(Rows.every(2), start)
     for step in range(40):
         if step % 10 == 0:
-            physics.push(np.arange(2), np.array([[0.3, 0.1, 0], [-0.2, 0.2, 0]]))
+            physics.push(torch.tensor([[0.3, 0.1, 0], [-0.2, 0.2, 0]]))
         physics.step(start.joint_pos)
         odometry.update(physics.state(), 0.02)
     now = physics.state()
@@ -346,31 +349,25 @@ def test_odometry_under_physics():
 
 
 class Recorder:
-    """A policy that stands still and keeps all that it senses."""
+    """A policy that stands still and keeps all that it observes."""
 
     gains = "improved"
 
     def __init__(self, eyes):
-        self.eyes, self.seen = eyes, []
+        self.observations, self.seen = ("proprio", "state", "time", "odometry", eyes), []
 
     def to(self, device):
         assert device == "cpu"
 
-    def reset(self, ids, senses):
+    def reset(self, ids, obs):
         self.target = torch.tensor(H1.rest_pose).expand(len(ids), 19)
 
-    def act(self, senses):
-        numbers = [value for name, value in vars(senses).items() if name != "elevation"]
-        self.seen.append(
-            [
-                part.numpy().copy()
-                for part in (*numbers, senses.root_height, senses.elevation(torch.arange(len(senses.time))))
-            ]
-        )
+    def act(self, obs):
+        self.seen.append([obs[name].numpy().copy() for name in self.observations])
         return self.target
 
 
-@pytest.mark.parametrize("eyes", ["cameras", "rays"])
+@pytest.mark.parametrize("eyes", ["elevation", "heightmap"])
 def test_no_label_reaches_a_policy(eyes):
     """At evaluation a policy senses the same wherever the chair says that its seat is, and something else when its
     shape moves.
@@ -396,7 +393,7 @@ def test_no_label_reaches_a_policy(eyes):
 
     def sensed(objects):
         policy = Recorder(eyes)
-        run_policy(policy, H1, task, starts, {obj.id: obj for obj in objects}, "improved", workers=1)
+        run_policy(policy, ClipSet(task, H1, starts, {obj.id: obj for obj in objects}), env_config=EnvConfig(workers=1))
         assert len(policy.seen) == 5
         return policy.seen
 

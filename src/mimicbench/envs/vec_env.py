@@ -25,7 +25,7 @@ from mimicbench.envs.reference import ReferenceBank
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.context import Frame, StepContext, Transition
-from mimicbench.sensors.observations import Observations, Term
+from mimicbench.sensors.observations import LazyObservations, Observations, Term
 from mimicbench.sensors.pictures import CameraPictures
 from mimicbench.sensors.proprioception import Odometry
 from mimicbench.sim.backends import make_physics
@@ -193,7 +193,7 @@ class VecEnv:
 
     def observe(self, names: Sequence[str | Term]) -> Observations:
         """What all robots observe now, of the terms with these names."""
-        return Observations(self.context, names, self._noisy if self.config.noise else None)
+        return LazyObservations(self.context, names, self._noisy if self.config.noise else None)
 
     def _noisy(self, name: str, values: Tensor) -> Tensor:
         deviation = self.config.noise.get(name, 0.0)

@@ -7,6 +7,7 @@ trains in it, but not to a robot's own senses. Only terms that somebody asks for
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -222,7 +223,44 @@ def flat_size(names: Sequence[str | Term], robot: Robot, task: Task) -> int:
 
 
 class Observations(Mapping[str, Tensor]):
-    """What N robots observe at one control step: terms by name, computed when looked up, once."""
+    """What N robots observe at one control step: terms by name. All that a policy ever sees."""
+
+    def __init__(self, values: Mapping[str, Tensor]) -> None:
+        """`values` (N, *shape) of each term."""
+        self._seen = dict(values)
+
+    @staticmethod
+    def from_arrays(arrays: Mapping[str, np.ndarray]) -> "Observations":
+        """Of arrays by the same names, as Gymnasium's vector environments give them."""
+        return Observations({name: torch.from_numpy(np.ascontiguousarray(array)) for name, array in arrays.items()})
+
+    def __getitem__(self, name: str) -> Tensor:
+        if name not in self._seen:
+            raise _not_asked_for(name)
+        return self._seen[name]
+
+    def of(self, name: str, ids: Tensor) -> Tensor:
+        """(n, *shape) the term of robots `ids` (n,) alone."""
+        return self[name][ids]
+
+    def flat(self, names: Sequence[str]) -> Tensor:
+        """(N, size) terms laid out one after the other."""
+        return torch.cat([self[name].flatten(1) for name in names], -1)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._seen)
+
+    def __len__(self) -> int:
+        return len(self._seen)
+
+    @property
+    def num_envs(self) -> int:
+        """N."""
+        return len(next(iter(self._seen.values())))
+
+
+class LazyObservations(Observations):
+    """Terms of running episodes, computed when looked up, once."""
 
     def __init__(
         self,
@@ -231,9 +269,9 @@ class Observations(Mapping[str, Tensor]):
         noise: Callable[[str, Tensor], Tensor] | None = None,
     ) -> None:
         """`noise` gives back what a sensor would have measured instead of a term's true values (n, ...)."""
+        super().__init__({})
         self._context, self._noise = context, noise
         self._terms = {term.name: term for term in chosen_terms(names, context.task)}
-        self._seen: dict[str, Tensor] = {}
 
     def __getitem__(self, name: str) -> Tensor:
         if name not in self._seen:
@@ -246,10 +284,6 @@ class Observations(Mapping[str, Tensor]):
         if name in self._seen or term.some is None:
             return self[name][ids]
         return self._measured(name, term.some(self._context, ids))
-
-    def flat(self, names: Sequence[str]) -> Tensor:
-        """(N, size) terms laid out one after the other."""
-        return torch.cat([self[name].flatten(1) for name in names], -1)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._terms)
@@ -264,8 +298,12 @@ class Observations(Mapping[str, Tensor]):
 
     def _term(self, name: str) -> Term:
         if name not in self._terms:
-            raise MimicbenchError(f"observation {name!r} was not asked for; name it among the policy's observations")
+            raise _not_asked_for(name)
         return self._terms[name]
 
     def _measured(self, name: str, values: Tensor) -> Tensor:
         return values if self._noise is None else self._noise(name, values)
+
+
+def _not_asked_for(name: str) -> MimicbenchError:
+    return MimicbenchError(f"observation {name!r} was not asked for; name it among the policy's observations")
