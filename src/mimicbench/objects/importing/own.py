@@ -19,7 +19,7 @@ from mimicbench.objects.importing.convex import box_around, split
 from mimicbench.objects.importing.evidence import Evidence, read_evidence
 from mimicbench.objects.importing.mend import close_holes
 from mimicbench.objects.importing.mesh import MAX_BYTES, Mesh, read_mesh
-from mimicbench.objects.importing.placing import ANYTHING, KINDS, LIE, Placed, Wishes, place
+from mimicbench.objects.importing.placing import ANYTHING, KINDS, LIE, Kind, Placed, Wishes, place
 from mimicbench.objects.importing.planes import LevelPlane
 from mimicbench.objects.importing.sheets import one_sheet
 from mimicbench.objects.shape import SceneObject, save_object
@@ -62,13 +62,7 @@ def _make(mesh: Mesh, path: Path, family: str, config: ImportConfig, object_id: 
     check_mass(family, config.mass)
     mesh, pairs = one_sheet(mesh)
     placed = place(mesh, kind, path.suffix.lower()[1:], config.wishes)
-    if kind.needs is not None and placed.plane is None:
-        low, high = kind.needs.heights
-        raise BadObject(
-            f"no level, free surface of {kind.needs.size[0]:.2f} x {kind.needs.size[1]:.2f} m is "
-            f"{low:.2f} to {high:.2f} m high "
-            f"({'; '.join(placed.reasons)}); give --up, --unit or --height if that is wrong"
-        )
+    _check_plane(placed, kind)
     solid, found, mended = close_holes(placed.mesh, placed.topology)
     pieces, how = split(solid, found)
     sheets = [f"{pairs} faces come twice, once reversed: sheets, of use from both sides"] if pairs else []
@@ -83,14 +77,8 @@ def _make(mesh: Mesh, path: Path, family: str, config: ImportConfig, object_id: 
     height, polygon = None, np.zeros((0, 2))
     if placed.plane is not None:
         polygon = placed.plane.polygon
-        height, deviation = _top_of(hulls, placed.plane)
-        if deviation > 3 * TOLERANCE:
-            raise BadObject(
-                f"its {len(hulls)} pieces are {100 * deviation:.0f} cm off the plane at "
-                f"{placed.plane.height:.2f} m; mend or simplify the mesh"
-            )
-        note = ": too much to trust contacts there; look at the pieces" if deviation > TOLERANCE else ""
-        reasons.append(f"the pieces' top is within {1000 * deviation:.0f} mm of the mesh over 90 % of the plane{note}")
+        height, said = _carried(hulls, placed.plane)
+        reasons.append(said)
     lies = kind.needs is LIE
     rgb = np.array([COLORS[i % len(COLORS)] for i in range(len(boxes))])
     obj = SceneObject(
@@ -131,6 +119,33 @@ def _make(mesh: Mesh, path: Path, family: str, config: ImportConfig, object_id: 
         tuple(reasons),
     )
     return obj, evidence
+
+
+def _check_plane(placed: Placed, kind: Kind) -> None:
+    """A mesh to sit or lie on has a plane for that. Raises BadObject."""
+    if kind.needs is None or placed.plane is not None:
+        return
+    low, high = kind.needs.heights
+    raise BadObject(
+        f"no level, free surface of {kind.needs.size[0]:.2f} x {kind.needs.size[1]:.2f} m is "
+        f"{low:.2f} to {high:.2f} m high "
+        f"({'; '.join(placed.reasons)}); give --up, --unit or --height if that is wrong"
+    )
+
+
+def _carried(hulls: Sequence[np.ndarray], plane: LevelPlane) -> tuple[float, str]:
+    """Height of the pieces' top within a plane's outline [m], and how near that is to the mesh, in words.
+
+    Raises BadObject if they are far apart.
+    """
+    height, deviation = _top_of(hulls, plane)
+    if deviation > 3 * TOLERANCE:
+        raise BadObject(
+            f"its {len(hulls)} pieces are {100 * deviation:.0f} cm off the plane at "
+            f"{plane.height:.2f} m; mend or simplify the mesh"
+        )
+    note = ": too much to trust contacts there; look at the pieces" if deviation > TOLERANCE else ""
+    return height, f"the pieces' top is within {1000 * deviation:.0f} mm of the mesh over 90 % of the plane{note}"
 
 
 def check_mass(family: str, mass: float | None) -> None:
