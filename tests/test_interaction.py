@@ -16,7 +16,8 @@ from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.retarget.acceptance import PROMISED, unsolved
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.kinematics import Pose, tree_of
-from mimicbench.retarget.methods.interaction import InteractionConfig, interact, make_problem, refine
+from mimicbench.retarget.methods.anchors import on_toes
+from mimicbench.retarget.methods.interaction import InteractionConfig, _to_back, interact, make_problem, refine
 from mimicbench.retarget.samples import Masses, Scene, balls_of, point_rows
 from mimicbench.retarget.solver import move
 from mimicbench.retarget.trunk import swung, trunk_up
@@ -233,3 +234,33 @@ def test_lean_and_support_by_hand() -> None:
     walks = replace(clip.motion, contact_names=(), contacts=np.zeros((0, 0), bool))
     found = Clip(walks, clip.obj, H1).finished(TREE, pose, clip.bind("improved")).measures
     assert found["lean_error"] == 0.0 and found["support_lost"] == 0.0
+
+
+def test_raised_heels_keep_the_toes_where_they_are() -> None:
+    random = np.random.default_rng(3)
+    place, turn = random.normal(size=(4, 3)), rot.from_yaw(random.uniform(-3, 3, 4))
+    toe, angle = np.array([0.2, 0.0, -0.07]), np.array([0.0, 0.1, 0.3, 0.5])
+    raised, pitched = on_toes(place, turn, toe, angle)
+    assert raised + rot.rotate(pitched, toe) == pytest.approx(place + rot.rotate(turn, toe))
+    assert raised[0] == pytest.approx(place[0]) and (np.diff(raised[:, 2] - place[:, 2]) > 0).all()
+    assert raised[2, 2] - place[2, 2] == pytest.approx(0.2 * np.sin(0.3) - 0.07 * (1 - np.cos(0.3)))
+
+
+def test_who_leans_back_is_put_as_far_back_as_that_needs() -> None:
+    """A person who leans back by 0.2 rad against a board: the robot's straight trunk meets it at that lean."""
+    clip = leaning_back(0.2)
+    motion = clip.motion
+    leans = np.ones(motion.frames, bool)
+    pose = interact(clip)
+    start = Pose(pose.root_pos_w, pose.root_quat_w, np.zeros_like(pose.joint_pos))
+    up = trunk_up(motion)[0]
+    facing = rot.rotate(swung(start.root_quat, trunk_up(motion)), np.array([1.0, 0.0, 0.0]))[0] * [1.0, 1.0, 0.0]
+    facing /= np.linalg.norm(facing)
+    for away in (0.05, 0.15):
+        # a wall behind the robot, leaning as the person does, so far from the trunk's box, whose back is at -0.075
+        turn = swung(start.root_quat[:1], up[None])
+        middle = start.root_pos[0] + 0.3 * up - rot.rotate(turn[0], np.array([0.075 + away + 0.05, 0.0, 0.0]))
+        wall = SceneObject("wall", "box", "box", middle[None], turn, np.array([[0.05, 0.6, 0.4]]), np.ones((1, 3)))
+        moved = _to_back(Clip(motion, wall, H1), TREE, start, leans)
+        assert moved[0] == pytest.approx(-facing * away / np.cos(np.arccos(up[2])), abs=0.02)
+    assert (_to_back(Clip(motion, wall, H1), TREE, start, ~leans) == 0).all()

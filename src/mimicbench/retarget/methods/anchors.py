@@ -14,7 +14,7 @@ from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.grounding import FEET, runs
 from mimicbench.retarget.mapping import Bound, Mapping, followed_points
 from mimicbench.retarget.samples import Scene, balls_of
-from mimicbench.retarget.trunk import bears
+from mimicbench.retarget.trunk import bears, trunk_rests
 
 HANDS = ("left_hand", "right_hand")
 STRETCH = 0.98
@@ -49,8 +49,13 @@ class Anchors:
     """(T,) how much lower than the human's the robot's hips must be for its legs to reach the feet [m]."""
 
 
-def anchors_of(clip: Clip, mapping: Mapping, bound: Bound, pos_w: np.ndarray, quat_w: np.ndarray) -> Anchors:
-    """The anchors of a clip, given the human's joint poses (T, J, 3) and (T, J, 4)."""
+def anchors_of(
+    clip: Clip, mapping: Mapping, bound: Bound, pos_w: np.ndarray, quat_w: np.ndarray, heels: float = 0.0
+) -> Anchors:
+    """The anchors of a clip, given the human's joint poses (T, J, 3) and (T, J, 4).
+
+    Who sits has the heels raised by an angle `heels` [rad]: a robot's shanks may be too short for a high seat.
+    """
     motion = clip.motion
     followed = followed_points(bound, pos_w, quat_w)
     foot_pos, foot_quat, standing, on_floor = [], [], [], []
@@ -69,6 +74,9 @@ def anchors_of(clip: Clip, mapping: Mapping, bound: Bound, pos_w: np.ndarray, qu
             mapping,
             clear,
         )
+        if heels:
+            share = smooth_above((trunk_rests(motion) & floor).astype(float), max(1, round(0.5 * motion.fps)))
+            place, turn = on_toes(place, turn, bound.sole[-1], heels * share)
         foot_pos.append(place)
         foot_quat.append(turn)
         standing.append(rests)
@@ -125,6 +133,12 @@ def _foot(
         free = np.minimum(1.0, np.minimum(u, 1 - u) * (end - start + 1.0) / fps / 0.12)
         turn[start:end] = rot.slerp(level[start:end], human[start:end], free)
     return place, turn, floor
+
+
+def on_toes(place: np.ndarray, turn: np.ndarray, toe: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A foot's positions (T, 3) and orientations (T, 4), pitched by angles (T,) [rad] about its toe (3,) [m]."""
+    pitched = rot.multiply(turn, rot.from_rotvec(angle[:, None] * np.array([0.0, 1.0, 0.0])))
+    return place + rot.rotate(turn, toe) - rot.rotate(pitched, toe), pitched
 
 
 def _shapes_of(clip: Clip, link: int) -> tuple[np.ndarray, np.ndarray]:

@@ -25,19 +25,21 @@ from mimicbench.core.curves import smooth_above
 from mimicbench.core.motion import RobotMotion
 from mimicbench.retarget.acceptance import PROMISED
 from mimicbench.retarget.clip import Clip, storable
-from mimicbench.retarget.kinematics import Pose, tree_of
+from mimicbench.retarget.kinematics import Pose, Tree, tree_of
 from mimicbench.retarget.mapping import followed_points
 from mimicbench.retarget.mappings import find_mapping
 from mimicbench.retarget.method import Method
 from mimicbench.retarget.methods.anchors import Anchors, anchors_of
 from mimicbench.retarget.methods.copy_rotation import copy_rotations
 from mimicbench.retarget.methods.interaction_loss import InteractionConfig, Problem
-from mimicbench.retarget.samples import Masses, Scene, balls_of
+from mimicbench.retarget.samples import FAR, Masses, Scene, balls_of
 from mimicbench.retarget.self_contact import SelfContact
 from mimicbench.retarget.solver import solve
-from mimicbench.retarget.trunk import swung, trunk_rests, trunk_up
+from mimicbench.retarget.trunk import bears, swung, trunk_rests, trunk_up
 from mimicbench.robots.description import Robot
 
+MOST_BACK = 0.2
+"""[m] Whoever leans back is put at most so much farther back, or forward, than the person."""
 EDGE = 0.015
 """[m] Whoever slides forward on a seat stays so far behind its front."""
 
@@ -46,19 +48,19 @@ def interact(clip: Clip, config: InteractionConfig | None = None) -> RobotMotion
     """The robot motion that does with the object what the human does. Raises UnknownName or BadMotion."""
     config = config or InteractionConfig()
     step = max(1, min(round(clip.motion.fps / config.rough_fps), clip.motion.frames // 4))
-    rough, sitting, lying = _settled(
+    rough, shifts = _settled(
         replace(clip, motion=clip.motion.thinned(step)), replace(config, tolerance=config.rough_tolerance)
     )
-    problem, _ = make_problem(clip, config, sitting, lying)
+    problem, _ = make_problem(clip, config, *shifts)
     pose, losses = solve(problem, refine(rough, step, clip.motion.frames), config.iterations, config.tolerance)
     return clip.finished(
         problem.tree, pose, clip.bind("improved"), {"loss": losses[-1], "iterations": float(len(losses) - 1)}
     )
 
 
-def _settled(clip: Clip, config: InteractionConfig) -> tuple[Pose, float, float]:
-    """The pose of a clip of few frames, and how far who sits and who lies had to be put nearer to the feet for it
-    [m].
+def _settled(clip: Clip, config: InteractionConfig) -> tuple[Pose, tuple[float, float, float]]:
+    """The pose of a clip of few frames, how far who sits and who lies had to be put nearer to the feet for it [m],
+    and how far who sits had to raise the heels [rad].
     """
     problem, start = make_problem(clip, config)
     sitting = lying = 0.0
@@ -79,7 +81,15 @@ def _settled(clip: Clip, config: InteractionConfig) -> tuple[Pose, float, float]
         around, _ = solve(problem.filled(), start, config.iterations, config.tolerance)
         other, again = solve(problem, around, config.iterations, config.tolerance)
         pose = other if again[-1] < losses[-1] else pose
-    return pose, sitting, lying
+    heels, off = 0.0, problem.off(pose, distance)
+    for raised in config.heels:
+        if off < 1.0:
+            break
+        higher, start = make_problem(clip, config, sitting, lying, raised)
+        other, _ = solve(higher, start, config.iterations, config.tolerance)
+        if (found := higher.off(other, higher.clearance(other))) < off:
+            pose, heels, off = other, raised, found
+    return pose, (sitting, lying, heels)
 
 
 def refine(pose: Pose, step: int, frames: int) -> Pose:
@@ -97,18 +107,18 @@ def refine(pose: Pose, step: int, frames: int) -> Pose:
 
 
 def make_problem(
-    clip: Clip, config: InteractionConfig, sitting: float = 0.0, lying: float = 0.0
+    clip: Clip, config: InteractionConfig, sitting: float = 0.0, lying: float = 0.0, heels: float = 0.0
 ) -> tuple[Problem, Pose]:
     """Targets and tolerances of a clip, and a pose to start from.
 
-    Whoever sits or lies is to do so that much [m] nearer to its feet.
+    Whoever sits or lies is to do so that much [m] nearer to its feet; who sits has the heels raised by so much [rad].
     """
     motion, robot = clip.motion, clip.robot
     mapping = find_mapping(motion.skeleton.name, robot.name)
     bound = clip.bind("improved")
     tree, limits = tree_of(robot), storable(robot.joint_range)
     pos_w, quat_w = motion.forward_kinematics()
-    anchors = anchors_of(clip, mapping, bound, pos_w, quat_w)
+    anchors = anchors_of(clip, mapping, bound, pos_w, quat_w, heels)
     frames, feet = motion.frames, [link for _, link in bound.feet]
 
     targets = followed_points(bound, pos_w, quat_w)
@@ -145,16 +155,18 @@ def make_problem(
         margins[np.ix_(when, which)] = 0.0
         if not set(links) & {*feet, *wrist_links}:  # feet and hands have their anchors
             bearing.append((when, which))
-    bears = np.any([when & which[balls.link == 0].any() for when, which in bearing] or [np.zeros(frames, bool)], 0)
-    seated, lies = bears & anchors.on_floor.all(-1), bears & ~anchors.on_floor.any(-1)
+    rests = np.any([when & which[balls.link == 0].any() for when, which in bearing] or [np.zeros(frames, bool)], 0)
+    seated, lies = rests & anchors.on_floor.all(-1), rests & ~anchors.on_floor.any(-1)
     balanced, heading, ankles = _balance(motion.fps, anchors, bearing, config)
     to_feet = (ankles - targets[:, bound.links.tolist().index(0)]) * [1.0, 1.0, 0.0]
     to_feet /= np.maximum(np.linalg.norm(to_feet, axis=-1, keepdims=True), 0.1)
     sitting = min(sitting, _room(clip, targets[seated, bound.links.tolist().index(0)], to_feet[seated]))
     forward = (sitting * _eased(seated, motion.fps) + lying * _eased(lies, motion.fps))[:, None] * to_feet
-    targets[:, ~is_foot] += forward[:, None]
     start = copy_rotations(bound, tree, limits, pos_w, quat_w)
-    start = start._replace(root_pos=start.root_pos + forward - anchors.lowering[:, None] * np.array([0.0, 0.0, 1.0]))
+    start = start._replace(root_pos=start.root_pos - anchors.lowering[:, None] * np.array([0.0, 0.0, 1.0]))
+    forward += _to_back(clip, tree, start, seated & bears(motion, "back"))
+    targets[:, ~is_foot] += forward[:, None]
+    start = start._replace(root_pos=start.root_pos + forward)
     return Problem(
         tree,
         limits,
@@ -196,6 +208,31 @@ def _keep_lean(
     for column in np.flatnonzero(np.isin(links, [0, robot.link_names.index(mapping.trunk)])):
         targets[:, column] = rot.slerp(targets[:, column], swung(targets[:, column], up), share)
         tolerance[:, column] *= (config.lean / config.orientation) ** share
+
+
+def _to_back(clip: Clip, tree: Tree, start: Pose, leans: np.ndarray) -> np.ndarray:
+    """(T, 3) how far a robot has to be moved for its trunk to meet what the person leans back against [m].
+
+    People slump: the pelvis is far in front of what the shoulders touch, where a straight trunk would have to lean
+    farther than theirs does. In the frames `leans` (T,) it is to lean as far, farther back on the seat.
+    """
+    frames, motion = np.flatnonzero(leans)[::3], clip.motion
+    if not len(frames):
+        return np.zeros((len(leans), 3))
+    pose = Pose(start.root_pos[frames], swung(start.root_quat[frames], trunk_up(motion)[frames]), start.joints[frames])
+    facing = rot.rotate(pose.root_quat, np.array([1.0, 0.0, 0.0])).mean(0) * [1.0, 1.0, 0.0]
+    facing /= np.linalg.norm(facing)
+    balls, scene = balls_of(clip.robot), Scene.of(motion, clip.obj)
+    mapping = find_mapping(motion.skeleton.name, clip.robot.name)
+    trunk = balls.link == clip.robot.link_names.index(mapping.trunk)
+    centers = balls.place(tree.place(pose))[:, trunk]
+    back = 0.0
+    for _ in range(3):
+        points = (centers - back * facing).reshape(-1, 3)
+        away, _ = scene.object_distance(np.repeat(frames, trunk.sum()), points)
+        gap = np.minimum(away.reshape(len(frames), -1) - balls.radius[trunk], FAR).min(-1)
+        back = float(np.clip(back + np.median(gap), -MOST_BACK, MOST_BACK))
+    return -back * _eased(leans, motion.fps)[:, None] * facing
 
 
 def _room(clip: Clip, pelvis_w: np.ndarray, way: np.ndarray) -> float:

@@ -63,6 +63,11 @@ class InteractionConfig:
     robot with long thighs
     lies on the front edge with them and hovers with its buttocks; on a bed of people's length a taller one has its head
     in the board."""
+    heels: tuple[float, ...] = (0.25, 0.45)
+    """How far who sits raises the heels, one after the other until the trunk leans as the person's and touches what it
+    leans against [rad]. Shanks too short for a high seat hold the knees, and so the pelvis, at its front."""
+    off: float = 0.09
+    """[rad] that a trunk may be off the person's without that."""
     hover: float = 0.02
     """[m] of buttocks above the seat that is still rest, and of a head in a board that may be mended without that."""
     rough_fps: float = 10.0
@@ -214,6 +219,17 @@ class Problem:
         sits = self.seated[-1] and np.median(distance[self.seated][:, self.balls.link == 0].min(-1)) > self.config.hover
         lies = self.lying[-1] and np.mean(distance[self.lying].min(-1) < -self.config.hover) > 0.02
         return bool(sits), bool(lies)
+
+    def off(self, pose: Pose, distance: np.ndarray) -> float:
+        """How far who ends sitting leans otherwise than the person, or hovers before what it should lean against:
+        beyond 1 is too far.
+        """
+        if not self.seated[-1]:
+            return 0.0
+        _, turns, _ = self._following(self.tree.place(pose))
+        lean = np.linalg.norm(turns[self.seated][:, self.turn_links == 0, :2], axis=-1)
+        gaps = [np.median(distance[when][:, which].min(-1)) for when, which in self.bearing if when[-1]]
+        return float(max(np.median(lean) / self.config.off, max(gaps, default=0.0) / self.config.hover))
 
     def stuck(self, distance: np.ndarray) -> bool:
         """Whether something is deep in floor or object for long: an elbow that went through a thin board finds no
