@@ -95,9 +95,11 @@ def made_up_rows():
                     episode=i,
                     success=ok,
                     success_at_end=ok,
+                    stays=ok,
                     first_success_time=5.5 if ok else None,
                     fell=i % 3 == 0 and not ok,
                     fell_time=4.0 if i % 3 == 0 and not ok else None,
+                    fell_phase="walking" if i % 3 == 0 and not ok else "",
                     object_kind=("dining", "stool")[i % 2],
                     seat_height=0.38 + 0.01 * i,
                     start_distance=1 + 0.05 * i,
@@ -219,7 +221,7 @@ def test_comparison_with_the_paper():
     rows = {row[1]: row for row in compare.beside_paper_table("sit-chair", found).rows}
     assert rows["act (improved), as ACT"][2:4] == (Rate(15, 20), Reported(81))
     assert rows["hst (improved), as Improved HST"][3] == Reported(92)
-    assert rows["PPO"][2:] == (None, Reported(50), None, Reported(25))
+    assert rows["PPO"][2:] == (None, Reported(50), None, Reported(25), None)
     assert "ACT" not in rows
     assert compare.counterpart("imitate", "act-clock") == "ACT"
     assert compare.counterpart("imitate", "planner") is None
@@ -229,7 +231,13 @@ def test_failures_and_breakdowns_add_up():
     act = [row for row in INPUTS.rows if row.policy == "act"]
     kinds = compare.failures(act)
     # episodes 15 to 19 fail; 15 and 18 by falling, 16 ends away from the chair, 17 and 19 beside it
-    assert [kinds[kind].successes for kind in compare.FAILURES] == [2, 1, 2]
+    assert [kinds[kind].successes for kind in compare.FAILURES] == [2, 0, 0, 1, 2, 0]
+    left = [replace(row, stays=False) if row.episode < 4 else row for row in act]
+    assert compare.failures(left)["did not stay"].successes == 4, "who fulfils K and leaves again has failed, too"
+    turned = [replace(row, fell_phase="turning") if row.fell else row for row in act]
+    assert compare.failures(turned)["fell turning"].successes == 2
+    sat = [replace(row, fell_phase="sitting down") if row.fell else row for row in act]
+    assert compare.failures(sat)["fell at the object"].successes == 2
     for breakdown in compare.breakdowns(act):
         assert sum(rate.episodes for rate in breakdown.parts.values()) == 20
         assert sum(rate.successes for rate in breakdown.parts.values()) == 15

@@ -195,13 +195,13 @@ def breakdown_plot(name: str, by_policy: Mapping[str, Sequence[Breakdown]]) -> s
 def failures_plot(name: str, by_policy: Mapping[str, Mapping[str, Rate]]) -> str:
     """Stacked bars: the share of each way to fail, per policy."""
     with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(9.2, 0.75 + 0.3 * len(by_policy)))
+        figure = Figure(figsize=(9.2, 0.95 + 0.3 * len(by_policy)))
         axis = figure.subplots()
         kinds = list(dict.fromkeys(kind for failures in by_policy.values() for kind in failures))
         left = [0.0] * len(by_policy)
         for i, kind in enumerate(kinds):
             shares = [100 * failures[kind].rate if kind in failures else 0.0 for failures in by_policy.values()]
-            axis.barh(range(len(by_policy)), shares, left=left, height=0.55, color=SERIES[(1, 2, 0)[i % 3]], label=kind)
+            axis.barh(range(len(by_policy)), shares, left=left, height=0.55, color=SERIES[i % len(SERIES)], label=kind)
             left = [a + b for a, b in zip(left, shares, strict=True)]
         for y, total in enumerate(left):
             axis.annotate(f"{total:.1f} %", (total, y), (5, 0), textcoords="offset points", va="center", color=MUTED)
@@ -210,7 +210,7 @@ def failures_plot(name: str, by_policy: Mapping[str, Mapping[str, Rate]]) -> str
         axis.set_xlim(0, max(1.0, 1.15 * max(left, default=0)))
         axis.set_xlabel("% of all episodes")
         axis.grid(axis="y", visible=False)
-        axis.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=len(kinds), borderaxespad=0)
+        axis.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=3, borderaxespad=0)
         return svg(figure, name)
 
 
