@@ -135,7 +135,7 @@ def _trunk(act: Lying, scoot: np.ndarray) -> Trunk:
     pelvis = rot.multiply(turn, way.pelvis_quat(0.03 + (style.lean - 0.03) * lean - style.lean * upright - balance))
 
     curl = 0.16 * (ease(clock, 0.2, 1.4) - ease(clock, 3.4, 4.8))
-    chest = rot.multiply(pelvis, way.chest_turn(0.02 + 0.10 * lean - 0.11 * upright + curl))
+    chest = rot.multiply(pelvis, way.chest_turn(0.02 + 0.16 * lean - 0.17 * upright + curl))
     on_pillow = _nod_on_pillow(body, berth, pelvis_pos[-1], rot.normalize(pelvis[-1]), chest[-1])
     nod = (
         0.12 - 0.30 * lean + 0.20 * upright + 0.25 * ease(clock, 0.6, 2.2) + (on_pillow - 0.27) * ease(clock, 3.3, 4.9)

@@ -19,6 +19,9 @@ LOWER = 0.07
 """The second leg swings up so much less high [m], at body size 1."""
 WIDE = {UP, HEAD}
 """Spots to which an arm goes through the air, not along the bed."""
+FORWARD = (0.30, 0.48)
+"""How far the arm at the pillow's side and the other one swing forward while somebody sits down [rad]: people hold
+their hands 14 cm in front of the hips, not out."""
 SHIFT = 1.6
 """A hand or a leg that changes its place takes so long [s]."""
 
@@ -112,9 +115,10 @@ def move_arms(act: Lying, trunk: Trunk, legs: Legs) -> tuple[Arms, np.ndarray]:
     body, berth, style, clock = act.body, act.berth, act.style, act.clock
     forward = minimum_jerk(act.sitting / 0.65)
     swinging = act.way.arms(body, style.arm_swing)
+    # the hand that is to bear the trunk comes forward less
+    amount = np.where(np.arange(2) == act.near, FORWARD[0], FORWARD[1]) * forward[:, None]
     moving = Arms(
-        rot.multiply(about_y(-1.0 * forward)[:, None], swinging.upper),
-        rot.multiply(swinging.elbow, about_y(-0.25 * forward)[:, None]),
+        rot.multiply(about_y(-amount), swinging.upper), rot.multiply(swinging.elbow, about_y(-0.25 * forward)[:, None])
     )
     goal = _support(act)
     planted = _within_reach(body, trunk, goal)

@@ -22,6 +22,8 @@ FARTHEST = 0.995
 """Share of its length to which a leg may be stretched meanwhile."""
 ROLLS = 0.6
 """A foot on the floor that is pitched by more does not roll: it is lying on something [rad]."""
+ASIDE = 0.5
+"""Sine of the roll from which on a foot lies on its side."""
 HINGE = np.array([0.0, 1.0, 0.0])
 
 
@@ -113,14 +115,19 @@ def _stands(plan: HumanMotion) -> np.ndarray:
     return plan.contacts[:, _feet_columns(plan)].astype(bool)
 
 
-def _foot(state: BodyState, body: Body, side: int) -> tuple[np.ndarray, np.ndarray]:
-    """Orientation (4,) of a foot of the state in the world, and how fast it turns (3,) in its own frame [rad/s]."""
+def _foot(state: BodyState, body: Body, side: int, planned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Orientation (4,) of a foot of the state in the world, and how fast it turns (3,) in its own frame [rad/s].
+
+    Of a foot that lies on its side heading and pitch say little: without a pose it is as planned (4,).
+    """
     pose, feet = state.pose, state.feet
     if pose is not None and pose.known[[body.pelvis, *body.legs[side]]].all():
         moment = 1e-3
         soon = rot.multiply(pose.local_quat, rot.from_rotvec(pose.rate * moment))
         first, then = (feet_of(body, state.pelvis_pos_w, quat)[1][side] for quat in (pose.local_quat, soon))
         return first, rot.to_rotvec(rot.multiply(rot.conjugate(first), then)) / moment
+    if abs(rot.rotate(planned, np.array([0.0, 1.0, 0.0]))[2]) > ASIDE:
+        return planned, np.zeros(3)
     quat = rot.multiply(rot.from_yaw(feet.yaw[side]), about_y(feet.pitch[side]))
     return quat, np.array([0.0, feet.pitch_rate[side], 0.0]) + rot.rotate_inverse(
         quat, np.array([0.0, 0.0, feet.yaw_rate[side]])
@@ -133,7 +140,7 @@ def _fade(
     """Let one foot of ankles (T, 2, 3) and feet (T, 2, 4) begin as it is and join the plan within some time [s]."""
     feet = state.feet
     ankle[:, side] = ease(ankle[:, side], feet.pos_w[side], feet.vel_w[side], fps, lasts)
-    foot[:, side] = turned(foot[:, side], *_foot(state, body, side), fps, lasts)
+    foot[:, side] = turned(foot[:, side], *_foot(state, body, side, foot[0, side]), fps, lasts)
 
 
 def _keep_feet(
@@ -156,7 +163,7 @@ def _keep_feet(
             flat = start.pos_w[side] - rolled(body, pitch, start.yaw[side], np.array(float(pitch < 0)))
             places, turns = flat + rolled(body, track, yaw, pivot), rot.multiply(rot.from_yaw(yaw), about_y(track))
         else:
-            off = rot.multiply(rot.conjugate(foot[0, side]), _foot(state, body, side)[0])
+            off = rot.multiply(rot.conjugate(foot[0, side]), _foot(state, body, side, foot[0, side])[0])
             places, turns = ankle[:end, side] + start.pos_w[side] - ankle[0, side], rot.multiply(foot[:end, side], off)
         if end < len(stands):
             left = 1.0 - minimum_jerk(np.arange(1, len(stands) - end + 1) / (JOINS * fps))[:, None]
