@@ -1,10 +1,8 @@
 """Writes the table of the paper's full set into docs/retargeting.md: `python docs/full_set.py WORKDIR`.
 
-WORKDIR holds what these made, the last some 80 minutes on two cores:
+WORKDIR holds what this made, the retargeting in some 80 minutes on two cores:
 
-    mimicbench objects --task all --count paper --workdir WORKDIR
-    mimicbench references --task all --count paper --workdir WORKDIR
-    mimicbench retarget --task all --method interaction --workdir WORKDIR
+    mimicbench retarget --task all --preset paper-size --method interaction --workdir WORKDIR
 """
 
 import sys
@@ -12,10 +10,10 @@ from pathlib import Path
 
 from measure_retargeting import PAGE, put
 
+from mimicbench.benchmark.finding import largest
 from mimicbench.evaluate.intervals import Rate
 from mimicbench.report.tables import Table, to_markdown
 from mimicbench.tasks.registry import TASKS
-from mimicbench.workspace import Workspace
 
 SHOWN = {
     "penetration": ("Frames > 1 cm in something [%]", 100),
@@ -29,8 +27,8 @@ SHOWN = {
 def main() -> None:
     """Read the summaries and write the table."""
     rows = []
-    for task in TASKS:
-        told = Workspace(Path(sys.argv[1]), task).finished("retarget").header["summary"]
+    for task, stage in largest(Path(sys.argv[1]), list(TASKS), "retarget", None).items():
+        told = stage.summary
         measures = [
             round(told["measures"][name]["mean"] * factor, 2) if name in told["measures"] else None
             for name, (_, factor) in SHOWN.items()

@@ -12,43 +12,44 @@ import sys
 from pathlib import Path
 
 from mimicbench.bench.retargeting import ClipsConfig, bench, speed_table
+from mimicbench.benchmark import Recipe
+from mimicbench.benchmark.finding import stages_of
+from mimicbench.core.run import RunContext
 from mimicbench.objects.make import ObjectsConfig
-from mimicbench.pipelines import compare_retargeting
 from mimicbench.references.make import ReferencesConfig
+from mimicbench.report.methods import compare_methods
 from mimicbench.report.provenance import this_machine
 from mimicbench.report.tables import Table, to_markdown
 from mimicbench.retarget.baselines.speed import RetargetBenchConfig
 from mimicbench.tasks.registry import TASKS
-from mimicbench.workspace import Workspace, objects_stage, references_stage
 
 PAGE = Path(__file__).parent / "retargeting.md"
 OBJECTS, CLIPS = 32, 16
 """Of each task."""
-MOST_REAL = 1000
+RECORDED = "recorded"
+"""Name of the imported set."""
 
 
 def main() -> None:
     """Measure, and write the tables into the page."""
     workdir = Path(sys.argv[1] if len(sys.argv) > 1 else "work/retargeting")
-    for task in TASKS:
-        ws = Workspace(workdir, task)
-        objects_stage(ws, ObjectsConfig(OBJECTS))
-        references_stage(ws, ReferencesConfig(CLIPS))
+    objects, clips = ObjectsConfig(count=OBJECTS), ReferencesConfig(count=CLIPS)
+    recipes = [Recipe(task, objects=objects, references=clips) for task in TASKS]
+    context = RunContext()
     tables: list[Table] = []
-    for preset in ("paper", "improved"):
-        found = compare_retargeting(
-            workdir, list(TASKS), CLIPS, preset, workdir / f"retarget-{preset}", preset == "paper", 0, 0, False, say
-        )
+    for variant in ("paper", "improved"):
+        found = compare_methods(recipes, variant, workdir, workdir / f"retarget-{variant}", variant == "paper", context)
         # times are told once, by the bench; and the order is a claim about the paper's own
         tables += [
-            renamed(without(table, "Frames/s of a core"), preset)
-            for table in found.tables()[: 3 if preset == "paper" else 2]
+            renamed(without(table, "Frames/s of a core"), variant)
+            for table in found.tables()[: 3 if variant == "paper" else 2]
         ]
     pictures = [(picture, picture.name) for picture in (workdir / "retarget-paper").glob("*.jpg")]
     if len(sys.argv) > 2:
         real = Path(sys.argv[2])
-        tasks = [task for task in TASKS if any((real / task / "references").glob("*.npz"))]
-        found = compare_retargeting(real, tasks, MOST_REAL, "paper", real / "retarget-paper", True, 0, 0, False, say)
+        tasks = [task for task in TASKS if stages_of(real, task, "references")]
+        recipes = [Recipe(task, references=ReferencesConfig(source=RECORDED)) for task in tasks]
+        found = compare_methods(recipes, "paper", real, real / "retarget-paper", True, context)
         tables += [renamed(without(table, "Frames/s of a core"), "real") for table in found.tables()[:2]]
         pictures += [
             (picture, picture.name.replace("-", "-real-", 1)) for picture in (real / "retarget-paper").glob("*.jpg")
@@ -81,10 +82,10 @@ def without(table: Table, column: str) -> Table:
     )
 
 
-def renamed(table: Table, preset: str) -> Table:
-    """The table with the preset in its name and title."""
+def renamed(table: Table, variant: str) -> Table:
+    """The table with the variant in its name and title."""
     return Table(
-        f"{table.name}-{preset}", f"{table.title} ({preset})", table.columns, table.rows, table.note, table.source
+        f"{table.name}-{variant}", f"{table.title} ({variant})", table.columns, table.rows, table.note, table.source
     )
 
 

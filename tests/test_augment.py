@@ -7,15 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import making
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import HumanMotion, Skeleton
 from mimicbench.core.stage import read_stage
-from mimicbench.objects.make import ObjectsConfig, make_objects, read_objects
+from mimicbench.objects.make import read_objects
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.objects.shape import SceneObject, split_of
 from mimicbench.references.augment import (
     AugmentConfig,
+    ClipSource,
     make_augmented,
     mirror,
     mirrored_joints,
@@ -28,7 +30,6 @@ from mimicbench.references.augment import (
 from mimicbench.references.body.body import body_of
 from mimicbench.references.body.skeletons import SKELETONS
 from mimicbench.references.checks.quality import check_clip, gate
-from mimicbench.references.make import ReferencesConfig, make_references
 from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.references.warp import approach_end, contact, rescaled, turned_approach
 from mimicbench.tasks.registry import TASKS
@@ -223,20 +224,12 @@ def test_who_does_not_walk_has_no_other_start():
 
 def test_a_stage_of_variants(tmp_path):
     task = TASKS.get("sit-chair")
-    objects = make_objects(tmp_path / "a" / "objects", task.name, task.family, ObjectsConfig(3), 0)
-    references = make_references(
-        tmp_path / "a" / "references",
-        objects,
-        task.name,
-        task.fulfilled_by_human,
-        ReferencesConfig(4),
-        0,
-        1,
-        quiet=True,
-    )
-    folders = tmp_path / "b" / "objects", tmp_path / "b" / "references"
+    references = making.make("references", tmp_path)
+    source = ClipSource(making.make("objects", tmp_path), references, sorted(references.folder.glob("*.npz")))
+    folders = tmp_path / "sit-chair" / "objects" / "more", tmp_path / "sit-chair" / "references" / "more"
     config = AugmentConfig(("mirror", "size"))
-    stage = make_augmented(*folders, objects, references, task.name, task.fulfilled_by_human, config, 0, 1, quiet=True)
+    arguments = tmp_path, "more", source, config, task.fulfilled_by_human, making.QUIET
+    stage = make_augmented(*arguments)
     summary = stage.header["summary"]
     paths = sorted(folders[1].glob("*.npz"))
     assert (
@@ -248,6 +241,6 @@ def test_a_stage_of_variants(tmp_path):
     for path in paths:
         motion = HumanMotion.load(path)
         assert path.stem == motion.id and gate(motion, found[motion.object_id], task.fulfilled_by_human) == []
-    assert read_stage(folders[0], "").complete
-    again = make_augmented(*folders, objects, references, task.name, task.fulfilled_by_human, config, 0, 1, quiet=True)
+    assert read_stage(folders[0]).complete
+    again = make_augmented(*arguments)
     assert again.header["summary"] == summary

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import making
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile
 from mimicbench.core.motion import HumanMotion
@@ -204,14 +205,14 @@ def test_real_people_go_through_the_phases():
 
 @pytest.mark.skipif(not DATA.is_dir(), reason=f"the real recordings are not at {DATA}")
 def test_the_command_judges(tmp_path: Path, sitters: list[HumanMotion], capsys: pytest.CaptureFixture[str]):
-    from mimicbench.commands.references import references_stats
+    from mimicbench.commands.references import stats
 
-    folder = tmp_path / "sit-chair" / "references"
-    folder.mkdir(parents=True)
-    for motion in sitters:
-        motion.save(folder / f"{motion.id}.npz")
+    with making.by_hand(tmp_path / "sit-chair" / "references" / "given") as stage:
+        for motion in sitters:
+            motion.save(stage.folder / f"{motion.id}.npz")
+        stage.finish()
     paths = tuple(DATA / "unihsi" / "motion_clips" / f"{name}.npy" for name in ("armchair", "armchair002"))
-    references_stats("sit-chair", beside_real=paths, workdir=tmp_path, as_json=True)
-    found = json.loads(capsys.readouterr().out)
+    stats("sit-chair", beside_real=paths, workdir=tmp_path, as_json=True)
+    found = json.loads(capsys.readouterr().out)["phases"]
     assert {row["phase"] for row in found} >= {"walk", "sit down", "rest seated"}
     assert all(0 <= row["area"] <= 1 and row["recordings"] == 2 for row in found)

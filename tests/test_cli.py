@@ -1,19 +1,22 @@
 """The command line: bad input gets one clear sentence, exit status 2, and nothing is written."""
 
 import json
+import os
 import pickle
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from mimicbench import __version__, cli
 from mimicbench.core.files import write_json
-from mimicbench.workspace import Workspace, policy_folder, prepare_episodes
 
 
-def command(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+def command(*arguments: str, cwd: Path, **more) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, "-m", "mimicbench.cli", *arguments],
         capture_output=True,
@@ -21,6 +24,7 @@ def command(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
         cwd=cwd,
         timeout=120,
         check=False,
+        **more,
     )
 
 
@@ -30,19 +34,80 @@ def refused(result: subprocess.CompletedProcess[str], cwd: Path, *words: str) ->
     assert message.startswith("mimicbench: ") and "Traceback" not in result.stderr
     for word in words:
         assert word in message
-    assert not list(cwd.rglob("*.npz")) and not list(cwd.rglob("*.parquet"))
+    assert not (cwd / "work").exists(), "a refused call leaves nothing behind"
 
 
-def test_unknown_task_lists_the_known_ones(tmp_path):
-    refused(command("objects", "--task", "sit-lamp", cwd=tmp_path), tmp_path, "sit-lamp", "sit-chair")
+def called(*words: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
+    """Status and last line of a call in this process."""
+    with pytest.raises(SystemExit) as left:
+        cli.main(words)
+    return int(left.value.code or 0), capsys.readouterr().err.strip().splitlines()[-1]
 
 
-def test_missing_stage_names_the_command_that_makes_it(tmp_path):
-    refused(command("retarget", cwd=tmp_path), tmp_path, "mimicbench references")
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("objects --task sit-lamp", "unknown task 'sit-lamp'; known are: lie-bed"),
+        ("objects --count -5", "objects.count is -5; give 1 to 10000000"),
+        ("objects --count 0", "objects.count is 0"),
+        ("references --count 0", "references.count is 0"),
+        ("objects --seed -1", "seed is -1"),
+        ("objects --workers -3", "--workers is -3; give 1 to 4096, or 0"),
+        ("objects --workdir=", "--workdir is empty"),
+        ("objects --robot r2d2", "unknown robot 'r2d2'"),
+        ("objects --preset mine", "unknown preset 'mine'; known are:"),
+        ("objects --config nowhere.toml", "nowhere.toml does not exist"),
+        ("objects --source ../x", "objects.source is '../x'"),
+        ("references --source mine", "`mimicbench import --to mine` makes the set 'mine'"),
+        ("retarget --method guess", "unknown retargeting method 'guess'"),
+        ("retarget --method omnih2o --variant improved", "omnih2o"),
+        ("references --references.source a --objects.source b", "brings its own objects"),
+        ("references augment --to made", "--to is 'made'"),
+        ("references augment --count 0", "--count is 0"),
+        ("bench --seconds nan", "--seconds is nan; give a finite number"),
+        ("bench world --sizes 0", "--sizes is (0,)"),
+        ("table", "give at least one file"),
+        ("import nowhere.npy", "nowhere.npy"),
+        ("dance", "there is no command 'dance'; there are: objects,"),
+    ],
+)
+def test_what_is_refused_is_told_in_one_sentence(words, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    status, message = called(*words.split(), capsys=capsys)
+    assert status == 2 and message.startswith("mimicbench: ") and said in message
+    assert not list(tmp_path.iterdir()), "a refused call leaves nothing behind"
 
 
-def test_missing_recording(tmp_path):
-    refused(command("import", "nowhere.npy", cwd=tmp_path), tmp_path, "nowhere.npy")
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("track --samples 0", "track.samples is 0"),
+        ("track --ppo.entropy nan", "track.ppo.entropy is nan"),
+        ("track --ppo.gamma 1.5", "track.ppo.gamma is 1.5; give 0 to 1"),
+        ("imitate --learner parrot", "unknown learner 'parrot'; known are:"),
+        ("imitate --planner.samples 0", "imitate.planner.samples is 0"),
+        ("imitate --learner bc --train.steps -1", "imitate.train.steps is -1"),
+        ("imitate --track.tracker hst", "needs the tracker 'residual', but track.tracker is 'hst'"),
+        ("imitate --learner act --track.tracker hst --gains improved", "imitate.gains is 'improved'"),
+        ("evaluate --episodes 0", "evaluate.episodes is 0"),
+        ("evaluate --policy nobody", "unknown policy 'nobody'; known are:"),
+        ("evaluate --policy ./nowhere", "config.json does not exist"),
+        ("evaluate --task lie-bed", "nothing is shipped for lie-bed (only for sit-chair)"),
+        ("run --task all", "nothing is shipped for sit-sofa"),
+        ("run --policy tracker", "a report shows a policy"),
+    ],
+)
+def test_what_learns_is_refused_before_any_work(words, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    status, message = called(*words.split(), capsys=capsys)
+    assert status == 2 and message.startswith("mimicbench: ") and said in message
+    assert not list(tmp_path.iterdir()), "a refused call leaves nothing behind"
+
+
+def test_a_missing_policy_is_told_with_the_command_that_makes_it(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    _, message = called("evaluate", "--task", "lie-bed", "--policy", "bc", capsys=capsys)
+    assert "`mimicbench imitate --learner bc --task lie-bed --workdir work`" in message
 
 
 def test_hostile_pickle_is_refused_and_not_executed(tmp_path):
@@ -61,28 +126,82 @@ def test_cut_off_recording(tmp_path):
     refused(command("import", "cut.npy", cwd=tmp_path), tmp_path, "cut.npy")
 
 
-def test_checkpoint_of_another_robot(tmp_path):
+def test_checkpoint_of_another_robot(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
     folder = tmp_path / "policy"
     write_json(folder / "config.json", {"format": 1, "kind": "act", "robot": "g1", "config": {}, "notes": {}})
     (folder / "model.safetensors").write_bytes(b"")
-    prepare_episodes(Workspace(tmp_path / "work", "sit-chair", 0, 1, True), 1)
-    result = command("evaluate", "--policy", str(folder), "--episodes", "1", "--workers", "1", cwd=tmp_path)
-    assert result.returncode == 2 and "another robot" in result.stderr
+    words = ("evaluate", "--policy", str(folder), "--episodes", "1", "--objects.count", "8", "--workers", "1", "--json")
+    status, message = called(*words, capsys=capsys)
+    assert status == 2 and "another robot" in message
 
 
-def test_unknown_policy_lists_the_known_ones(tmp_path):
-    with pytest.raises(Exception, match="unknown policy 'nobody'"):
-        policy_folder(Workspace(tmp_path, "sit-chair"), "nobody")
-
-
-def test_stages_print_json_and_repeat_for_free(tmp_path):
+def test_stages_print_one_line_of_json_and_repeat_for_free(tmp_path):
     arguments = ("--count", "8", "--workdir", "w", "--seed", "5", "--json")
     first = command("objects", *arguments, cwd=tmp_path)
     found = json.loads(first.stdout)
-    assert found["stage"] == "objects" and found["count"] == 8
+    assert found["stage"] == "objects" and found["count"] == 8 and first.stdout.count("\n") == 1
     stamps = {path: path.stat().st_mtime_ns for path in (tmp_path / "w").rglob("*.json")}
     assert command("objects", *arguments, cwd=tmp_path).stdout == first.stdout
     assert stamps == {path: path.stat().st_mtime_ns for path in (tmp_path / "w").rglob("*.json")}
-    refused(
-        command("objects", "--count", "9", "--workdir", "w", "--seed", "5", cwd=tmp_path), tmp_path, "another config"
+    more = command("objects", "--count", "9", "--workdir", "w", "--seed", "5", "--json", cwd=tmp_path)
+    assert json.loads(more.stdout)["folder"] == found["folder"] and json.loads(more.stdout)["count"] == 9
+    assert stamps.items() >= {p: p.stat().st_mtime_ns for p in stamps if p.name != "header.json"}.items()
+    everything = command("objects", "--task", "all", "--count", "2", "--workdir", "w", "--json", cwd=tmp_path)
+    assert [one["task"] for one in json.loads(everything.stdout)][:2] == ["sit-chair", "sit-sofa"]
+
+
+def test_help_and_version(capsys):
+    for words in (["--help"], []):
+        cli.main(words)
+        assert "  retarget compare    Compare the ways to retarget." in capsys.readouterr().out
+    cli.main(["--version"])
+    assert capsys.readouterr().out == f"mimicbench {__version__}\n"
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_signals_end_a_command_alike(number, status, tmp_path):
+    words = [sys.executable, "-m", "mimicbench.cli", "references", "--count", "4000", "--workers", "1", "--json"]
+    process = subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 60
+    while not list(tmp_path.glob("work/*/references/*/*.npz")) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(number)
+    _, told = process.communicate(timeout=60)
+    assert process.returncode == status and "mimicbench: stopped; the same command goes on from here" in told
+    assert "Traceback" not in told and not list(tmp_path.rglob("*.tmp*"))
+
+
+def test_errors_of_the_system_are_one_sentence(tmp_path):
+    (tmp_path / "work").write_text("a file")
+    there = command("objects", "--count", "2", cwd=tmp_path)
+    assert there.returncode == 74 and "mimicbench: Not a directory" in there.stderr and "Traceback" not in there.stderr
+    if os.geteuid() != 0:
+        locked = tmp_path / "locked"
+        locked.mkdir(mode=0o500)
+        denied = command("objects", "--count", "2", "--workdir", "locked/w", cwd=tmp_path)
+        assert denied.returncode == 77 and "Permission denied" in denied.stderr
+    full = Path("/dev/full")
+    if full.exists():
+        with full.open("w") as stream:
+            words = [sys.executable, "-m", "mimicbench.cli", "--help"]
+            done = subprocess.run(words, stdout=stream, stderr=subprocess.PIPE, text=True, check=False)
+        assert done.returncode == 74 and "No space left on device" in done.stderr and "Traceback" not in done.stderr
+
+
+def test_a_closed_pipe_is_no_error():
+    words = f"{sys.executable} -m mimicbench.cli --help | head -c 1 > /dev/null; exit ${{PIPESTATUS[0]}}"
+    for _ in range(3):
+        done = subprocess.run(["bash", "-c", words], capture_output=True, text=True, check=False)
+        assert done.returncode in (0, 141) and not done.stderr
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = subprocess.run(
+        [sys.executable, "-m", "mimicbench.cli", "--help"],
+        stdout=writer,
+        stderr=subprocess.PIPE,
+        text=True,
+        check=False,
     )
+    os.close(writer)
+    assert done.returncode == 141 and not done.stderr

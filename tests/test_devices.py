@@ -16,9 +16,13 @@ import torch
 
 import stool
 from mimicbench import cli
+from mimicbench.benchmark import Recipe
+from mimicbench.benchmark.graph import start
+from mimicbench.benchmark.keys import SHIPPED
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError, UnknownName
 from mimicbench.core.motion import RobotMotion
+from mimicbench.core.run import RunContext
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.gym import TaskEnv, TaskVectorEnv
 from mimicbench.envs.vec_env import EnvConfig
@@ -37,7 +41,6 @@ from mimicbench.track.registry import TRACKERS
 from mimicbench.track.rollout import RolloutConfig, track_clips
 from mimicbench.track.tracking import TrackingConfig, TrackingEnv
 from mimicbench.track.train import TrackConfig, train_tracker
-from mimicbench.workspace import SHIPPED, Workspace
 from stool import H1, block, seated, standing
 
 HAS_WARP = importlib.util.find_spec("mujoco_warp") is not None
@@ -84,7 +87,7 @@ def test_where_tensors_live(device, tensors):
     assert tensor_device(device) == tensors
 
 
-@pytest.mark.parametrize("stage", ["track", "demos", "imitate", "evaluate", "run", "bench stages", "bench world"])
+@pytest.mark.parametrize("stage", ["track", "demos", "imitate", "evaluate", "run", "bench", "bench world"])
 def test_an_unknown_device_is_told_at_once(stage, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["mimicbench", *stage.split(), "--device", "tpu"])
@@ -106,7 +109,7 @@ def test_an_environment_knows_its_devices():
 def test_a_missing_gpu_is_told_at_once(tmp_path):
     for make in (
         lambda: TaskEnv("sit-chair", device="cuda"),
-        lambda: Workspace(tmp_path, "sit-chair", device="cuda:1"),
+        lambda: start(Recipe(), tmp_path, RunContext(device="cuda:1")),
     ):
         with pytest.raises(MimicbenchError, match="--device cpu"):
             make()

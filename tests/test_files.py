@@ -11,9 +11,8 @@ import zipfile
 import numpy as np
 import pytest
 
-from mimicbench.core.errors import BadFile, MimicbenchError
+from mimicbench.core.errors import BadFile
 from mimicbench.core.files import MAX_UNPACKED, read_json, read_npz, write_atomic, write_json, write_npz
-from mimicbench.core.stage import open_stage, read_stage
 
 ARRAYS = {
     "a": np.arange(12, dtype=np.float32).reshape(3, 4),
@@ -165,47 +164,3 @@ def test_json(tmp_path):
             read_json(tmp_path / name)
     with pytest.raises(BadFile, match="larger than"):
         read_json(tmp_path / "a.json", max_bytes=4)
-
-
-def test_stage_is_unfinished_until_it_is_finished(tmp_path):
-    folder = tmp_path / "objects"
-    with pytest.raises(BadFile, match="run `mimicbench objects` first"):
-        read_stage(folder, "mimicbench objects")
-    stage = open_stage(folder, "objects", "sit-chair", 0, {"count": 3, "sizes": (1, 2)})
-    assert not stage.complete
-    with pytest.raises(BadFile, match="unfinished"):
-        read_stage(folder, "mimicbench objects")
-    finished = stage.finish(made=3)
-    assert finished.complete and finished.fingerprint == stage.fingerprint
-    again = open_stage(folder, "objects", "sit-chair", 0, {"count": 3, "sizes": (1, 2)})
-    assert again.complete and again.header["summary"] == {"made": 3}
-    assert read_stage(folder, "x").fingerprint == stage.fingerprint
-
-
-@pytest.mark.parametrize(
-    "change", [{"config": {"count": 4}}, {"seed": 1}, {"task": "lie-bed"}, {"made_from": {"objects": "0"}}]
-)
-def test_another_configuration_is_refused_and_nothing_is_touched(tmp_path, change):
-    arguments = {
-        "folder": tmp_path / "x",
-        "stage": "references",
-        "task": "sit-chair",
-        "seed": 0,
-        "config": {"count": 3},
-    }
-    before = open_stage(**arguments)
-    content = (tmp_path / "x" / "header.json").read_bytes()
-    with pytest.raises(MimicbenchError, match=f"another {next(iter(change))}"):
-        open_stage(**{**arguments, **change})
-    assert (tmp_path / "x" / "header.json").read_bytes() == content
-    other = open_stage(**{**arguments, **change, "folder": tmp_path / "y"})
-    assert other.fingerprint != before.fingerprint
-
-
-@pytest.mark.parametrize("content", ["", "{", "[]", "3", '{"complete": true}'])
-def test_damaged_header(tmp_path, content):
-    (tmp_path / "header.json").write_text(content)
-    with pytest.raises(MimicbenchError):
-        open_stage(tmp_path, "objects", "sit-chair", 0, {})
-    with pytest.raises(MimicbenchError):
-        read_stage(tmp_path, "mimicbench objects")

@@ -12,6 +12,7 @@ from gymnasium.vector import AutoresetMode
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import making
 import mimicbench
 import stool
 from mimicbench.core import rotations as rot
@@ -352,13 +353,22 @@ def test_starts_from_a_work_folder(tmp_path):
     with pytest.raises(BadMotion, match="mimicbench retarget"):
         make(starts=tmp_path)
     obj = replace(block(0.4), id="own-chair")  # an object that no family makes
-    save_object(tmp_path / "sit-chair" / "objects", obj)
-    clip(object_id=obj.id).save(tmp_path / "sit-chair" / "retarget" / "clip.npz")
+    objects = tmp_path / "sit-chair" / "objects" / "own"
+    save_object(objects, obj)
+    folder = tmp_path / "sit-chair" / "retarget" / "one"
+    with making.by_hand(folder, "retarget", reads={"objects": objects}) as stage:
+        clip(object_id=obj.id).save(stage.folder / "clip.npz")
+        stage.finish()
     with pytest.raises(BadMotion, match="split"):
         TaskEnv("sit-chair", split="train" if obj.split == "test" else "test", starts=tmp_path)
     env = TaskEnv("sit-chair", split=obj.split, starts=str(tmp_path))
     info = env.reset(seed=0)[1]
     assert (info["object_id"], info["reference_id"]) == ("own-chair", "clip-own-chair")
+    assert TaskEnv("sit-chair", split=obj.split, starts=folder).reset(seed=0)[1]["object_id"] == "own-chair"
+    with making.by_hand(folder.with_name("two"), "retarget", settings={"other": 1}):
+        pass
+    with pytest.raises(BadMotion, match="several stages"):
+        TaskEnv("sit-chair", split=obj.split, starts=tmp_path)
 
 
 def test_mistakes_are_told():

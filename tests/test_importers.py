@@ -34,7 +34,7 @@ from mimicbench.references.importers.registry import FORMATS, detect_format, imp
 from mimicbench.references.importers.rest_pose import axis_up, hanging_turns, turned
 from mimicbench.references.importers.roam import read_pose
 from mimicbench.references.importers.stride import stride_scale
-from mimicbench.references.make import ImportConfig, import_references
+from mimicbench.references.make import Recordings, import_references
 from mimicbench.references.recordings.fit_object import nearby_distance, sample_body
 from mimicbench.references.recordings.real_clips import TASKS, find_clips
 from mimicbench.tasks.registry import TASKS as ALL_TASKS
@@ -624,14 +624,14 @@ def test_real_people_do_the_tasks(name, task, mesh):
 def test_what_the_gate_would_not_let_pass_is_said_and_can_be_left_out(tmp_path):
     path, said = DATA / "unihsi" / "motion_clips" / "armchair.npy", []
     fulfils = ALL_TASKS.get("sit-chair").fulfilled_by_human
-    _, stage = import_references(tmp_path / "o", tmp_path / "r", "sit-chair", fulfils, [path], said.append)
+    _, stage = import_references(tmp_path, "r", "sit-chair", Recordings((path,)), fulfils, said.append)
     assert stage.header["summary"]["kept"] == 1 and "skate" in stage.header["summary"]["beyond_gate"]
     [line] = [line for line in said if "the gate would not let this pass" in line]
     assert re.search(r"skate 0\.\d+ \(0\.01 at most\)", line)
-    gated = ImportConfig(gated=True)
+    gated = Recordings((path,), gated=True)
     with pytest.raises(BadMotion, match="leave --gate out"):
-        import_references(tmp_path / "p", tmp_path / "q", "sit-chair", fulfils, [path], said.append, gated)
-    assert not (tmp_path / "q").exists()
+        import_references(tmp_path, "q", "sit-chair", gated, fulfils, said.append)
+    assert not (tmp_path / "sit-chair" / "references" / "q").exists()
 
 
 def test_every_task_says_when_it_is_not_there(tmp_path):

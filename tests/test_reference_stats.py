@@ -8,22 +8,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mimicbench.objects.families.beds import make_bed
+from mimicbench.objects.families.chairs import make_chair
+from mimicbench.objects.families.sofas import make_sofa
 
+import making
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile
 from mimicbench.core.files import read_json, write_json
 from mimicbench.core.motion import HumanMotion
-from mimicbench.objects.families.bed import make_bed
-from mimicbench.objects.families.chair import make_chair
-from mimicbench.objects.families.sofa import make_sofa
-from mimicbench.objects.make import ObjectsConfig, make_objects
 from mimicbench.references.body.body import unihsi_body
 from mimicbench.references.body.posing import Trunk, pose
 from mimicbench.references.checks.gait_measures import measure_gait, summarize, walking_model
 from mimicbench.references.checks.stats import object_size, pairwise, set_statistics, spread
 from mimicbench.references.locomotion.gait import Gait, Route
 from mimicbench.references.locomotion.walking import FPS, walk
-from mimicbench.references.make import ReferencesConfig, make_references, remake
+from mimicbench.references.make import remake
 from mimicbench.references.paper import PAPER_SETS
 from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.report.dataset import dataset_picture, statistics_table, variety_table
@@ -37,13 +37,14 @@ DATA = Path(__file__).parents[1].parent / "shared" / "data"
 def workdir(tmp_path_factory) -> Path:
     """Six clips of sitting on chairs."""
     root = tmp_path_factory.mktemp("work")
-    task = TASKS.get("sit-chair")
-    folder = root / task.name
-    objects = make_objects(folder / "objects", task.name, task.family, ObjectsConfig(4), 0)
-    make_references(
-        folder / "references", objects, task.name, task.fulfilled_by_human, ReferencesConfig(6), 0, 1, quiet=True
-    )
+    making.make("references", root, making.small(objects=4, clips=6))
     return root
+
+
+def stage_of(workdir: Path, name: str) -> Path:
+    """The only folder of a stage."""
+    (found,) = (workdir / "sit-chair" / name).glob("*")
+    return found
 
 
 def straight_walk(speed: float, metres: float = 5.0) -> HumanMotion:
@@ -85,8 +86,8 @@ def test_the_paper_has_23_thousand_clips():
 
 
 def test_statistics_are_those_of_the_clips(workdir: Path):
-    found = set_statistics("sit-chair", workdir / "sit-chair" / "objects", workdir / "sit-chair" / "references")
-    motions = [HumanMotion.load(path) for path in sorted((workdir / "sit-chair" / "references").glob("*.npz"))]
+    found = set_statistics("sit-chair", stage_of(workdir, "objects"), stage_of(workdir, "references"))
+    motions = [HumanMotion.load(path) for path in sorted((stage_of(workdir, "references")).glob("*.npz"))]
     assert (found.objects, found.clips) == (4, 6)
     assert found.duration == pytest.approx(
         (np.mean([m.duration for m in motions]), np.std([m.duration for m in motions]))
@@ -108,7 +109,7 @@ def test_statistics_are_those_of_the_clips(workdir: Path):
 
 
 def test_picture_is_the_same_every_time(workdir: Path, tmp_path: Path):
-    found = set_statistics("sit-chair", workdir / "sit-chair" / "objects", workdir / "sit-chair" / "references")
+    found = set_statistics("sit-chair", stage_of(workdir, "objects"), stage_of(workdir, "references"))
     for name in ("a.png", "b.png"):
         dataset_picture([found], tmp_path / name)
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
@@ -128,7 +129,7 @@ def test_commands_print_and_remake(workdir: Path, tmp_path: Path):
     assert shown.returncode == 0, shown.stderr
     data = json.loads(shown.stdout)["sit-chair"]
     assert data["clips"] == 6 and data["paper"]["clips"] == 5000 and (tmp_path / "plots.png").stat().st_size > 5000
-    name = sorted((workdir / "sit-chair" / "references").glob("*.npz"))[2]
+    name = sorted(stage_of(workdir, "references").glob("*.npz"))[2]
     again = run("remake", name.stem, "--json")
     assert again.returncode == 0, again.stderr
     assert json.loads(again.stdout)["rejected_for"] == [] and (tmp_path / name.name).read_bytes() == name.read_bytes()
@@ -137,29 +138,24 @@ def test_commands_print_and_remake(workdir: Path, tmp_path: Path):
 
 
 def test_rejected_clips_are_replaced_and_counted(tmp_path: Path):
-    task = TASKS.get("sit-chair")
-    objects = make_objects(tmp_path / "objects", task.name, task.family, ObjectsConfig(3), 0)
-    stage = make_references(
-        tmp_path / "references", objects, task.name, every_other, ReferencesConfig(4), 0, 1, quiet=True
-    )
+    objects = making.make("objects", tmp_path)
+    stage = making.references_by(tmp_path / "references", objects, every_other, 4)
     summary = stage.header["summary"]
     names = sorted(path.stem for path in (tmp_path / "references").glob("*.npz"))
     assert summary["kept"] == len(names) == 4 and summary["tried"] >= 7 and "K " in summary["rejected_for"]
     assert all(int(name[-5:]) % 2 == 0 for name in names)
-    motion, wrong = remake(stage, tmp_path / "objects", "sit-chair-0-00001", every_other)
+    motion, wrong = remake(stage, objects.folder, "sit-chair-0-00001", every_other)
     assert "K" in wrong and motion.id == "sit-chair-0-00001"
 
 
 def test_what_is_missing_is_made_again_the_same(tmp_path: Path):
-    task, folder = TASKS.get("sit-chair"), tmp_path / "references"
-    objects = make_objects(tmp_path / "objects", task.name, task.family, ObjectsConfig(3), 0)
-    arguments = (folder, objects, task.name, every_other, ReferencesConfig(4), 0)
-    first = make_references(*arguments, 1, quiet=True)
+    folder, objects = tmp_path / "references", making.make("objects", tmp_path)
+    first = making.references_by(folder, objects, every_other, 4)
     bytes_of = {path.name: path.read_bytes() for path in folder.glob("*.npz")}
     (folder / sorted(bytes_of)[1]).unlink()  # as if killed before it
-    write_json(folder / "header.json", {**first.header, "complete": False, "summary": None})
-    again = make_references(*arguments, 1, quiet=True)
-    assert again.header == read_json(folder / "header.json") == {**first.header, "config": again.header["config"]}
+    write_json(folder / "header.json", {**first.header, "complete": False, "summary": {}})
+    again = making.references_by(folder, objects, every_other, 4)
+    assert again.header == read_json(folder / "header.json") == first.header
     assert {path.name: path.read_bytes() for path in folder.glob("*.npz")} == bytes_of
 
 

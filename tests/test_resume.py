@@ -13,7 +13,11 @@ from pathlib import Path
 import pytest
 
 BEFORE = {"objects": (), "references": ("objects",), "retarget": ("objects", "references")}
-COUNT = {"objects": ("--count", "300"), "references": ("--count", "40"), "retarget": ()}
+SIZES = {
+    "objects": ("--objects.count", "300"),
+    "references": ("--references.count", "40"),
+    "retarget": (),
+}
 ITEM = {"objects": "chair-*.json", "references": "*.npz", "retarget": "*.npz"}
 
 
@@ -23,7 +27,7 @@ def arguments(stage: str, workdir: Path) -> list[str]:
         "-m",
         "mimicbench.cli",
         stage,
-        *COUNT[stage],
+        *(word for part in (*BEFORE[stage], stage) for word in SIZES[part]),
         "--workdir",
         str(workdir),
         "--workers",
@@ -50,6 +54,12 @@ def whole(tmp_path_factory):
     return workdir / "sit-chair"
 
 
+def only(folder: Path) -> Path:
+    """The one folder in it."""
+    (found,) = folder.glob("*")
+    return found
+
+
 @pytest.mark.parametrize("stage", BEFORE)
 @pytest.mark.parametrize("items", [1, 9])
 def test_a_killed_stage_goes_on(stage, items, whole, tmp_path):
@@ -57,7 +67,7 @@ def test_a_killed_stage_goes_on(stage, items, whole, tmp_path):
         target = tmp_path / "sit-chair" / earlier
         target.parent.mkdir(exist_ok=True)
         target.symlink_to(whole / earlier)
-    folder = tmp_path / "sit-chair" / stage
+    folder = tmp_path / "sit-chair" / stage / only(whole / stage).name
     process = subprocess.Popen(
         arguments(stage, tmp_path), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
     )
@@ -70,7 +80,7 @@ def test_a_killed_stage_goes_on(stage, items, whole, tmp_path):
     early = {path.name: path.stat().st_mtime_ns for path in folder.glob(ITEM[stage])}
     assert len(early) >= items
     subprocess.run(arguments(stage, tmp_path), check=True, capture_output=True)
-    assert files(folder) == files(whole / stage), "the same files, and nothing half written beside them"
+    assert files(folder) == files(only(whole / stage)), "the same files, and nothing half written beside them"
     if stage != "objects":  # whose items are made in no time, all together
         kept = [name for name, stamp in early.items() if (folder / name).stat().st_mtime_ns == stamp]
         assert len(kept) == len(early), "what was there is not made again"

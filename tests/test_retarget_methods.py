@@ -11,16 +11,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import making
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError, UnknownName
 from mimicbench.core.files import read_json
 from mimicbench.core.motion import HumanMotion, RobotMotion, Skeleton, forward_kinematics
-from mimicbench.core.stage import Stage, open_stage
+from mimicbench.core.stage import Stage
 from mimicbench.objects.families.box import make_box
 from mimicbench.objects.families.chair import make_chair
 from mimicbench.objects.shape import SceneObject, save_object
 from mimicbench.references.body.body import body_of
 from mimicbench.references.body.skeletons import CORE4D, ROAM, UNIHSI
+from mimicbench.references.make import ReferencesConfig
 from mimicbench.report.retargeting import Comparison, MethodResult, measures_table, write_comparison
 from mimicbench.retarget.acceptance import MEASURES, PROMISED, Limits, outcome, summary, unsolved
 from mimicbench.retarget.baselines.adam import adam
@@ -29,7 +31,7 @@ from mimicbench.retarget.baselines.speed import RetargetBenchConfig, bench_retar
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.h1_tables import CORE4D_H1, ROAM_H1, UNIHSI_H1
 from mimicbench.retarget.kinematics import Pose, tree_of
-from mimicbench.retarget.make import RetargetConfig, make_retargeted, read_retargeted
+from mimicbench.retarget.make import Places, RetargetConfig, make_retargeted, read_retargeted
 from mimicbench.retarget.mapping import bind
 from mimicbench.retarget.mappings import find_mapping
 from mimicbench.retarget.methods import optimization as opt
@@ -360,12 +362,24 @@ def test_verdict_by_hand() -> None:
     )
 
 
-def stage_of(folder: Path, motions: list[HumanMotion], obj: SceneObject) -> Stage:
-    stage = open_stage(folder / "references", "references", "lift-box", 0, {})
-    save_object(folder / "objects", obj)
-    for motion in motions:
-        motion.save(stage.folder / f"{motion.id}.npz")
-    return stage.finish(kept=len(motions))
+def given(workdir: Path, motions: list[HumanMotion], obj: SceneObject) -> Stage:
+    """The set `given` of clips and of one object."""
+    with making.by_hand(workdir / "lift-box" / "objects" / "given", "objects", "lift-box") as stage:
+        save_object(stage.folder, obj)
+        stage.finish(count=1)
+    reads = {"objects": stage.folder}
+    with making.by_hand(workdir / "lift-box" / "references" / "given", "references", "lift-box", reads=reads) as stage:
+        for motion in motions:
+            motion.save(stage.folder / f"{motion.id}.npz")
+        return stage.finish(kept=len(motions))
+
+
+def retargeted(workdir: Path, references: Stage, name: str = "retarget", method: str = "optimization") -> Stage:
+    """The clips of the set, every one of which fulfils K."""
+    with making.by_hand(workdir / name, "retarget", "lift-box") as stage:
+        places = Places("h1", workdir / "lift-box" / "objects" / "given", always)
+        clips = sorted(references.folder.glob("*.npz"))
+        return make_retargeted(stage, clips, places, RetargetConfig(method=method), making.QUIET)
 
 
 def always(motion: RobotMotion, obj: SceneObject, robot: object) -> bool:
@@ -378,32 +392,23 @@ def test_unreachable_goals_end_here(tmp_path: Path) -> None:
     far = replace(near, id="far", wrist_goal_w=near.wrist_goal_w + [5.0, 0.0, 0.0])
     pos, _ = near.forward_kinematics()
     near = replace(near, id="near", wrist_goal_w=pos[-1, [UNIHSI.index("left_hand"), UNIHSI.index("right_hand")]])
-    stage = stage_of(tmp_path, [near, far], box)
+    stage = given(tmp_path, [near, far], box)
     for _ in range(2):  # the second time everything is there already
-        made = make_retargeted(
-            tmp_path / "retarget", stage, tmp_path / "objects", "lift-box", always, RetargetConfig(), 1, True
-        )
-        told = made.header["summary"]
+        made = retargeted(tmp_path, stage)
+        told = made.summary
         assert (told["clips"], told["fulfilled"], told["kept"], told["rejected_for"]) == (2, 2, 1, {"goal_error": 1})
-        assert made.header["config"] == {"robot": "h1", "method": "optimization", "preset": "improved"}
         assert [motion.id for motion in read_retargeted(made.folder, "h1")] == ["near"]
         marked = RobotMotion.load(made.folder / "far.npz", "h1")
         assert not marked.success and marked.measures["fulfilled"] == 1.0 and marked.measures["goal_error"] > 0.1
         header = read_json(made.folder / "header.json")
         assert isinstance(header, dict)
         (made.folder / "header.json").write_text(json.dumps({**header, "complete": False}))
-    (tmp_path / "references" / "near.npz").unlink()
+    (stage.folder / "near.npz").unlink()
+    recipe = making.Recipe(
+        "lift-box", references=ReferencesConfig("given"), retarget=RetargetConfig(method="copy-rotation")
+    )
     with pytest.raises(BadMotion, match="goal_error 1"):
-        make_retargeted(
-            tmp_path / "none",
-            stage,
-            tmp_path / "objects",
-            "lift-box",
-            always,
-            RetargetConfig(method="copy-rotation"),
-            1,
-            True,
-        )
+        making.make("retarget", tmp_path, recipe)
 
 
 def test_bad_input_is_named(tmp_path: Path) -> None:
@@ -416,14 +421,9 @@ def test_bad_input_is_named(tmp_path: Path) -> None:
     with pytest.raises(MimicbenchError, match="omnih2o has no preset 'improved'"):
         METHODS.get("omnih2o").preset("improved")
     box = make_box(0, 0)
-    stage = stage_of(tmp_path, [], box)
-
-    def made():
-        folder, objects = tmp_path / "retarget", tmp_path / "objects"
-        return make_retargeted(folder, stage, objects, "lift-box", always, RetargetConfig(), 1, True)
-
+    stage = given(tmp_path, [], box)
     with pytest.raises(BadMotion, match="there are no clips"):
-        made()
+        making.make("retarget", tmp_path, making.Recipe("lift-box", references=ReferencesConfig("given")))
     with pytest.raises(BadMotion, match="has 0 frames"):
         reach(UNIHSI, 0)
     motion = reach(UNIHSI, 4, box)
@@ -436,21 +436,18 @@ def test_bad_input_is_named(tmp_path: Path) -> None:
         }
     np.savez(path, **arrays)
     with pytest.raises((BadMotion, BadFile), match=r"0 frames|short\.npz"):
-        made()
+        retargeted(tmp_path, stage)
     replace(motion, id="short", skeleton=replace(UNIHSI, name="centaur")).save(path)
     with pytest.raises(UnknownName, match="centaur -> h1"):
-        made()
+        retargeted(tmp_path, stage)
 
 
 def test_a_wild_clip_is_marked_and_not_passed_on(tmp_path: Path) -> None:
     box = make_box(0, 0)
     wild = reach(UNIHSI, 6, box)
     wild = replace(wild, id="wild", root_pos_w=wild.root_pos_w + 1e30 * np.arange(6)[:, None])
-    stage = stage_of(tmp_path, [reach(UNIHSI, 6, box), wild], box)
-    made = make_retargeted(
-        tmp_path / "retarget", stage, tmp_path / "objects", "lift-box", always, RetargetConfig(), 1, True, first=5
-    )
-    told = made.header["summary"]
+    made = retargeted(tmp_path, given(tmp_path, [reach(UNIHSI, 6, box), wild], box))
+    told = made.summary
     assert not RobotMotion.load(made.folder / "wild.npz").success and told["rejected_for"] and told["kept"] < 2
     assert "Infinity" not in (made.folder / "header.json").read_text()
 
@@ -458,13 +455,11 @@ def test_a_wild_clip_is_marked_and_not_passed_on(tmp_path: Path) -> None:
 def test_command_line(tmp_path: Path) -> None:
     box = make_box(0, 0)
     held = reach(UNIHSI, 8, box)
-    stage = stage_of(
-        tmp_path / "work" / "lift-box",
+    given(
+        tmp_path / "work",
         [replace(held, wrist_goal_w=np.zeros((0, 3)), object_pos_w=held.object_pos_w + [0.0, 0.0, 5.0])],
         box,
     )
-    objects = open_stage(tmp_path / "work" / "lift-box" / "objects", "objects", "lift-box", 0, {}).finish(count=1)
-    assert objects.complete and stage.complete
 
     def run(*arguments: str) -> subprocess.CompletedProcess[str]:
         command = [
@@ -476,6 +471,8 @@ def test_command_line(tmp_path: Path) -> None:
             "lift-box",
             "--workers",
             "1",
+            "--references.source",
+            "given",
             *arguments,
         ]
         return subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=120, check=False)
@@ -486,11 +483,10 @@ def test_command_line(tmp_path: Path) -> None:
         and "unknown retargeting method 'guess'" in wrong.stderr
         and not (tmp_path / "work" / "lift-box" / "retarget").exists()
     )
-    beside = run(
-        "--method", "copy-rotation", "--preset", "paper", "--beside", "--json"
-    )  # the box is in the air, far from the hands
-    assert beside.returncode == 2 and "none of 1 clips" in beside.stderr and "K 1" in beside.stderr
-    assert (tmp_path / "work" / "lift-box" / "retarget-copy-rotation-paper" / f"{held.id}.npz").exists()
+    none = run("--method", "copy-rotation", "--variant", "paper", "--json")  # the box is in the air, far from the hands
+    assert none.returncode == 2 and "none of the 1 clips" in none.stderr and "K 1" in none.stderr
+    (folder,) = (tmp_path / "work" / "lift-box" / "retarget").glob("copy-rotation-paper-given-*")
+    assert (folder / f"{held.id}.npz").exists()
 
 
 # --- side by side

@@ -6,32 +6,37 @@ from dataclasses import replace
 
 import pytest
 
-from mimicbench.workspace import Workspace, evaluate_policy, evaluate_tracker, prepare_episodes, tracker_folder
+import making
+from mimicbench.benchmark.finding import stages_of
+from mimicbench.benchmark.graph import start
+from mimicbench.benchmark.judging import episodes_of, judge_policy, judge_tracker, who_of
+from mimicbench.core.run import RunContext
 
 
 @pytest.fixture(scope="module")
-def workspaces(tmp_path_factory):
+def runs(tmp_path_factory):
     made = []
     for workers in (1, 2):
-        ws = Workspace(tmp_path_factory.mktemp(f"workers{workers}"), "sit-chair", seed=3, workers=workers, quiet=True)
-        prepare_episodes(ws, 4)
-        made.append(ws)
+        workdir = tmp_path_factory.mktemp(f"workers{workers}")
+        made.append(start(making.small(objects=24, seed=3), workdir, RunContext(workers, quiet=True)))
+        episodes_of(made[-1], 4)
     return made
 
 
-def test_the_same_clips(workspaces):
-    for stage in ("references", "retarget"):
-        one, two = ({path.name: path.read_bytes() for path in ws.folder(stage).glob("*.npz")} for ws in workspaces)
-        assert one == two and len(one) >= 4
+def test_the_same_clips(runs):
+    for name in ("references", "retarget"):
+        stages = [stages_of(run.workdir, "sit-chair", name) for run in runs]
+        one, two = ({path.name: path.read_bytes() for path in found[0].folder.glob("*.npz")} for found in stages)
+        assert one == two and len(one) >= 4 and len(stages[0]) == len(stages[1]) == 1
 
 
-def test_the_same_tracking(workspaces):
-    one, two = (evaluate_tracker(ws, tracker_folder(ws), 4, None) for ws in workspaces)
+def test_the_same_tracking(runs):
+    one, two = (judge_tracker(run, who_of(run, "tracker"), episodes_of(run, 4).set) for run in runs)
     assert one == two
 
 
-def test_the_same_episodes_of_the_best_policy(workspaces):
-    one, two = (evaluate_policy(ws, "best", 4)[0] for ws in workspaces)
+def test_the_same_episodes_of_the_best_policy(runs):
+    one, two = (judge_policy(run, who_of(run, "best"), episodes_of(run, 4).set)[0] for run in runs)
     assert one == two
-    again = evaluate_policy(replace(workspaces[0], workers=2), "best", 4)[0]
-    assert again == one
+    again = replace(runs[0], context=RunContext(2, quiet=True))
+    assert judge_policy(again, who_of(again, "best"), episodes_of(again, 4).set)[0] == one

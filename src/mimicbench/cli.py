@@ -1,39 +1,131 @@
-"""The command `mimicbench`: which commands there are."""
+"""The command `mimicbench`: which commands there are, and what becomes of errors and signals."""
 
+import errno
 import faulthandler
+import os
+import signal
 import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from types import FrameType
+from typing import NoReturn
 
-import tyro
-
-from mimicbench.commands import bench, judge, learn, objects, references, retarget
+from mimicbench import __version__
 from mimicbench.core.errors import MimicbenchError
-
-app = tyro.extras.SubcommandApp()
-app.command(objects.app, name="objects", help="Make the task's objects, or import your own meshes.")
-app.command(references.app, name="references", help="Make human clips on the objects, and what can be done with them.")
-app.command(name="import")(references.import_)
-app.command(retarget.app, name="retarget", help="Turn the human clips into robot clips, and compare the ways to do it.")
-app.command(name="track")(learn.track)
-app.command(name="demos")(learn.demos)
-app.command(name="imitate")(learn.imitate)
-app.command(name="evaluate")(judge.evaluate)
-app.command(name="run")(judge.run)
-app.command(name="table")(judge.table)
-app.command(bench.app, name="bench", help="Measure how fast this machine is, and whether the world holds out.")
+from mimicbench.core.names import printable
 
 
-def main() -> None:
+@dataclass(frozen=True)
+class Command:
+    """A command, whose module is imported only when it is called."""
+
+    help: str
+    module: str
+    """In mimicbench.commands."""
+    function: str
+    recipe: bool = False
+    """Whether the function reads its arguments itself, as a recipe."""
+
+
+COMMANDS = {
+    "objects": Command("Make the task's objects.", "stages", "objects", True),
+    "objects draw": Command("Draw objects on one sheet.", "objects", "draw"),
+    "objects import": Command("Make objects of your own meshes.", "objects", "import_"),
+    "references": Command("Make human clips on the objects.", "stages", "references", True),
+    "references augment": Command("Make variants of clips.", "references", "augment"),
+    "references remake": Command("Make one clip again from its id.", "references", "remake"),
+    "references stats": Command("Measure the clips beside the paper's.", "references", "stats"),
+    "import": Command("Import recordings of real people.", "references", "import_"),
+    "retarget": Command("Turn the human clips into robot clips.", "stages", "retarget", True),
+    "retarget compare": Command("Compare the ways to retarget.", "retarget", "compare"),
+    "track": Command("Train a tracker on the robot clips.", "stages", "track", True),
+    "demos": Command("Let the tracker make demonstrations.", "stages", "demos", True),
+    "imitate": Command("Learn a policy that sees.", "stages", "imitate", True),
+    "evaluate": Command("Judge policies and trackers.", "judge", "evaluate", True),
+    "run": Command("Do the whole task, and report on it.", "judge", "run", True),
+    "table": Command("Print results beside the paper's.", "judge", "table"),
+    "bench": Command("Measure how fast this machine is.", "bench", "stages"),
+    "bench retarget": Command("Measure every way to retarget.", "bench", "retarget"),
+    "bench world": Command("Measure the environments of all tasks.", "bench", "world"),
+    "bench maps": Command("Measure elevation maps, beside the physics.", "bench", "maps"),
+    "bench soak": Command("Find out whether the world holds out.", "bench", "soak"),
+}
+NO_ACCESS, IO_ERROR = 77, 74
+"""Exit statuses of errors of the system (sysexits.h)."""
+
+
+def main(argv: Sequence[str] | None = None) -> None:
     """Run the command line; errors that the user can mend are printed in one sentence."""
     if sys.__stderr__ is not None:
         faulthandler.enable(sys.__stderr__)  # native code that crashes is to tell where
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, _interrupt)
+    words = list(sys.argv[1:] if argv is None else argv)
     try:
-        app.cli(prog="mimicbench", description="Humanoid-scene interaction learned by mimicking humans.")
+        _call(words)
+        sys.stdout.flush()
     except MimicbenchError as error:
-        print(f"mimicbench: {error}", file=sys.stderr)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        print("mimicbench: stopped; the same command goes on from here", file=sys.stderr)
-        sys.exit(130)
+        _leave(2, str(error))
+    except KeyboardInterrupt as stop:
+        number = stop.args[0] if stop.args else signal.SIGINT
+        _leave(128 + int(number), "stopped; the same command goes on from here")
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes stdout once more at its end
+        sys.exit(128 + signal.SIGPIPE)
+    except OSError as error:
+        place = f" ({error.filename})" if error.filename else ""
+        status = NO_ACCESS if error.errno in (errno.EACCES, errno.EPERM) else IO_ERROR
+        _leave(status, f"{error.strerror or error}{place}; mend that, and the same command goes on from here")
+
+
+def _call(words: list[str]) -> None:
+    if not words or words[0] in ("-h", "--help"):
+        print(overview())
+        return
+    if words[0] == "--version":
+        print(f"mimicbench {__version__}")
+        return
+    name = " ".join(words[:2]) if " ".join(words[:2]) in COMMANDS else words[0]
+    if name not in COMMANDS:
+        known = ", ".join(COMMANDS)
+        raise MimicbenchError(f"there is no command {name!r}; there are: {known}")
+    command, rest = COMMANDS[name], words[len(name.split()) :]
+    function = getattr(import_module(f"mimicbench.commands.{command.module}"), command.function)
+    if command.recipe:
+        function(rest)
+        return
+    import tyro
+
+    from mimicbench.commands.options import checked
+
+    tyro.cli(checked(function), args=rest, prog=f"mimicbench {name}")
+
+
+def overview() -> str:
+    """What `mimicbench --help` prints. Imports nothing, so that it comes at once."""
+    width = max(len(name) for name in COMMANDS)
+    lines = [f"  {name:<{width}}  {command.help}" for name, command in COMMANDS.items()]
+    return "\n".join(
+        [
+            "usage: mimicbench COMMAND [OPTIONS]",
+            "",
+            "Humanoid-scene interaction learned by mimicking humans.",
+            "",
+            *lines,
+            "",
+            "`mimicbench COMMAND --help` has every setting; `mimicbench --version` the version.",
+        ]
+    )
+
+
+def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
+    raise KeyboardInterrupt(number)
+
+
+def _leave(status: int, message: str) -> NoReturn:
+    print(f"mimicbench: {printable(message)}", file=sys.stderr)
+    sys.exit(status)
 
 
 if __name__ == "__main__":

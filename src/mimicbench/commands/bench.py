@@ -9,15 +9,14 @@ from typing import Annotated
 
 import tyro
 
-from mimicbench.commands.options import Device, Json, Seed, Task, Workers, say
+from mimicbench.commands.options import Device, Json, Seed, Task, Workers
+from mimicbench.core.run import to_stderr as say
+from mimicbench.core.settings import Amount, Count, Within
 
-app = tyro.extras.SubcommandApp()
 
-
-@app.command(name="stages", is_default=True)
-def bench(
+def stages(
     task: Task = "sit-chair",
-    seconds: Annotated[float, tyro.conf.arg(help="how long each part is measured")] = 10.0,
+    seconds: Annotated[float, Within(0.01, 3600), tyro.conf.arg(help="how long each part is measured")] = 10.0,
     workers: Workers = 0,
     device: Device = "cpu",
     as_json: Json = False,
@@ -30,12 +29,11 @@ def bench(
     _measured(measure(ROBOTS.get("h1"), TASKS.get(task), workers, seconds, say, device), as_json)
 
 
-@app.command(name="retarget")
-def bench_retarget(
+def retarget(
     tasks: Annotated[tuple[str, ...], tyro.conf.arg(help="whose clips; by default all six")] = (),
-    clips: Annotated[int, tyro.conf.arg(help="clips of each task")] = 2,
-    frames: Annotated[int, tyro.conf.arg(help="frames that Adam and mink get")] = 120,
-    epochs: Annotated[int, tyro.conf.arg(help="of Adam; the paper has 3000")] = 3000,
+    clips: Annotated[Count, tyro.conf.arg(help="clips of each task")] = 2,
+    frames: Annotated[Count, tyro.conf.arg(help="frames that Adam and mink get")] = 120,
+    epochs: Annotated[Count, tyro.conf.arg(help="of Adam; the paper has 3000")] = 3000,
     as_json: Json = False,
 ) -> None:
     """Measure every way to retarget on one core, beside the paper's Adam and a per-frame inverse kinematics with
@@ -53,11 +51,14 @@ def bench_retarget(
         print(to_terminal(speed_table(found, chosen)))
 
 
-@app.command(name="world")
-def bench_world_(
+def world(
     tasks: Annotated[tuple[str, ...], tyro.conf.arg(help="whose environments; by default all six")] = (),
-    sizes: Annotated[tuple[int, ...], tyro.conf.arg(help="environments at once")] = (64, 512, 4096),
-    seconds: Annotated[float, tyro.conf.arg(help="how long each figure is measured")] = 4.0,
+    sizes: Annotated[tuple[int, ...], Within(1, 1_000_000), tyro.conf.arg(help="environments at once")] = (
+        64,
+        512,
+        4096,
+    ),
+    seconds: Annotated[float, Within(0.01, 3600), tyro.conf.arg(help="how long each figure is measured")] = 4.0,
     maps: Annotated[bool, tyro.conf.arg(help="measure with the elevation map too")] = True,
     memory: Annotated[bool, tyro.conf.arg(help="measure memory too, in processes of their own")] = True,
     workers: Workers = 0,
@@ -75,11 +76,10 @@ def bench_world_(
     )
 
 
-@app.command(name="maps")
-def bench_maps_(
+def maps(
     tasks: Annotated[tuple[str, ...], tyro.conf.arg(help="whose objects and cameras; by default all six")] = (),
-    sizes: Annotated[tuple[int, ...], tyro.conf.arg(help="robots at once")] = (64, 512, 4096),
-    seconds: Annotated[float, tyro.conf.arg(help="how long each figure is measured")] = 2.0,
+    sizes: Annotated[tuple[int, ...], Within(1, 1_000_000), tyro.conf.arg(help="robots at once")] = (64, 512, 4096),
+    seconds: Annotated[float, Within(0.01, 3600), tyro.conf.arg(help="how long each figure is measured")] = 2.0,
     workers: Workers = 0,
     device: Device = "cpu",
     as_json: Json = False,
@@ -92,23 +92,26 @@ def bench_maps_(
     _measured(bench_maps(MapBenchConfig(chosen, sizes, seconds, workers=workers, device=device), say), as_json)
 
 
-@app.command(name="soak")
-def bench_soak(
-    steps: Annotated[int, tyro.conf.arg(help="control steps, all tasks together")] = 10_000_000,
+def soak(
+    steps: Annotated[int, Amount(), tyro.conf.arg(help="control steps, all tasks together")] = 10_000_000,
     objects: Annotated[
-        int | None, tyro.conf.arg(help="objects of each family; by default as many as the paper has, 10.6 thousand")
+        int | None,
+        Within(1, 10_000_000),
+        tyro.conf.arg(help="objects of each family; by default as many as the paper has, 10.6 thousand"),
     ] = None,
     threads: Annotated[
         tuple[int, ...],
+        Within(1, 4096),
         tyro.conf.arg(help="do it once with each of these numbers of threads; the results must be the same"),
     ] = (1, 2),
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
     """Compile every object, and step all tasks at random: nothing may break unreported, and threads may not matter."""
-    from mimicbench.bench.soak import SoakConfig, soak
+    from mimicbench.bench.soak import SoakConfig
+    from mimicbench.bench.soak import soak as run_soak
 
-    found = soak(SoakConfig(steps, threads=threads, objects=objects, seed=seed), say)
+    found = run_soak(SoakConfig(steps, threads=threads, objects=objects, seed=seed), say)
     _measured(found, as_json)
     if not found["sound"]:
         sys.exit(1)

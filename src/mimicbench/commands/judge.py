@@ -2,88 +2,112 @@
 
 from __future__ import annotations
 
-import json
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from mimicbench.commands.options import WORK, Device, Json, Seed, Task, Workdir, Workers, say, summary
+from mimicbench.commands.parsing import Options, read_call, said
+from mimicbench.commands.telling import tell, tell_rates
+from mimicbench.core.errors import MimicbenchError
 
 if TYPE_CHECKING:
+    from mimicbench.benchmark.keys import Run
     from mimicbench.evaluate.rows import EpisodeRow
 
 
-def evaluate(
-    task: Task = "sit-chair",
-    policy: Annotated[
-        str, tyro.conf.arg(help="best, planner, act, bc, act-clock, bc-clock, or the path of a checkpoint")
-    ] = "best",
-    episodes: Annotated[int, tyro.conf.arg(help="episodes on unseen objects from unseen starts")] = 400,
-    workdir: Workdir = WORK,
-    seed: Seed = 0,
-    workers: Workers = 0,
-    device: Device = "cpu",
-    as_json: Json = False,
-) -> None:
-    """Judge a policy by K and P on objects and starts that it has never seen; makes them if the workdir has none."""
-    from mimicbench import workspace
-    from mimicbench.evaluate.rows import write_rows
+def evaluate(argv: Sequence[str]) -> None:
+    """Judge policies, or a tracker, by K and P on objects and starts that they have never seen."""
+    call = read_call("evaluate", argv)
+    from mimicbench.benchmark.graph import start
+    from mimicbench.benchmark.judging import judge, who_of
 
-    ws = workspace.Workspace(workdir, task, seed, workers, as_json, device=device)
-    workspace.prepare_episodes(ws, episodes)
-    rows, _ = workspace.evaluate_policy(ws, policy, episodes)
-    write_rows(ws.folder("evaluate") / f"{rows[0].policy}.parquet", rows)
-    summary(rows, as_json)
+    runs = [start(recipe, call.options.workdir, call.options.context()) for recipe in call.recipes]
+    wanted = [(run, name) for run in runs for name in run.recipe.evaluate.policy]
+    for run, name in wanted:
+        who_of(run, name)  # whether there is one, before any work
+    tell_rates([judge(run, name) for run, name in wanted], call.options.json)
 
 
-def run(
-    task: Task = "sit-chair",
-    train: Annotated[
-        bool,
-        tyro.conf.arg(help="learn everything from nothing (hours) instead of using the shipped checkpoints (minutes)"),
-    ] = False,
-    profile: Annotated[
-        Literal["smoke", "default", "full"] | None,
-        tyro.conf.arg(help="how much; by default `default`, with --train `full`"),
-    ] = None,
-    workdir: Workdir = WORK,
-    seed: Annotated[
-        int | None,
-        tyro.conf.arg(help="by default 0 with --train and 1 without, so that the shipped policies meet new objects"),
-    ] = None,
-    workers: Workers = 0,
-    device: Device = "cpu",
-    as_json: Json = False,
-) -> None:
-    """Do the whole task: new objects and human clips, retargeted, tracked, done by the policies, judged, reported."""
-    from mimicbench import pipelines, workspace
+@dataclass(frozen=True)
+class RunOptions(Options):
+    """How and where to run, and how much of it."""
 
-    size = pipelines.PROFILES[profile or ("full" if train else "default")]
-    ws = workspace.Workspace(
-        workdir, task, (0 if train else 1) if seed is None else seed, workers, as_json, device=device
-    )
-    if train:
-        from dataclasses import replace
+    train: bool = False
+    """Learn everything from nothing (hours) instead of using the shipped checkpoints (minutes)."""
+    profile: Literal["smoke", "default", "full"] | None = None
+    """How much; by default `default`, with --train `full`."""
 
-        from mimicbench.imitate.make import CloneConfig, ImitateConfig
-        from mimicbench.sim.devices import tensor_device
-        from mimicbench.track.train import TrackConfig
 
-        clone = CloneConfig(replace(CloneConfig().train, device=tensor_device(device)))
+def run(argv: Sequence[str]) -> None:
+    """Do the whole task: new objects and human clips, retargeted, tracked, done by the policies, judged, reported.
 
-        page, rows = pipelines.run_training(ws, size, TrackConfig(), ImitateConfig(clone=clone), say)
-    else:
-        page, rows = pipelines.run_shipped(ws, size, say)
-    if as_json:
-        from mimicbench.report.compare import summaries
+    Without --train its seed is 1, so that the shipped policies meet new objects.
+    """
+    train = "--train" in argv
+    profile = said(argv, "profile") or ("full" if train else "default")
+    call = read_call("evaluate", argv, RunOptions, [profile, *([] if train else ["new-objects"])], "run")
+    from mimicbench.benchmark.graph import start
+    from mimicbench.report.compare import summaries
+    from mimicbench.report.stage import report
 
-        print(
-            json.dumps({"task": task, "report": str(page), "results": [found.to_dict() for found in summaries(rows)]})
-        )
-    else:
-        _tables(task, rows)
-        print(f"report: {page}")
+    runs = [start(recipe, call.options.workdir, call.options.context()) for recipe in call.recipes]
+    for one in runs:
+        _ready(one, train)
+    found = []
+    for one in runs:
+        if train:
+            _learn(one)
+        rows = _judged(one)
+        page = report(one, rows, _shown(one))
+        found.append({"task": one.recipe.task, "report": str(page), "results": [s.to_dict() for s in summaries(rows)]})
+        if not call.options.json:
+            _tables(one.recipe.task, rows)
+            print(f"report: {page}")
+    if call.options.json:
+        tell(found, True, "")
+
+
+def _ready(one: Run, train: bool) -> None:
+    """Find out before any work whether all of it can be done."""
+    from mimicbench.benchmark.judging import who_of
+    from mimicbench.benchmark.recipe import stage_type
+
+    _shown(one)
+    for name in one.recipe.evaluate.policy:
+        if not train:
+            who_of(one, name)
+        elif name != "tracker":
+            stage_type("imitate", {"learner": name})
+
+
+def _shown(one: Run) -> str:
+    """The policy that the report shows in pictures: the first."""
+    name = next((name for name in one.recipe.evaluate.policy if name != "tracker"), None)
+    if name is None:
+        raise MimicbenchError("a report shows a policy; name one beside the tracker (--evaluate.policy)")
+    return name
+
+
+def _learn(one: Run) -> None:
+    from mimicbench.benchmark.graph import make_imitate_stage, make_track_stage
+    from mimicbench.benchmark.recipe import stage_type
+
+    make_track_stage(one)
+    for name in one.recipe.evaluate.policy:
+        if name == "tracker":
+            continue
+        one.context.say(f"learning {name}")
+        same = one.recipe.imitate is not None and one.recipe.imitate.learner == name
+        make_imitate_stage(one if same else one.changed(imitate=stage_type("imitate", {"learner": name})()))
+
+
+def _judged(one: Run) -> list[EpisodeRow]:
+    from mimicbench.benchmark.judging import judge
+
+    return [row for name in one.recipe.evaluate.policy for row in judge(one, name)]
 
 
 def table(
@@ -99,6 +123,8 @@ def table(
     from mimicbench.report import tables
     from mimicbench.report.compare import beside_paper_table, summaries
 
+    if not files:
+        raise MimicbenchError("give at least one file of episode rows: mimicbench table work/*/evaluate/*.parquet")
     write = {
         "terminal": tables.to_terminal,
         "markdown": tables.to_markdown,

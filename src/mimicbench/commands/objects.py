@@ -1,59 +1,42 @@
-"""`mimicbench objects`: make objects, or import meshes."""
+"""`mimicbench objects draw`, `objects import`: look at objects, and make them of your own meshes."""
 
 from __future__ import annotations
 
-import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
 
-from mimicbench.commands.options import WORK, Axis, Count, Json, Seed, Task, Tasks, Workdir, Workers, done, say, slugs
+from mimicbench.commands.options import WORK, Axis, Json, Seed, SetName, Task, Workdir, Workers
+from mimicbench.commands.telling import stage_line, stage_summary, tell
+from mimicbench.core.run import RunContext, to_stderr
+from mimicbench.core.settings import Count
 
-app = tyro.extras.SubcommandApp()
 
-
-@app.command(name="make", is_default=True)
-def objects(
-    task: Tasks = "sit-chair",
-    count: Count = 400,
+def draw(
+    out: Annotated[Path, tyro.conf.arg(help="the picture, a PNG file")],
+    task: Task = "sit-chair",
+    count: Annotated[Count, tyro.conf.arg(help="how many objects, the first ones")] = 24,
+    source: Annotated[str, tyro.conf.arg(help="`made`, or the name of an imported set")] = "made",
     workdir: Workdir = WORK,
     seed: Seed = 0,
     workers: Workers = 0,
-    as_json: Json = False,
 ) -> None:
-    """Make the objects of a task, or of all tasks."""
-    from mimicbench import workspace
-    from mimicbench.objects.make import ObjectsConfig
-    from mimicbench.references.paper import PAPER_SETS
-
-    for slug in slugs(task):
-        ws = workspace.Workspace(workdir, slug, seed, workers, as_json)
-        config = ObjectsConfig(PAPER_SETS[ws.task.name].objects if count == "paper" else count)
-        done(workspace.objects_stage(ws, config).header, as_json)
-
-
-@app.command(name="draw")
-def draw_objects(
-    out: Annotated[Path, tyro.conf.arg(help="the picture, a PNG file")],
-    task: Task = "sit-chair",
-    count: Annotated[int, tyro.conf.arg(help="how many objects, the first ones")] = 24,
-    workdir: Workdir = WORK,
-    workers: Workers = 0,
-) -> None:
-    """Draw objects of a task on one sheet, all to the same scale."""
-    from mimicbench import workspace
+    """Draw objects of a task on one sheet, all to the same scale; makes them if they are not there."""
+    from mimicbench.benchmark import Recipe, run_stage
+    from mimicbench.objects.make import ObjectsConfig, object_ids, read_objects
     from mimicbench.report.sheet import contact_sheet
     from mimicbench.report.video import write_png
 
-    ws = workspace.Workspace(workdir, task, workers=workers)
-    ws.finished("objects")
-    write_png(out, contact_sheet(list(ws.objects().values())[:count], workers=workers, quiet=False))
+    config = ObjectsConfig(source, max(count, ObjectsConfig().count))
+    stage = run_stage("objects", Recipe(task, seed=seed, objects=config), workdir, RunContext(workers))
+    shown = read_objects(stage.folder, object_ids(stage.folder)[:count])
+    write_png(out, contact_sheet(list(shown.values()), workers=workers, quiet=False))
     print(f"picture: {out}")
 
 
-@app.command(name="import")
-def import_objects_(
+def import_(
     files: tyro.conf.Positional[tuple[Path, ...]],
     task: Task = "sit-chair",
     unit: Annotated[
@@ -73,31 +56,17 @@ def import_objects_(
         tyro.conf.arg(help="what the objects collide with: convex pieces, or the boxes around them"),
     ] = "convex",
     mass: Annotated[float | None, tyro.conf.arg(help="of an object to be lifted [kg]; 2 if not given")] = None,
-    workdir: Annotated[
-        Path, tyro.conf.arg(help="a workdir of its own for these objects; the other commands go on from there")
-    ] = Path("work/own"),
+    to: SetName = "own",
+    workdir: Workdir = WORK,
     as_json: Json = False,
 ) -> None:
-    """Make objects of your own meshes (OBJ, PLY, STL, GLB)."""
-    from dataclasses import asdict
-
-    from mimicbench import workspace
+    """Make a set of objects of your own meshes (OBJ, PLY, STL, GLB); `--objects.source` names it to later stages."""
     from mimicbench.objects.importing.own import ImportConfig, import_objects
     from mimicbench.objects.importing.placing import Wishes
+    from mimicbench.tasks.registry import TASKS
 
-    ws = workspace.Workspace(workdir, task, quiet=as_json)
+    family = TASKS.get(task).family
     config = ImportConfig(Wishes(unit, up, front, height, scale), pieces, mass)
-    stage, evidence = import_objects(ws.folder("objects"), ws.slug, ws.task.family, files, config, say)
-    if as_json:
-        print(
-            json.dumps(
-                {
-                    "stage": "objects",
-                    "task": ws.slug,
-                    **stage.header["summary"],
-                    "imported": [asdict(found) for found in evidence],
-                }
-            )
-        )
-    else:
-        done(stage.header, as_json)
+    stage, evidence = import_objects(workdir / task / "objects" / to, task, family, files, config, to_stderr)
+    found = {**stage_summary(stage), "imported": [asdict(one) for one in evidence]}
+    tell([found], as_json, stage_line(stage))

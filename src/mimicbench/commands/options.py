@@ -1,25 +1,30 @@
-"""Options that commands share, and how they tell what they did."""
+"""Options that commands share which are not of a recipe."""
 
 from __future__ import annotations
 
-import json
-import sys
+from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, ParamSpec, TypeVar, get_type_hints
 
 import tyro
 
+from mimicbench.core.settings import BadSetting, Within, check_value
 from mimicbench.tasks.registry import TASKS
 
 if TYPE_CHECKING:
-    from mimicbench.evaluate.rows import EpisodeRow
+    from mimicbench.benchmark.recipe import Recipe
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 Task = Annotated[str, tyro.conf.arg(help=f"which task: {', '.join(TASKS)}")]
 Tasks = Annotated[str, tyro.conf.arg(name="task", help=f"which task: {', '.join(TASKS)}, or all")]
-Count = Annotated[int | Literal["paper"], tyro.conf.arg(help="how many, or `paper` for as many as the paper has")]
 Workdir = Annotated[Path, tyro.conf.arg(help="where all artefacts go, in <workdir>/<task>/<stage>")]
-Seed = Annotated[int, tyro.conf.arg(help="same seed, same results, whatever the number of workers")]
-Workers = Annotated[int, tyro.conf.arg(help="threads or processes; 0 for all processors")]
+Seed = Annotated[
+    int, Within(0, 2**63 - 1), tyro.conf.arg(help="same seed, same results, whatever the number of workers")
+]
+Workers = Annotated[int, Within(0, 4096), tyro.conf.arg(help="threads or processes; 0 for all processors")]
 Device = Annotated[
     str,
     tyro.conf.arg(
@@ -29,48 +34,36 @@ Device = Annotated[
 Json = Annotated[
     bool, tyro.conf.arg(name="json", help="print the summary as one line of JSON and nothing else on stdout")
 ]
+Source = Annotated[str, tyro.conf.arg(help="`made`, or the name of an imported or augmented set")]
+SetName = Annotated[str, tyro.conf.arg(help="name of the set: <workdir>/<task>/objects/<name>, and so on")]
 Axis = Literal["x+", "x-", "y+", "y-", "z+", "z-"]
 WORK = Path("work")
 
 
-def slugs(task: str) -> list[str]:
-    """The tasks that the user means, `all` for all six."""
-    return list(TASKS) if task == "all" else [task]
+def checked(function: Callable[P, R]) -> Callable[P, R]:
+    """The function, which raises BadSetting for numbers that are not finite, or out of the bounds in its annotations,
+    and for a set's name that is no name.
+    """
+    hints = get_type_hints(function, include_extras=True)
+
+    @wraps(function)
+    def inside(*args: P.args, **values: P.kwargs) -> R:
+        for name, value in values.items():
+            check_value(f"--{name.replace('_', '-')}", value, hints[name])
+        name: Any = values.get("to")
+        if isinstance(name, str) and (not name or name == "made" or name.startswith(".") or not name.isprintable()):
+            raise BadSetting(f"--to is {name!r}; give the set a name, such as `recorded`")
+        if isinstance(name, str) and "/" in name:
+            raise BadSetting(f"--to is {name!r}; give a name, not a path")
+        return function(*args, **values)
+
+    return inside
 
 
-def say(line: str) -> None:
-    """Progress goes to stderr, so that stdout holds results alone."""
-    from mimicbench.core.names import printable
+def recipes(task: str, seed: int = 0, source: str = "made", count: int | None = None) -> list[Recipe]:
+    """A recipe for each task that the user means, `all` for all, with so many human clips."""
+    from mimicbench.benchmark.recipe import Recipe
+    from mimicbench.references.make import ReferencesConfig
 
-    print(printable(line, lines=True), file=sys.stderr, flush=True)
-
-
-def done(header: object, as_json: bool) -> None:
-    """Print what a stage came to."""
-    if not isinstance(header, dict):
-        return
-    if as_json:
-        print(json.dumps({"stage": header["stage"], "task": header["task"], **header["summary"]}))
-    else:
-        print(
-            f"{header['stage']}: "
-            + ", ".join(
-                f"{key} {value:.3g}" if isinstance(value, float) else f"{key} {value}"
-                for key, value in header["summary"].items()
-            )
-        )
-
-
-def summary(rows: list[EpisodeRow], as_json: bool) -> None:
-    """Print the rates of one policy's episodes."""
-    from mimicbench.evaluate.rows import summarize
-
-    if as_json:
-        print(json.dumps(summarize(rows).to_dict()))
-    else:
-        from rich.console import Console
-
-        from mimicbench.report.compare import results_table
-        from mimicbench.report.tables import to_rich
-
-        Console().print(to_rich(results_table([summarize(rows)])))
+    config = ReferencesConfig(source) if count is None else ReferencesConfig(source, count)
+    return [Recipe(name, seed=seed, references=config) for name in (TASKS if task == "all" else [task])]

@@ -1,44 +1,43 @@
-"""`mimicbench references`: human clips, made and measured; and `mimicbench import`: recorded ones."""
+"""`mimicbench references remake`, `augment`, `stats`: what can be done with human clips; and `mimicbench import`."""
 
 from __future__ import annotations
 
-import json
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from mimicbench.commands.options import WORK, Axis, Count, Json, Seed, Task, Tasks, Workdir, Workers, done, say, slugs
+from mimicbench.commands.options import (
+    WORK,
+    Axis,
+    Json,
+    Seed,
+    SetName,
+    Source,
+    Task,
+    Tasks,
+    Workdir,
+    Workers,
+    recipes,
+)
+from mimicbench.commands.telling import stage_line, stage_summary, tell
+from mimicbench.core.run import RunContext, to_stderr
+from mimicbench.core.settings import Count
 from mimicbench.references.importers.registry import AUTO, FORMATS
 
-app = tyro.extras.SubcommandApp()
+if TYPE_CHECKING:
+    from mimicbench.core.stage import Stage
 
 
-@app.command(name="make", is_default=True)
-def references(
-    task: Tasks = "sit-chair",
-    count: Count = 2000,
-    workdir: Workdir = WORK,
-    seed: Seed = 0,
-    workers: Workers = 0,
-    as_json: Json = False,
-) -> None:
-    """Make good human clips on the objects of a task, or of all tasks."""
-    from mimicbench import workspace
-    from mimicbench.references.make import ReferencesConfig
-    from mimicbench.references.paper import PAPER_SETS
-
-    for slug in slugs(task):
-        ws = workspace.Workspace(workdir, slug, seed, workers, as_json)
-        config = ReferencesConfig(PAPER_SETS[ws.task.name].clips if count == "paper" else count)
-        done(workspace.references_stage(ws, config).header, as_json)
-
-
-@app.command(name="remake")
-def remake_(
+def remake(
     clip: tyro.conf.Positional[str],
     task: Annotated[str | None, tyro.conf.arg(help="the task; by default what the clip's id says")] = None,
+    stage: Annotated[
+        Path | None,
+        tyro.conf.arg(help="folder of the clip's stage; needed where several stages of a workdir have such a clip"),
+    ] = None,
     workdir: Workdir = WORK,
     to: Annotated[Path | None, tyro.conf.arg(help="file to write; by default <clip>.npz here")] = None,
     as_json: Json = False,
@@ -46,39 +45,29 @@ def remake_(
     """Make one clip of a workdir again from its id alone, such as sit-chair-0-00042, and say what the quality gate
     finds.
     """
-    from mimicbench import workspace
+    from mimicbench.benchmark.finding import stage_with
+    from mimicbench.references.make import remake as make_again
+    from mimicbench.tasks.registry import TASKS
 
-    ws = workspace.Workspace(workdir, task or clip.rsplit("-", 2)[0], quiet=as_json)
-    motion, wrong = workspace.remake_clip(ws, clip)
+    slug = task or clip.rsplit("-", 2)[0]
+    found = stage_with(workdir, slug, "references", f"{clip}.npz", stage)
+    motion, wrong = make_again(
+        found, workdir / slug / found.header["reads"]["objects"], clip, TASKS.get(slug).fulfilled_by_human
+    )
     path = to or Path(f"{clip}.npz")
     motion.save(path)
-    if as_json:
-        print(
-            json.dumps(
-                {
-                    "clip": clip,
-                    "object": motion.object_id,
-                    "seconds": motion.duration,
-                    "rejected_for": wrong,
-                    "file": str(path),
-                }
-            )
-        )
-    else:
-        print(
-            f"{path}: {motion.duration:.1f} s on {motion.object_id}, "
-            f"{'rejected for ' + ', '.join(wrong) if wrong else 'passes the gate'}"
-        )
+    told = {
+        "clip": clip,
+        "object": motion.object_id,
+        "seconds": motion.duration,
+        "rejected_for": wrong,
+        "file": str(path),
+    }
+    gate = "rejected for " + ", ".join(wrong) if wrong else "passes the gate"
+    tell([told], as_json, f"{path}: {motion.duration:.1f} s on {motion.object_id}, {gate}")
 
 
-@app.command(name="augment")
 def augment(
-    to: Annotated[
-        Path,
-        tyro.conf.arg(
-            help="a workdir of its own for the clips and their variants; the other commands go on from there"
-        ),
-    ],
     task: Tasks = "sit-chair",
     kinds: Annotated[
         tuple[Literal["mirror", "speed", "start", "size"], ...],
@@ -86,25 +75,33 @@ def augment(
             help="left and right exchanged; faster or slower; the way begins elsewhere; a larger or smaller object"
         ),
     ] = ("mirror", "speed", "start", "size"),
+    count: Annotated[Count, tyro.conf.arg(help="clips to make variants of; made if they are not there")] = 2000,
+    source: Source = "made",
+    to: SetName = "augmented",
     workdir: Workdir = WORK,
     seed: Seed = 0,
     workers: Workers = 0,
     as_json: Json = False,
 ) -> None:
-    """Add variants of a workdir's human clips: mirrored, at other speeds, from other starts, on objects of other
-    sizes.
+    """Make a set of clips and variants of them: mirrored, at other speeds, from other starts, on objects of other
+    sizes; `--references.source` names it to later stages.
     """
-    from mimicbench import workspace
-    from mimicbench.references.augment import AugmentConfig
+    from mimicbench.benchmark.graph import clips_of, make_object_stage, make_reference_stage, start
+    from mimicbench.references.augment import AugmentConfig, ClipSource, make_augmented
 
-    for slug in slugs(task):
-        ws = workspace.Workspace(workdir, slug, seed, workers, as_json)
-        done(workspace.augment_stage(ws, to, AugmentConfig(kinds)).header, as_json)
+    made = []
+    for recipe in recipes(task, seed, source, count):
+        run = start(recipe, workdir, RunContext(workers, quiet=as_json))
+        human = make_reference_stage(run)
+        clips = ClipSource(make_object_stage(run), human, clips_of(human))
+        fulfils = run.task.fulfilled_by_human
+        made.append(make_augmented(workdir, to, clips, AugmentConfig(kinds), fulfils, run.context))
+    tell([stage_summary(one) for one in made], as_json, "\n".join(stage_line(one) for one in made))
 
 
-@app.command(name="stats")
-def references_stats(
+def stats(
     task: Tasks = "all",
+    source: Source = "made",
     picture: Annotated[
         Path | None, tyro.conf.arg(help="PNG with the plots; by default <workdir>/references.png")
     ] = None,
@@ -120,55 +117,49 @@ def references_stats(
     as_json: Json = False,
 ) -> None:
     """Print the paper's table of statistics for the clips of a workdir beside the paper's figures, and how the clips
-    vary.
+    vary. Of each task, those of the largest stage.
     """
-    from mimicbench import workspace
+    from mimicbench.benchmark.finding import largest
+    from mimicbench.references.checks.stats import set_statistics
     from mimicbench.report import dataset
     from mimicbench.report.tables import to_terminal
 
+    tasks = [recipe.task for recipe in recipes(task, 0, source)]
+    stages = largest(workdir, tasks, "references", None if source == "made" else source)
     if beside_real:
-        _stats_beside_real(workdir, slugs(task), beside_real, as_json)
+        _stats_beside_real(stages, beside_real, as_json)
         return
-    sets = workspace.reference_statistics(workdir, slugs(task))
+    sets = [set_statistics(slug, workdir / slug / s.header["reads"]["objects"], s.folder) for slug, s in stages.items()]
     path = picture or workdir / "references.png"
     dataset.dataset_picture(sets, path)
-    if as_json:
-        print(json.dumps({found.task: found.to_dict() for found in sets}))
-        return
-    for table in (
-        dataset.statistics_table(sets),
-        dataset.variety_table(sets),
-        *([dataset.style_table(sets)] if styles else []),
-    ):
-        print(to_terminal(table))
-    print(f"plots: {path}")
+    more = [dataset.style_table(sets)] if styles else []
+    tables = (dataset.statistics_table(sets), dataset.variety_table(sets), *more)
+    words = "\n".join([*(to_terminal(table) for table in tables), f"plots: {path}"])
+    tell([{found.task: found.to_dict() for found in sets}], as_json, words)
 
 
-def _stats_beside_real(workdir: Path, tasks: list[str], folders: tuple[Path, ...], as_json: bool) -> None:
-    from mimicbench import workspace
+def _stats_beside_real(stages: Mapping[str, Stage], folders: tuple[Path, ...], as_json: bool) -> None:
+    from mimicbench.core.motion import HumanMotion
     from mimicbench.references.checks.beside_real import judge, person_of, read_recordings
     from mimicbench.report.beside_real import judgement_table, measures_table, tells_table
     from mimicbench.report.tables import to_terminal
 
-    real = [person_of(motion) for folder in folders for motion in read_recordings(folder, say)]
+    real = [person_of(motion) for folder in folders for motion in read_recordings(folder, to_stderr)]
     people = {
-        slug: [person_of(motion) for motion in motions]
-        for slug, motions in workspace.reference_motions(workdir, tasks).items()
+        slug: [person_of(HumanMotion.load(path)) for path in sorted(stage.folder.glob("*.npz"))]
+        for slug, stage in stages.items()
     }
     found = judge(real, [person for of_task in people.values() for person in of_task])
-    if as_json:
-        print(json.dumps([asdict(row) for row in found]))
-        return
-    for table in (measures_table(real, people), tells_table(found), judgement_table(found)):
-        print(to_terminal(table))
+    tables = (measures_table(real, people), tells_table(found), judgement_table(found))
+    words = "\n".join(to_terminal(table) for table in tables)
+    tell([{"phases": [asdict(row) for row in found]}], as_json, words)
 
 
 def import_(
     files: tyro.conf.Positional[tuple[Path, ...]],
     task: Task = "sit-chair",
     form: Annotated[
-        str,
-        tyro.conf.arg(name="format", help=f"the files' format, by default found out: {', '.join(FORMATS)}"),
+        str, tyro.conf.arg(name="format", help=f"the files' format, by default found out: {', '.join(FORMATS)}")
     ] = AUTO,
     fps: Annotated[
         float | None,
@@ -194,15 +185,18 @@ def import_(
     object_mesh: Annotated[
         Path | None, tyro.conf.arg(help="mesh of the object that the files track (core4d, intermimic), in meters")
     ] = None,
-    workdir: Annotated[
-        Path, tyro.conf.arg(help="a workdir of its own for these clips; the other commands go on from there")
-    ] = Path("work/real"),
+    to: SetName = "recorded",
+    workdir: Workdir = WORK,
     as_json: Json = False,
 ) -> None:
-    """Import recordings of real people, each beside its object, or one fitted to the person."""
-    from mimicbench import workspace
+    """Import recordings of real people, each beside its object, or one fitted to the person; `--references.source`
+    names the set to later stages.
+    """
     from mimicbench.references.importers.recording import Wishes
-    from mimicbench.references.make import ImportConfig
+    from mimicbench.references.make import Recordings, import_references
+    from mimicbench.tasks.registry import TASKS
 
-    config = ImportConfig(form, Wishes(fps, up, unit, floor, object_mesh, scale), gate)
-    done(workspace.import_stage(workspace.Workspace(workdir, task, quiet=as_json), files, say, config).header, as_json)
+    recordings = Recordings(files, form, Wishes(fps, up, unit, floor, object_mesh, scale), gate)
+    name, fulfils = TASKS.get(task).name, TASKS.get(task).fulfilled_by_human
+    stage = import_references(workdir, to, name, recordings, fulfils, to_stderr)[1]
+    tell([stage_summary(stage)], as_json, stage_line(stage))

@@ -178,3 +178,10 @@ def _read_header(folder: Path) -> dict[str, Any]:
 
 def _by(shape: tuple[int, ...]) -> str:
     return " x ".join(str(size) for size in shape) or "a single number"
+
+
+def copy_checkpoint(source: Path, target: Path) -> None:
+    """Copy a checkpoint's two files, whole or not at all."""
+    for name in (MODEL, CONFIG):  # config.json last: a folder with it is whole
+        data = (source / name).read_bytes()
+        write_atomic(target / name, lambda stream, data=data: stream.write(data))

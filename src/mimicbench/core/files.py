@@ -4,6 +4,7 @@ Everything is written to a temporary name and then renamed, so a reader never se
 pickle, and what is read is bounded in size before it is unpacked.
 """
 
+import hashlib
 import json
 import os
 import zipfile
@@ -31,9 +32,18 @@ def write_atomic(path: Path, write: Callable[[IO[bytes]], object]) -> None:
         temporary.unlink(missing_ok=True)
 
 
+def digest_of(path: Path) -> str:
+    """Sixteen hex digits that stand for a file's bytes. Raises BadFile if there is no such file."""
+    try:
+        with open(path, "rb") as stream:
+            return hashlib.file_digest(stream, lambda: hashlib.blake2b(digest_size=8)).hexdigest()
+    except FileNotFoundError:
+        raise BadFile(f"{path} does not exist") from None
+
+
 def remove_unfinished(folder: Path) -> None:
-    """Remove what `write_atomic` was writing into a folder when it was killed."""
-    for path in folder.glob(".*.tmp"):
+    """Remove what `write_atomic` was writing into a folder, or one within it, when it was killed. Hold the folder."""
+    for path in list(folder.rglob(".*.tmp*")):
         path.unlink(missing_ok=True)
 
 

@@ -1,14 +1,20 @@
-"""One folder per stage: a header that says what it was made from, items beside it, and safe resumption.
+"""One folder per stage: a header that says what it was made from, items beside it, a lock, and safe resumption.
 
-`open_stage` is called before the work and `finish` after it. Running a finished stage again does nothing; running an
-interrupted one goes on with the items that are missing; a folder made with another configuration is never mixed up
-with this one, and never deleted either: the user is told what differs.
+What a stage is, its StageKey says: everything that determines its items, the keys of the stages before it included. The
+folder's name carries the key's digest, so stages of several recipes stand side by side and are shared where they are
+the same. How much of it there is, its amounts, is no part of the name: a stage that has less than is asked for goes on.
+
+A release of this package that makes other items from the same key raises SCHEMA; until then, what another version made
+is used, and the header says which version that was.
 """
 
+import fcntl
 import hashlib
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +22,43 @@ import mimicbench
 from mimicbench.core.errors import BadFile, MimicbenchError
 from mimicbench.core.files import read_json, remove_unfinished, write_json
 
-SCHEMA = 1
+SCHEMA = 2
 HEADER = "header.json"
-_DETERMINES = ("schema", "stage", "task", "seed", "config", "made_from")
+_DETERMINES = ("schema", "stage", "task", "seed", "settings", "made_from")
+_NEEDED = {*_DETERMINES, "amounts", "raised_from", "complete", "summary"}
+
+
+@dataclass(frozen=True)
+class StageKey:
+    """What determines a stage, and how much of it is wanted."""
+
+    stage: str
+    task: str
+    seed: int
+    settings: Mapping[str, Any]
+    """Plain JSON values: the stage's part of the recipe, without amounts."""
+    made_from: Mapping[str, str] = field(default_factory=dict)
+    """Name of each stage that it reads -> that stage's digest, or fingerprint where the amount counts, too."""
+    amounts: Mapping[str, int] = field(default_factory=dict)
+    """How much is wanted, by name."""
+    words: tuple[str, ...] = ()
+    """What the folder is called before the digest; determines nothing."""
+    reads: Mapping[str, Path] = field(default_factory=dict)
+    """Folders of the stages that it reads, for whoever follows an artefact back; determine nothing."""
+
+    @property
+    def digest(self) -> str:
+        """Eight hex digits of what determines the items."""
+        return _digest(_header(self, None, ()))
+
+    @property
+    def fingerprint(self) -> str:
+        """Of what determines the items and how many are wanted: as the Stage's own, if it was made in one go."""
+        return _digest(_header(self, None, ()), ("amounts", "raised_from"))
+
+    def folder(self, workdir: Path) -> Path:
+        """`<workdir>/<task>/<stage>/<words>-<digest>`."""
+        return workdir / self.task / self.stage / "-".join([*self.words, self.digest])
 
 
 @dataclass(frozen=True)
@@ -27,85 +67,173 @@ class Stage:
 
     folder: Path
     header: Mapping[str, Any]
+    """As wanted: its amounts are those that were asked for, also where the folder has more."""
+    ahead: bool = False
+    """The folder holds more than is wanted, so its header is somebody else's: nothing is written to it."""
 
     @property
     def complete(self) -> bool:
-        """Whether every item was made."""
+        """Whether every wanted item is there, and the summary is about them alone."""
         return bool(self.header["complete"])
 
     @property
+    def summary(self) -> Mapping[str, Any]:
+        """What the stage came to."""
+        return self.header["summary"]
+
+    @property
+    def digest(self) -> str:
+        """Of what determines the items, whatever their number."""
+        return _digest(self.header)
+
+    @property
     def fingerprint(self) -> str:
-        """A short hash of the configuration and of everything it was made from."""
-        return fingerprint(self.header)
+        """Of what determines the items, and of how many there are."""
+        return _digest(self.header, ("amounts", "raised_from"))
 
     def finish(self, **summary: Any) -> "Stage":
-        """Mark the stage complete and keep its summary numbers in the header."""
+        """Everything that was wanted is there; keep the stage's summary numbers in the header."""
         header = {**self.header, "complete": True, "summary": summary}
-        write_json(self.folder / HEADER, header)
-        return Stage(self.folder, header)
+        if not self.ahead:
+            write_json(self.folder / HEADER, header)
+        return replace(self, header=header)
 
 
-def fingerprint(header: Mapping[str, Any]) -> str:
-    """A short hash of what determines a stage's content: stage, task, seed, configuration, inputs, schema."""
-    text = json.dumps({key: header[key] for key in _DETERMINES}, sort_keys=True)
-    return hashlib.blake2b(text.encode(), digest_size=8).hexdigest()
+@contextmanager
+def opened(
+    folder: Path, key: StageKey, recipe: Mapping[str, Any] | None = None, trained: bool = False
+) -> Iterator[Stage]:
+    """Start or take up a stage and hold it for this program alone, unless it is complete.
 
+    Args:
+        folder: Where it is.
+        key: What it is, and how much is wanted.
+        recipe: The resolved recipe, for the header.
+        trained: The amounts are of a training, which cannot be had smaller than it has become; one that was raised
+            on its way is told from one that was not.
 
-def open_stage(
-    folder: Path,
-    stage: str,
-    task: str,
-    seed: int,
-    config: Mapping[str, Any],
-    made_from: Mapping[str, str] | None = None,
-) -> Stage:
-    """Start or take up a stage. `config` is the resolved configuration as plain JSON values.
-
-    `made_from` maps each earlier stage's name to its fingerprint. Raises MimicbenchError if the folder holds the same
-    stage made from something else.
+    Raises:
+        MimicbenchError: The folder holds something else, more of a training than is wanted, or another program works
+            in it.
     """
+    found = _take_up(folder, key, recipe, trained)
+    if found is not None and found.complete:
+        yield found
+        return
+    made = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with locked(folder):
+            stage = _take_up(folder, key, recipe, trained)
+            if stage is None:
+                stage = Stage(folder, _header(key, recipe, ()))
+            if not stage.complete:
+                remove_unfinished(folder)
+            if not (stage.complete or stage.ahead):
+                write_json(folder / HEADER, stage.header)
+            yield stage
+    except MimicbenchError:
+        if made and {path.name for path in folder.glob("*")} <= {HEADER}:
+            (folder / HEADER).unlink(missing_ok=True)
+            _remove_empty(made)
+        raise
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Hold a folder for this program alone; the system gives it back when the program ends, however it ends.
+
+    Raises MimicbenchError if another program holds it.
+    """
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise MimicbenchError(
+                f"another program is working in {folder}; wait until it has ended, or use another --workdir"
+            ) from None
+        yield
+    finally:
+        os.close(handle)
+
+
+def read_stage(folder: Path) -> Stage:
+    """A finished stage as it is. Raises BadFile if it is missing, unfinished or no stage."""
+    if not (folder / HEADER).exists():
+        raise BadFile(f"{folder} holds no stage")
+    header = _read_header(folder)
+    if not header["complete"]:
+        raise BadFile(f"{folder} is unfinished; the command that makes it goes on where it stopped")
+    return Stage(folder, header)
+
+
+def _take_up(folder: Path, key: StageKey, recipe: Mapping[str, Any] | None, trained: bool) -> Stage | None:
+    """What is there already, as wanted; None if there is nothing."""
+    if not (folder / HEADER).exists():
+        return None
+    found = _read_header(folder)
+    wanted = _header(key, recipe, tuple(found["raised_from"]))
+    differs = [name for name in _DETERMINES if found[name] != wanted[name]]
+    if differs:
+        raise MimicbenchError(
+            f"{folder} was made with another {' and '.join(differs)}; use another --workdir, or delete that folder to "
+            "make it again"
+        )
+    have, want = found["amounts"], wanted["amounts"]
+    if have == want:
+        return Stage(folder, found)
+    if all(have.get(name, 0) >= amount for name, amount in want.items()):
+        if trained:
+            raise MimicbenchError(
+                f"{folder} has been trained for {_told(have)}, more than the {_told(want)} that are asked for; ask for "
+                "as much, or use another --workdir"
+            )
+        return Stage(folder, wanted, ahead=True)
+    if trained:
+        wanted["raised_from"] = [*found["raised_from"], have]
+    return Stage(folder, wanted)
+
+
+def _header(key: StageKey, recipe: Mapping[str, Any] | None, raised_from: tuple[Any, ...]) -> dict[str, Any]:
     header = {
         "schema": SCHEMA,
-        "stage": stage,
-        "task": task,
-        "seed": seed,
-        "config": dict(config),
-        "made_from": dict(made_from or {}),
+        "stage": key.stage,
+        "task": key.task,
+        "seed": key.seed,
+        "settings": dict(key.settings),
+        "made_from": dict(key.made_from),
+        "amounts": dict(key.amounts),
+        "raised_from": list(raised_from),
+        "reads": {name: str(Path(*folder.parts[-2:])) for name, folder in key.reads.items()},
+        "recipe": dict(recipe or {}),
         "mimicbench": mimicbench.__version__,
         "complete": False,
+        "summary": {},
     }
-    path = folder / HEADER
-    if path.exists():
-        found = _read_header(path)
-        differs = [key for key in _DETERMINES if found[key] != json.loads(json.dumps(header[key]))]
-        if differs:
-            raise MimicbenchError(
-                f"{folder} was made with another {' and '.join(differs)}; use another --workdir, or "
-                "delete that folder to make it again"
-            )
-        if not found["complete"]:
-            remove_unfinished(folder)
-        return Stage(folder, found)
-    write_json(path, header)
-    return Stage(folder, header)
+    return json.loads(json.dumps(header))  # as it will be read again: tuples become lists
 
 
-def read_stage(folder: Path, command: str) -> Stage:
-    """An earlier stage that this one needs; `command` is what makes it.
-
-    Raises BadFile if it is missing or unfinished.
-    """
-    path = folder / HEADER
-    if not path.exists():
-        raise BadFile(f"{folder} does not exist; run `{command}` first")
-    header = _read_header(path)
-    if not header["complete"]:
-        raise BadFile(f"{folder} is unfinished; run `{command}` again, it goes on where it stopped")
-    return Stage(folder, header)
-
-
-def _read_header(path: Path) -> dict[str, Any]:
-    header = read_json(path)
-    if not isinstance(header, dict) or not {*_DETERMINES, "complete"} <= header.keys():
-        raise BadFile(f"{path} is not the header of a stage; delete {path.parent} and make it again")
+def _read_header(folder: Path) -> dict[str, Any]:
+    header = read_json(folder / HEADER)
+    if not isinstance(header, dict) or not header.keys() >= _NEEDED:
+        raise BadFile(f"{folder / HEADER} is not the header of a stage; delete {folder} and make it again")
     return header
+
+
+def _digest(header: Mapping[str, Any], more: tuple[str, ...] = ()) -> str:
+    text = json.dumps({name: header[name] for name in (*_DETERMINES, *more)}, sort_keys=True)
+    return hashlib.blake2b(text.encode(), digest_size=8 if more else 4).hexdigest()
+
+
+def _told(amounts: Mapping[str, int]) -> str:
+    return " and ".join(f"{amount} {name.rpartition('.')[2]}" for name, amount in amounts.items())
+
+
+def _remove_empty(folders: list[Path]) -> None:
+    """Remove folders, innermost first, as far as they are empty: a refused call leaves nothing behind."""
+    for folder in folders:
+        try:
+            folder.rmdir()
+        except OSError:
+            return

@@ -15,6 +15,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion, BadObject, UnknownName
 from mimicbench.core.motion import RobotMotion
 from mimicbench.core.seeds import rng
+from mimicbench.core.stage import HEADER, read_stage
 from mimicbench.envs.initial_states import InitialState, start_of
 from mimicbench.objects.make import read_objects
 from mimicbench.objects.registry import FAMILIES, make_object
@@ -168,12 +169,17 @@ def _made(object_id: str) -> SceneObject:
 def _read_workdir(
     workdir: Path, task: Task, robot: Robot, own: Mapping[str, SceneObject]
 ) -> tuple[Mapping[str, SceneObject], Sequence[RobotMotion]]:
-    """The objects and the retargeted clips that fulfil K of a work folder."""
-    folder = workdir / task.name
-    motions = read_retargeted(folder / "retarget", robot.name)
+    """The objects and the retargeted clips that fulfil K, of a stage `retarget`, or of the only one of a folder."""
+    inside = sorted(workdir.glob(f"{task.name}/retarget/*/{HEADER}"))
+    headers = [workdir / HEADER] if (workdir / HEADER).exists() else inside
+    if len(headers) > 1:
+        several = ", ".join(str(header.parent) for header in headers)
+        raise BadMotion(f"{workdir} holds several stages of clips; give one of {several}")
+    motions = read_retargeted(headers[0].parent, robot.name) if headers else []
     if not motions:
         raise BadMotion(
-            f"{folder} holds no retargeted clips; run `mimicbench retarget --task {task.name} "
+            f"{workdir} holds no retargeted clips; run `mimicbench retarget --task {task.name} "
             f"--workdir {workdir}` first"
         )
-    return {**read_objects(folder / "objects"), **own}, motions
+    stage = read_stage(headers[0].parent)
+    return {**read_objects(stage.folder.parents[1] / stage.header["reads"]["objects"]), **own}, motions

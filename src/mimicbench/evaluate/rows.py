@@ -5,7 +5,7 @@ that make its episode again.
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import partial
 from math import isnan
@@ -107,9 +107,13 @@ _TYPES = {str: pa.string(), int: pa.int64(), bool: pa.bool_(), float: pa.float64
 _COLUMNS = pa.schema([pa.field(f.name, _TYPES[f.type], nullable=f.type == (float | None)) for f in fields(EpisodeRow)])  # pyright: ignore[reportArgumentType]
 
 
-def write_rows(path: Path, rows: Sequence[EpisodeRow]) -> None:
-    """Write one parquet file, atomically; the same rows give the same bytes."""
-    header = json.dumps({"schema": SCHEMA, "type": KIND}, sort_keys=True).encode()
+def write_rows(path: Path, rows: Sequence[EpisodeRow], made_from: Mapping[str, Any] | None = None) -> None:
+    """Write one parquet file, atomically; the same rows give the same bytes.
+
+    `made_from` says what the rows depend on (networks, clips, protocol, versions); it is kept in the file, so that rows
+    and what they are of can never part.
+    """
+    header = json.dumps({"schema": SCHEMA, "type": KIND, "made_from": dict(made_from or {})}, sort_keys=True).encode()
     table = pa.Table.from_pylist([asdict(row) for row in rows], schema=_COLUMNS.with_metadata({METADATA: header}))
     write_atomic(path, partial(_write_table, table))
 
@@ -134,6 +138,14 @@ def read_rows(path: Path) -> list[EpisodeRow]:
             f"{path} cannot be read as parquet ({reason}); it is cut off or damaged: run the evaluation again"
         ) from None
     return [EpisodeRow(**row) for row in columns]
+
+
+def rows_made_from(path: Path) -> dict[str, Any]:
+    """What the rows of a file depend on; empty if it does not say, or cannot be read."""
+    try:
+        return json.loads((pq.read_schema(path).metadata or {})[METADATA])["made_from"]
+    except (pa.ArrowException, OSError, KeyError, TypeError, ValueError):
+        return {}
 
 
 def _check_header(path: Path, schema: pa.Schema) -> None:

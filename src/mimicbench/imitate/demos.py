@@ -8,6 +8,7 @@ import torch
 
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.parallel import progress
+from mimicbench.core.settings import Positive, Share
 from mimicbench.core.stage import Stage
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.vec_env import EnvConfig
@@ -25,15 +26,15 @@ from mimicbench.track.spec import Tracker
 class DemosConfig:
     """How demonstrations are made."""
 
-    clips: int = 1500
+    clips: Positive = 1500
     """Training clips to track, at most."""
     action_noise: float = 0.05
     """Standard deviation of what is added to the executed joint targets [rad]; the recorded targets stay clean."""
-    clean_share: float = 0.25
+    clean_share: Share = 0.25
     """Part of the clips that are tracked without noise."""
     settle: float = 1.0
     """[s] that episodes go on after their clip."""
-    batch: int = 64
+    batch: Positive = 64
     """Clips side by side: one shard of the data set, and what a kill can lose."""
 
 

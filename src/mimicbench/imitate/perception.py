@@ -23,6 +23,7 @@ from torch import Tensor, nn
 
 from mimicbench.core.checkpoint import load_checkpoint, save_checkpoint
 from mimicbench.core.errors import BadObject
+from mimicbench.core.settings import Positive
 from mimicbench.objects.shape import SceneObject
 from mimicbench.sensors.heightmap import CELL, CELLS
 
@@ -48,7 +49,7 @@ class PerceptionConfig:
     """Channels of the three strided convolutions."""
     hidden: int = 128
     """Width of the layer after them."""
-    maps: int = 8000
+    maps: Positive = 8000
     """Maps to learn from, before turning and mirroring."""
     seen: float = 0.7
     """Share of them that show what the cameras see; the others are complete, or hide only what is behind something."""
@@ -62,9 +63,9 @@ class PerceptionConfig:
     """[m] Deviation of each cell's height."""
     dropout: float = 0.03
     """Share of cells without a measurement."""
-    steps: int = 5000
+    steps: Positive = 5000
     """Batches."""
-    batch: int = 128
+    batch: Positive = 128
     """Maps per batch."""
     learning_rate: float = 2e-3
     """At the start; falls to 0 along a cosine."""

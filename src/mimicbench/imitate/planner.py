@@ -20,6 +20,7 @@ from torch import nn
 
 from mimicbench.core.checkpoint import load_checkpoint, save_checkpoint
 from mimicbench.core.motion import RobotMotion
+from mimicbench.core.settings import Positive
 from mimicbench.envs.clip_starts import ClipStartConfig
 from mimicbench.imitate.clock import SIZE as CLOCK_SIZE
 from mimicbench.imitate.clock import clock_features
@@ -39,17 +40,17 @@ class PlannerConfig:
 
     hidden: tuple[int, ...] = (512, 512, 256)
     """Widths of the hidden layers."""
-    samples: int = 3_200_000
+    samples: Positive = 3_200_000
     """Control steps to see, over all robots."""
-    num_envs: int = 256
+    num_envs: Positive = 256
     """Robots side by side."""
-    steps: int = 24
+    steps: Positive = 24
     """Control steps between rounds of learning."""
-    batches: int = 40
+    batches: Positive = 40
     """Batches per round."""
-    batch: int = 768
+    batch: Positive = 768
     """Frames per batch."""
-    memory: int = 400_000
+    memory: Positive = 400_000
     """Most recent frames that are learned from."""
     teacher_share: float = 0.2
     """Part of the training over which the tracker on true references drives ever less."""

@@ -5,6 +5,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
+from mimicbench.core.checkpoint import load_checkpoint
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.imitate.inputs import Learner
 from mimicbench.imitate.learners import load_learner
@@ -53,9 +54,9 @@ class VisionPolicy:
     action, every frame.
     """
 
-    gains = "improved"  # those of the tracker whose demonstrations it cloned
-
-    def __init__(self, learner: Learner, perception: Perception | None = None) -> None:
+    def __init__(self, learner: Learner, perception: Perception | None = None, gains: str = "improved") -> None:
+        """`gains` are those of the tracker whose demonstrations it cloned."""
+        self.gains = gains
         if learner.inputs.memory and perception is None:
             raise MimicbenchError(
                 "this policy remembers the seat that it saw at the start; give it a perception checkpoint too"
@@ -105,4 +106,5 @@ def load_policy(folder: Path, robot: str, perception: Path | None = None) -> Vis
     """
     learner = load_learner(folder, robot)
     eyes = load_perception(perception, robot) if perception is not None and learner.inputs.memory else None
-    return VisionPolicy(learner, eyes)
+    gains = str(load_checkpoint(folder, robot=robot).notes.get("gains", "improved"))
+    return VisionPolicy(learner, eyes, gains)

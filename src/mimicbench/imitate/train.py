@@ -14,6 +14,7 @@ from torch import Tensor, nn
 
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.seeds import digest
+from mimicbench.core.settings import Positive
 from mimicbench.core.training import NetworkState, OptimizerState, append_metrics, resume_training, save_training
 from mimicbench.imitate.act import ACT
 from mimicbench.imitate.bc import BC
@@ -28,9 +29,9 @@ _VALIDATION_FRAMES = 512
 class TrainConfig:
     """How long and how. The defaults are for a CPU."""
 
-    steps: int = 3000
+    steps: Positive = 3000
     """Batches to learn from: a faster machine gets the same network, sooner."""
-    batch: int = 128
+    batch: Positive = 128
     """Frames per batch."""
     learning_rate: float = 1e-3
     """The highest."""
@@ -46,7 +47,7 @@ class TrainConfig:
     """Decay of the moving average of the weights, which is what is kept; 0 for the weights themselves."""
     save_every: float = 120.0
     """Seconds between saves: what a kill can lose at most."""
-    log_steps: int = 50
+    log_steps: Positive = 50
     """Batches per line of metrics.jsonl."""
     seed: int = 0
     """Of weights, batches and noise."""

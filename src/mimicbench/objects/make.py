@@ -1,36 +1,41 @@
 """Stage `objects`: make a set of objects of one family and keep them on disk."""
 
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-from mimicbench.core.stage import Stage, open_stage
+from mimicbench.core.settings import Count
+from mimicbench.core.stage import HEADER, Stage
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.objects.shape import SceneObject, load_object, save_object
+
+MADE = "made"
 
 
 @dataclass(frozen=True)
 class ObjectsConfig:
-    """Which objects to make."""
+    """Which objects there are."""
 
-    count: int = 400
-    """How many; about a quarter of them belong to the test split."""
+    source: str = MADE
+    """`made`, or the name of a set that `mimicbench objects import` made of meshes."""
+    count: Count = 400
+    """How many to make; about a quarter of them belong to the test split."""
 
 
-def make_objects(folder: Path, task: str, family: str, config: ObjectsConfig, seed: int) -> Stage:
-    """Make the objects, one `<id>.json` each, and the header. Does nothing if they are there."""
-    stage = open_stage(folder, "objects", task, seed, asdict(config))
-    if stage.complete:
-        return stage
-    made = [FAMILIES.get(family).make(index, seed) for index in range(config.count)]
+def make_objects(stage: Stage, family: str, config: ObjectsConfig) -> Stage:
+    """Make the objects, one `<id>.json` each."""
+    made = [FAMILIES.get(family).make(index, stage.header["seed"]) for index in range(config.count)]
     for obj in made:
-        save_object(folder, obj)
+        if not (stage.folder / f"{obj.id}.json").exists():
+            save_object(stage.folder, obj)
     return stage.finish(count=len(made), test=sum(obj.split == "test" for obj in made))
 
 
-def read_objects(folder: Path) -> dict[str, SceneObject]:
-    """All objects of a finished stage by id, in order of their ids."""
-    return {
-        path.stem: load_object(folder, path.stem)
-        for path in sorted(folder.glob("*.json"))
-        if path.name != "header.json"
-    }
+def object_ids(folder: Path) -> list[str]:
+    """Ids of all objects of a stage, in order."""
+    return sorted(path.stem for path in folder.glob("*.json") if path.name != HEADER)
+
+
+def read_objects(folder: Path, ids: Sequence[str] | None = None) -> dict[str, SceneObject]:
+    """Objects of a finished stage by id, in order of their ids: those named, or all."""
+    return {name: load_object(folder, name) for name in (object_ids(folder) if ids is None else sorted(ids))}

@@ -5,8 +5,8 @@ Contacts stay what they were.
 Each function gives the clip, and the object that it is on, under ids that end in `~` and what was done to them.
 """
 
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -18,9 +18,11 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import HumanMotion, Skeleton
 from mimicbench.core.parallel import map_items
+from mimicbench.core.run import RunContext
 from mimicbench.core.seeds import rng
-from mimicbench.core.stage import Stage, open_stage
-from mimicbench.objects.make import read_objects
+from mimicbench.core.settings import identity
+from mimicbench.core.stage import Stage, StageKey, opened
+from mimicbench.objects.make import object_ids, read_objects
 from mimicbench.objects.shape import SceneObject, load_object, save_object
 from mimicbench.references.checks.quality import Fulfils, gate
 from mimicbench.references.warp import approach_end, rescaled, turned_approach
@@ -176,47 +178,47 @@ def variant(
     return resize(motion, obj, random.uniform(*config.size))
 
 
+@dataclass(frozen=True)
+class ClipSource:
+    """The clips that variants are made of, and their objects."""
+
+    objects: Stage
+    references: Stage
+    clips: Sequence[Path]
+
+
 def make_augmented(
-    objects_to: Path,
-    references_to: Path,
-    objects: Stage,
-    references: Stage,
-    task: str,
-    fulfils: Fulfils,
-    config: AugmentConfig,
-    seed: int,
-    workers: int,
-    quiet: bool = False,
+    workdir: Path, name: str, source: ClipSource, config: AugmentConfig, fulfils: Fulfils, context: RunContext
 ) -> Stage:
-    """All clips of a stage and the variants of them that pass the gate, with their objects: stages `objects` and
-    `references` of another workdir.
+    """The clips of a stage and good variants of them: the set `name` of objects and of references.
+
+    Killed and started again, it goes on with the clips whose originals are missing, for these are written last.
     """
-    made_from = {"objects": objects.fingerprint, "references": references.fingerprint}
-    there = open_stage(objects_to, "objects", task, seed, asdict(config), made_from)
-    stage = open_stage(
-        references_to,
-        "references",
-        task,
-        seed,
-        asdict(config),
-        {"objects": there.fingerprint, "references": references.fingerprint},
-    )
-    if stage.complete:
-        return stage
-    for obj in read_objects(objects.folder).values():
-        save_object(objects_to, obj)
-    paths = sorted(references.folder.glob("*.npz"))
-    work = partial(_augment_one, objects_to, references_to, objects.folder, fulfils, config, seed)
-    kept = map_items(work, paths, workers, "variants of clips", quiet)
-    there.finish(count=len(read_objects(objects_to)))
-    added = {kind: sum(names.count(kind) for names in kept) for kind in config.kinds}
-    return stage.finish(clips=len(paths) + sum(added.values()), originals=len(paths), **added)
+    header = source.references.header
+    task, seed = header["task"], header["seed"]
+    made_from = {"objects": source.objects.fingerprint, "references": source.references.fingerprint}
+    key = StageKey("objects", task, seed, identity(config), made_from, reads={"objects": source.objects.folder})
+    with opened(workdir / task / "objects" / name, key) as there:
+        made_from = {"objects": there.fingerprint, "references": source.references.fingerprint}
+        key = StageKey("references", task, seed, identity(config), made_from, reads={"objects": there.folder})
+        with opened(workdir / task / "references" / name, key) as stage:
+            if stage.complete:
+                return stage
+            for obj in read_objects(source.objects.folder).values():
+                save_object(there.folder, obj)
+            places = (there.folder, stage.folder, source.objects.folder)
+            work = partial(_augment_one, places, fulfils, config, seed)
+            kept = map_items(work, source.clips, context.workers, "variants of clips", context.quiet)
+            there.finish(count=len(object_ids(there.folder)))
+            added = {kind: sum(names.count(kind) for names in kept) for kind in config.kinds}
+            return stage.finish(clips=len(source.clips) + sum(added.values()), originals=len(source.clips), **added)
 
 
 def _augment_one(
-    objects_to: Path, references_to: Path, objects: Path, fulfils: Fulfils, config: AugmentConfig, seed: int, path: Path
+    places: tuple[Path, Path, Path], fulfils: Fulfils, config: AugmentConfig, seed: int, path: Path
 ) -> list[str]:
     """Save a clip and its good variants; which kinds were good."""
+    objects_to, references_to, objects = places
     motion = HumanMotion.load(path)
     obj = load_object(objects, motion.object_id)
     good = []

@@ -9,11 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
-from mimicbench.core.errors import BadFile, BadMotion
+from mimicbench.core.errors import BadFile, BadMotion, BadObject
+from mimicbench.core.files import digest_of
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.names import printable
 from mimicbench.core.parallel import map_items
-from mimicbench.core.stage import HEADER, Stage, open_stage
+from mimicbench.core.run import RunContext
+from mimicbench.core.settings import Count
+from mimicbench.core.stage import Stage, StageKey, opened
+from mimicbench.objects.make import object_ids
 from mimicbench.objects.shape import SceneObject, load_object, save_object, split_of
 from mimicbench.references.checks.quality import METRIC, Fulfils, check_clip, faults, gate, told
 from mimicbench.references.importers.recording import Wishes
@@ -21,48 +25,58 @@ from mimicbench.references.importers.registry import import_recording
 from mimicbench.references.recordings.real_clips import Clip, find_clips
 from mimicbench.references.synthesis.registry import clip_id, synthesize
 
+MADE = "made"
 MOST_TRIES = 3
 """Times as many clips as wanted that are tried before the stage makes do with what it has."""
 
 
 @dataclass(frozen=True)
 class ReferencesConfig:
-    """How many clips to make."""
+    """Which human clips there are."""
 
-    count: int = 2000
+    source: str = MADE
+    """`made`, or the name of a set that was imported or augmented, objects and all."""
+    count: Count = 2000
     """Good clips to have, spread evenly over the objects: what fails the quality gate is replaced by further clips."""
     test_only: bool = False
     """Use the objects of the test split alone: for an evaluation without training."""
 
 
-def make_references(
-    folder: Path,
-    objects: Stage,
-    task: str,
-    fulfils: Fulfils,
-    config: ReferencesConfig,
-    seed: int,
-    workers: int,
-    quiet: bool = False,
-) -> Stage:
-    """Make human clips on the objects of an earlier stage, one `<id>.npz` each, and keep those that pass the gate
-    and fulfil the task's K.
+@dataclass(frozen=True)
+class Recordings:
+    """Files of recorded people, and how to read them."""
 
-    Killed and started again, it makes only the clips that are missing. The summary counts by name what was wrong with
-    the others.
-    Raises BadMotion if none is good.
+    files: tuple[Path, ...]
+    form: str = "auto"
+    """Their format; `auto` finds it out."""
+    wishes: Wishes = field(default_factory=Wishes)
+    """What the user knows of the files."""
+    gated: bool = False
+    """Leave out clips that the gate would not let pass from a synthetic person."""
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where a stage of clips reads and writes, and by what it judges a clip."""
+
+    objects: Path
+    fulfils: Fulfils
+    """Whether a person does the task in a clip."""
+
+
+def make_references(stage: Stage, ids: Sequence[str], places: Places, count: int, context: RunContext) -> Stage:
+    """Make human clips, one `<id>.npz` each, and keep those that pass the gate and fulfil the task's K.
+
+    Clip number i is on the object i modulo their number of `ids`. Killed and started again, or asked for more, it makes
+    only the clips that are missing. The summary counts by name what was wrong with the others. Raises BadMotion if
+    none is good.
     """
-    stage = open_stage(folder, "references", task, seed, asdict(config), {"objects": objects.fingerprint})
-    if stage.complete:
-        return stage
-    ids = object_ids(objects.folder, config)
     tried, kept, wrong = 0, 0, Counter[str]()
-    while kept < config.count and tried < MOST_TRIES * config.count:
-        missing = min(config.count - kept, MOST_TRIES * config.count - tried)
+    while kept < count and tried < MOST_TRIES * count:
+        missing = min(count - kept, MOST_TRIES * count - tried)
         jobs = [(index, ids[index % len(ids)]) for index in range(tried, tried + missing)]
-        found = map_items(
-            partial(_make_one, folder, objects.folder, task, seed, fulfils), jobs, workers, "human clips", quiet
-        )
+        work = partial(_make_one, stage.folder, places, stage.header["task"], stage.header["seed"])
+        found = map_items(work, jobs, context.workers, "human clips", context.quiet)
         tried, kept = tried + missing, kept + found.count([])
         wrong.update(name for names in found for name in names)
         if not kept:
@@ -74,12 +88,15 @@ def make_references(
     return stage.finish(tried=tried, kept=kept, rate=kept / max(tried, 1), rejected_for=_counted(wrong) or "nothing")
 
 
-def object_ids(objects: Path, config: ReferencesConfig) -> list[str]:
-    """Objects that clips are made on, in the order in which they take turns: clip number i is on object i modulo
-    their number.
+def used_objects(objects: Path, config: ReferencesConfig, count: int | None = None) -> list[str]:
+    """Ids of the objects that clips are made on, in the order in which they take turns.
+
+    Of the first `count` objects of a stage, or of all. Raises BadObject if there is none.
     """
-    ids = sorted(path.stem for path in objects.glob("*.json") if path.name != HEADER)
-    return [object_id for object_id in ids if split_of(object_id) == "test" or not config.test_only]
+    ids = [name for name in object_ids(objects)[:count] if split_of(name) == "test" or not config.test_only]
+    if not ids:
+        raise BadObject(f"{objects} has no object of the test split; make some more (--objects.count)")
+    return ids
 
 
 def remake(references: Stage, objects: Path, name: str, fulfils: Fulfils) -> tuple[HumanMotion, list[str]]:
@@ -89,25 +106,26 @@ def remake(references: Stage, objects: Path, name: str, fulfils: Fulfils) -> tup
     """
     header = references.header
     match = re.fullmatch(rf"{re.escape(header['task'])}-{header['seed']}-(\d{{5}}|[1-9]\d{{5,8}})", name)
-    if match is None or "count" not in header["config"]:
+    if match is None or "objects_used" not in header["settings"]:
         example = clip_id(header["task"], 42, header["seed"])
         raise BadMotion(f"{name!r} names no synthetic clip of {references.folder}; its ids look like {example}")
-    ids = object_ids(objects, ReferencesConfig(**header["config"]))
+    settings = header["settings"]
+    ids = used_objects(objects, ReferencesConfig(test_only=settings["test_only"]), settings["objects_used"])
     index = int(match[1])
     obj = load_object(objects, ids[index % len(ids)])
     motion = synthesize(header["task"], index, obj, header["seed"])
     return motion, gate(motion, obj, fulfils)
 
 
-def _make_one(folder: Path, objects: Path, task: str, seed: int, fulfils: Fulfils, job: tuple[int, str]) -> list[str]:
+def _make_one(folder: Path, places: Places, task: str, seed: int, job: tuple[int, str]) -> list[str]:
     """What is wrong with a clip, which is on disk if that is nothing."""
     index, object_id = job
     path = folder / f"{clip_id(task, index, seed)}.npz"
     if path.exists():
         return []
-    obj = load_object(objects, object_id)
+    obj = load_object(places.objects, object_id)
     motion = synthesize(task, index, obj, seed)
-    wrong = gate(motion, obj, fulfils)
+    wrong = gate(motion, obj, places.fulfils)
     if not wrong:
         motion.save(path)
     return wrong
@@ -120,43 +138,54 @@ def _counted(wrong: Counter[str]) -> str:
     )
 
 
-@dataclass(frozen=True)
-class ImportConfig:
-    """How to import recordings."""
-
-    form: str = "auto"
-    """One of the formats in references/importers, or `auto`."""
-    wishes: Wishes = field(default_factory=Wishes)
-    """What the user knows of the files."""
-    gated: bool = False
-    """Leave out clips that the gate would not let pass from a synthetic person."""
-
-
 def import_references(
-    objects_folder: Path,
-    folder: Path,
-    task: str,
-    fulfils: Fulfils,
-    files: Sequence[Path],
-    say: Callable[[str], None],
-    config: ImportConfig | None = None,
+    workdir: Path, name: str, task: str, recordings: Recordings, fulfils: Fulfils, say: Callable[[str], None]
 ) -> tuple[Stage, Stage]:
-    """Import recordings of people who do a task: stages `objects` and `references` made from files of the formats in
-    references/importers.
+    """Import recordings of people who do a task: the set `name` of objects and of references, made from files of the
+    formats in references/importers.
 
     Each clip has the recorded object, or one fitted to the person. `say` hears what was assumed about every file, and
     what the gate would not let pass from a synthetic person. A file that cannot be read, or without the task in it, is
     left out, and `say` hears why. Raises BadMotion if nothing is left, before anything is written.
     """
-    config = config or ImportConfig()
+    clips, beyond = _found_clips(recordings, task, fulfils, say)
+    if not clips:
+        raise BadMotion(
+            f"none of the {len(recordings.files)} files holds a person who does {task}, see above; give other "
+            f"files, or another task (--task){', or leave --gate out' if recordings.gated and beyond else ''}"
+        )
+    wishes = recordings.wishes
+    files = {f"{i} {path.name}": digest_of(path) for i, path in enumerate(recordings.files) if path.is_file()}
+    source = {"imported": files, "format": recordings.form, "wishes": asdict(wishes) | {"mesh": str(wishes.mesh)}}
+    source |= {"gated": True} if recordings.gated else {}
+    key = StageKey("objects", task, 0, source)
+    with opened(workdir / task / "objects" / name, key) as objects:
+        for _, obj in clips.values():
+            save_object(objects.folder, obj)
+        objects = objects.finish(count=len(clips))
+    key = StageKey("references", task, 0, source, {"objects": objects.fingerprint}, reads={"objects": objects.folder})
+    with opened(workdir / task / "references" / name, key) as references:
+        for motion, _ in clips.values():
+            motion.save(references.folder / f"{motion.id}.npz")
+        seconds = sum(motion.duration for motion, _ in clips.values())
+        summary = {"kept": len(clips), "seconds": seconds, "beyond_gate": _counted(beyond) or "nothing"}
+        return objects, references.finish(**summary)
+
+
+def _found_clips(
+    recordings: Recordings, task: str, fulfils: Fulfils, say: Callable[[str], None]
+) -> tuple[dict[str, Clip], Counter[str]]:
+    """The clips in recordings by id, and what the gate has against them; says what was assumed about each file, and why
+    one is left out.
+    """
     clips: dict[str, Clip] = {}
     beyond = Counter[str]()
-    for path in files:
+    for path in recordings.files:
         try:
-            recording = import_recording(path, config.form, config.wishes)
+            recording = import_recording(path, recordings.form, recordings.wishes)
             found = find_clips(recording, task)
         except (BadFile, BadMotion) as error:
-            if len(files) == 1:
+            if len(recordings.files) == 1:
                 raise
             say(f"left out: {error}")
             continue
@@ -172,27 +201,9 @@ def import_references(
         for motion, obj in found:
             wrong = _say_clip(motion, obj, fulfils, say)
             beyond.update(wrong)
-            if not (wrong and config.gated):
+            if not (wrong and recordings.gated):
                 clips[motion.id] = (motion, obj)
-    if not clips:
-        raise BadMotion(
-            f"none of the {len(files)} files holds a person who does {task}, see above; give other "
-            f"files, or another task (--task){', or leave --gate out' if config.gated and beyond else ''}"
-        )
-    source = {
-        "imported": [path.name for path in files],
-        "format": config.form,
-        "wishes": asdict(config.wishes) | {"mesh": str(config.wishes.mesh)},
-    } | ({"gated": True} if config.gated else {})
-    objects = open_stage(objects_folder, "objects", task, 0, source)
-    references = open_stage(folder, "references", task, 0, source, {"objects": objects.fingerprint})
-    for motion, obj in clips.values():
-        save_object(objects_folder, obj)
-        motion.save(folder / f"{motion.id}.npz")
-    seconds = sum(motion.duration for motion, _ in clips.values())
-    return objects.finish(count=len(clips)), references.finish(
-        kept=len(clips), seconds=seconds, beyond_gate=_counted(beyond) or "nothing"
-    )
+    return clips, beyond
 
 
 def _say_clip(motion: HumanMotion, obj: SceneObject, fulfils: Fulfils, say: Callable[[str], None]) -> list[str]:

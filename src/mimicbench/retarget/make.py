@@ -2,15 +2,15 @@
 metric K.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.core.parallel import map_items
-from mimicbench.core.stage import Stage, open_stage
+from mimicbench.core.run import RunContext
+from mimicbench.core.stage import Stage
 from mimicbench.objects.shape import SceneObject, load_object
 from mimicbench.retarget.acceptance import Outcome, outcome, summary
 from mimicbench.retarget.clip import Clip
@@ -27,76 +27,45 @@ Fulfils = Callable[[RobotMotion, SceneObject, Robot], bool]
 class RetargetConfig:
     """How to retarget."""
 
-    robot: str = "h1"
     method: str = "optimization"
     """One of `mimicbench.retarget.registry.METHODS`."""
-    preset: Preset | None = None
+    variant: Preset | None = None
     """`paper`: tables and loss to the letter; `improved`: what we find to be better; None: the method's default."""
 
 
+@dataclass(frozen=True)
+class Places:
+    """What clips are retargeted to, where their objects are, and what they are judged by."""
+
+    robot: str
+    objects: Path
+    fulfils: Fulfils
+
+
 def make_retargeted(
-    folder: Path,
-    references: Stage,
-    objects_folder: Path,
-    task: str,
-    fulfils: Fulfils,
-    config: RetargetConfig,
-    workers: int,
-    quiet: bool = False,
-    first: int | None = None,
+    stage: Stage, clips: Sequence[Path], places: Places, config: RetargetConfig, context: RunContext
 ) -> Stage:
-    """Retarget the clips of a stage, one `<id>.npz` each, or only the `first` so many.
+    """Retarget human clips, one `<id>.npz` each.
 
     Each header says whether the clip was solved and fulfils K; only such clips are passed on. The stage's summary
-    counts why the
-    others are not (see verdict.summary). Killed and started again, it goes on with the clips that are missing.
-
-    Raises:
-        UnknownName: There is no such method, or no mapping from the clips' skeleton to the robot.
-        BadMotion: There are no clips, or none is passed on.
+    counts why the others are not (see acceptance.summary). Killed and started again, or given more, it goes on with
+    the clips that are missing. Raises UnknownName if there is no mapping from the clips' skeleton to the robot.
     """
-    method = METHODS.get(config.method)
-    config = replace(config, preset=method.preset(config.preset))
-    paths = sorted(references.folder.glob("*.npz"))[:first]
-    if not paths:
-        raise BadMotion(
-            f"there are no clips in {references.folder}; run `mimicbench references --task {task}` "
-            "again, or import some"
-        )
-    settings = asdict(config) | ({} if first is None else {"first": first})
-    stage = open_stage(
-        folder, "retarget", task, references.header["seed"], settings, {"references": references.fingerprint}
-    )
-    if stage.complete:
-        return stage
-    found = summary(
-        map_items(
-            partial(_retarget_one, folder, objects_folder, fulfils, config),
-            paths,
-            workers,
-            f"clips by {method.name}",
-            quiet,
-        )
-    )
-    if not found.kept and first is None:
-        reasons = ", ".join(f"{name} {count}" for name, count in found.rejected_for.items())
-        raise BadMotion(
-            f"none of {len(paths)} clips that {method.name} retargeted is solved and fulfils {task} ({reasons}); "
-            "try another --method, or make other clips"
-        )
+    work = partial(_retarget_one, stage.folder, places, config)
+    found = summary(map_items(work, clips, context.workers, f"clips by {config.method}", context.quiet))
     return stage.finish(**asdict(found))
 
 
-def _retarget_one(folder: Path, objects_folder: Path, fulfils: Fulfils, config: RetargetConfig, path: Path) -> Outcome:
+def _retarget_one(folder: Path, places: Places, config: RetargetConfig, path: Path) -> Outcome:
     target, method = folder / path.name, METHODS.get(config.method)
-    robot = ROBOTS.get(config.robot)
+    robot = ROBOTS.get(places.robot)
     if target.exists():
         motion = RobotMotion.load(target, robot.name)
     else:
         human = HumanMotion.load(path)
-        obj = load_object(objects_folder, human.object_id)
-        motion = method.retarget(Clip(human, obj, robot), method.preset(config.preset))
-        fulfilled = bool(fulfils(motion, obj, robot))
+        obj = load_object(places.objects, human.object_id)
+        motion = method.retarget(Clip(human, obj, robot), method.preset(config.variant))
+        fulfilled = bool(places.fulfils(motion, obj, robot))
         found = outcome(motion.measures, fulfilled, motion.frames, method.limits)
         motion = replace(motion, success=not found.wrong, measures={**motion.measures, "fulfilled": float(fulfilled)})
         motion.save(target)
@@ -105,6 +74,10 @@ def _retarget_one(folder: Path, objects_folder: Path, fulfils: Fulfils, config: 
     )
 
 
-def read_retargeted(folder: Path, robot: str) -> list[RobotMotion]:
-    """The clips of a finished stage that are solved and fulfil K, in order of their ids."""
-    return [motion for path in sorted(folder.glob("*.npz")) if (motion := RobotMotion.load(path, robot)).success]
+def read_retargeted(folder: Path, robot: str, count: int | None = None) -> list[RobotMotion]:
+    """The clips of a finished stage that are solved and fulfil K, in order of their ids.
+
+    Of its first `count` clips, or of all.
+    """
+    paths = sorted(folder.glob("*.npz"))[:count]
+    return [motion for path in paths if (motion := RobotMotion.load(path, robot)).success]

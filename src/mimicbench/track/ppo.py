@@ -11,6 +11,7 @@ from rsl_rl.models import MLPModel
 from rsl_rl.storage import RolloutStorage
 from tensordict import TensorDict
 
+from mimicbench.core.settings import Positive, Share
 from mimicbench.core.training import OptimizerState
 
 _GROUPS = {"actor": ["obs"], "critic": ["obs"]}
@@ -22,15 +23,15 @@ class PPOConfig:
 
     hidden: tuple[int, ...] = (256, 192)
     """Widths of the hidden layers of actor and critic."""
-    steps: int = 12
+    steps: Positive = 12
     """Control steps of every robot between updates."""
-    epochs: int = 3
+    epochs: Positive = 3
     """Passes over the collected samples."""
-    minibatches: int = 4
+    minibatches: Positive = 4
     """Parts that a pass is split into."""
-    gamma: float = 0.97
+    gamma: Share = 0.97
     """Discount per control step."""
-    lam: float = 0.95
+    lam: Share = 0.95
     """Decay of generalized advantage estimation."""
     clip: float = 0.2
     """Largest change of the probability ratio that counts."""

@@ -1,16 +1,18 @@
 """Train a tracker: collect, update, look at how it does from the first frame, save, go on where it stopped."""
 
 import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, make_dataclass, replace
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 import torch
 
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.seeds import digest
+from mimicbench.core.settings import Amount, Positive
 from mimicbench.core.training import TorchRandom, append_metrics, resume_training, save_training
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.vec_env import EnvConfig
@@ -29,13 +31,13 @@ class TrackConfig:
     """Its design: a name of the registry."""
     settings: Any = None
     """The design's own configuration; None: its defaults."""
-    samples: int = 30_000_000
+    samples: Annotated[int, Amount()] = 30_000_000
     """Control steps to learn from, over all robots."""
-    num_envs: int = 1024
+    num_envs: Positive = 1024
     """Robots side by side."""
-    evaluate_every: int = 4_000_000
+    evaluate_every: Positive = 4_000_000
     """Samples between evaluations from the first frame."""
-    evaluate_clips: int = 64
+    evaluate_clips: Positive = 64
     """Clips of an evaluation."""
     save_every: float = 120.0
     """Seconds between saves of the training state: what a kill can lose at most."""
@@ -46,6 +48,11 @@ class TrackConfig:
     tracking: TrackingConfig = field(default_factory=TrackingConfig)
     """How training episodes start, are disturbed, and end."""
 
+    @staticmethod
+    def chosen(tree: Mapping[str, Any]) -> type["TrackConfig"]:
+        """The class of the design that a tree of values names, with its settings. Raises UnknownName."""
+        return _of_design(str(tree.get("tracker", TrackConfig.tracker)))
+
     def resolved(self) -> "TrackConfig":
         """The same with the design's own configuration in it. Raises UnknownName."""
         spec = TRACKERS.get(self.tracker)
@@ -53,6 +60,15 @@ class TrackConfig:
         if settings is None and spec.settings is not type(None):
             settings = spec.settings()
         return replace(self, settings=settings)
+
+
+@cache
+def _of_design(tracker: str) -> type[TrackConfig]:
+    kind = TRACKERS.get(tracker).settings
+    made: list[Any] = [("tracker", str, field(default=tracker))]
+    if kind is not type(None):
+        made.append(("settings", kind, field(default_factory=kind)))
+    return make_dataclass("TrackConfig", made, bases=(TrackConfig,), frozen=True)
 
 
 Report = Callable[[dict[str, Any]], None]

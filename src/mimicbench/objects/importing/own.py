@@ -13,7 +13,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile, BadObject, MimicbenchError
 from mimicbench.core.files import write_json
 from mimicbench.core.names import printable
-from mimicbench.core.stage import HEADER, Stage, open_stage
+from mimicbench.core.stage import Stage, StageKey, opened
 from mimicbench.core.untrusted import is_file
 from mimicbench.objects.importing.convex import box_around, split
 from mimicbench.objects.importing.evidence import Evidence, read_evidence
@@ -171,22 +171,19 @@ def import_objects(
     if missing is not None:
         raise BadFile(f"{missing} does not exist or is no file")
     sources = {object_id: _sha256(path) for object_id, path in zip(ids, files, strict=True)}
-    source = {"imported": sources, "import": asdict(config)}
-    if (folder / HEADER).exists():
-        stage = open_stage(folder, "objects", task, 0, source)
+    key = StageKey("objects", task, 0, {"imported": sources, "import": asdict(config)})
+    with opened(folder, key) as stage:
         if stage.complete:
             return stage, [read_evidence(folder, object_id) for object_id in ids]
-    made = []
-    for path, object_id in zip(files, ids, strict=True):
-        made.append(import_mesh(path, family, config, object_id))
-        say(made[-1][1].text())
-    stage = open_stage(folder, "objects", task, 0, source)
-    for obj, evidence in made:
-        save_object(folder, obj)
-        write_json(folder / "evidence" / f"{obj.id}.json", asdict(evidence))
-    return stage.finish(count=len(made), test=sum(obj.split == "test" for obj, _ in made)), [
-        evidence for _, evidence in made
-    ]
+        made = []
+        for path, object_id in zip(files, ids, strict=True):
+            made.append(import_mesh(path, family, config, object_id))
+            say(made[-1][1].text())
+        for obj, evidence in made:
+            save_object(folder, obj)
+            write_json(folder / "evidence" / f"{obj.id}.json", asdict(evidence))
+        summary = {"count": len(made), "test": sum(obj.split == "test" for obj, _ in made)}
+        return stage.finish(**summary), [evidence for _, evidence in made]
 
 
 def _sha256(path: Path) -> str:

@@ -1,0 +1,50 @@
+"""Stages that are in a workdir, for whoever knows their clips but not their recipe."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from mimicbench.core.errors import BadFile, MimicbenchError
+from mimicbench.core.stage import HEADER, Stage, read_stage
+
+
+def stages_of(workdir: Path, task: str, stage: str) -> list[Stage]:
+    """The finished stages of a kind, in order of their folders' names."""
+    found = []
+    for path in sorted((workdir / task / stage).glob(f"*/{HEADER}")):
+        try:
+            found.append(read_stage(path.parent))
+        except BadFile:
+            continue
+    return found
+
+
+def stage_with(workdir: Path, task: str, stage: str, file: str, folder: Path | None) -> Stage:
+    """The stage in `folder`, or else the only one that has a file; or, if none has it, the only one there is.
+
+    Raises BadFile or MimicbenchError if it is not clear which one is meant.
+    """
+    if folder is not None:
+        return read_stage(folder)
+    found = stages_of(workdir, task, stage)
+    if not found:
+        raise BadFile(
+            f"{workdir} holds no {stage} of {task}; run `mimicbench {stage} --task {task} --workdir {workdir}` first"
+        )
+    having = [one for one in found if (one.folder / file).exists()] or found
+    if len(having) > 1:
+        raise MimicbenchError(f"say which one with --stage: {', '.join(str(one.folder) for one in having)}")
+    return having[0]
+
+
+def largest(workdir: Path, tasks: Sequence[str], stage: str, name: str | None) -> dict[str, Stage]:
+    """The stage with most clips of each task that has any; that called `name`, if given. Raises BadFile if none has."""
+    found = {}
+    for task in tasks:
+        stages = [one for one in stages_of(workdir, task, stage) if name in (None, one.folder.name)]
+        if stages:
+            found[task] = max(stages, key=lambda one: sum(1 for _ in one.folder.glob("*.npz")))
+    if not found:
+        raise BadFile(f"{workdir} holds no {stage} of {', '.join(tasks)}; run `mimicbench {stage}` first")
+    return found

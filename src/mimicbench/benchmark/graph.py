@@ -1,0 +1,256 @@
+"""From a recipe to its stages: each function makes one stage, and before it what is missing of those that it reads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mimicbench.benchmark import keys
+from mimicbench.benchmark.keys import Run
+from mimicbench.benchmark.recipe import Recipe, check_recipe
+from mimicbench.core.checkpoint import copy_checkpoint
+from mimicbench.core.errors import BadMotion, UnknownName
+from mimicbench.core.run import RunContext
+from mimicbench.core.stage import Stage, StageKey, opened
+from mimicbench.envs.clips import ClipSet
+from mimicbench.objects.make import make_objects, object_ids, read_objects
+from mimicbench.references import make as references
+from mimicbench.retarget import make as retargeting
+
+if TYPE_CHECKING:
+    from mimicbench.envs.vec_env import EnvConfig
+    from mimicbench.imitate.make import ImitateConfig
+
+
+def run_stage(stage: str, recipe: Recipe, workdir: Path | str, context: RunContext | None = None) -> Stage:
+    """Make a stage of a recipe, and what is missing before it. Does nothing where everything is there.
+
+    Args:
+        stage: objects, references, retarget, track, demos, perception or imitate.
+        recipe: What is to be made.
+        workdir: Where: each stage goes to `<workdir>/<task>/<stage>/<words>-<digest>`.
+        context: How to run.
+
+    Raises:
+        MimicbenchError: The recipe contradicts itself, or a stage cannot be made.
+    """
+    if stage not in STAGES:
+        raise UnknownName("stage", stage, list(STAGES))
+    return STAGES[stage](start(recipe, workdir, context))
+
+
+def start(recipe: Recipe, workdir: Path | str, context: RunContext | None = None) -> Run:
+    """A recipe that has been checked, in a folder. Raises MimicbenchError if it contradicts itself, or there is no such
+    device.
+    """
+    check_recipe(recipe)
+    run = Run(recipe, Path(workdir), context or RunContext())
+    if run.context.device != "cpu":
+        from mimicbench.sim.backends import check_device
+
+        check_device(run.context.device)
+    return run
+
+
+def make_object_stage(run: Run) -> Stage:
+    """The objects: made, or an imported set, or the one that comes with imported clips."""
+    name = run.set_name("objects")
+    if name is not None:
+        return run.named("objects", name)
+    with _opened(run, keys.object_key(run), "objects") as stage:
+        return stage if stage.complete else make_objects(stage, run.task.family, run.part("objects"))
+
+
+def make_reference_stage(run: Run) -> Stage:
+    """Human clips on the objects, or an imported set."""
+    name, config = run.set_name("references"), run.part("references")
+    if name is not None:
+        return run.named("references", name)
+    objects = make_object_stage(run)
+    with _opened(run, keys.reference_key(run), "objects", "references") as stage:
+        if stage.complete:
+            return stage
+        ids = references.used_objects(objects.folder, config, stage.header["settings"]["objects_used"])
+        places = references.Places(objects.folder, run.task.fulfilled_by_human)
+        return references.make_references(stage, ids, places, config.count, run.context)
+
+
+def make_retarget_stage(run: Run) -> Stage:
+    """Robot clips of the human ones. Raises BadMotion if there is none to retarget."""
+    human, objects = make_reference_stage(run), make_object_stage(run)
+    clips = clips_of(human)
+    if not clips:
+        raise BadMotion(f"there are no clips in {human.folder}; make it again, or import some")
+    with _opened(run, keys.retarget_key(run), "objects", "references", "retarget") as stage:
+        if stage.complete:
+            return stage
+        places = retargeting.Places(run.robot.name, objects.folder, run.task.fulfilled)
+        return retargeting.make_retargeted(stage, clips, places, run.part("retarget"), run.context)
+
+
+def clips_of(human: Stage) -> list[Path]:
+    """Files of the human clips that are wanted of a stage, in order of their ids."""
+    return sorted(human.folder.glob("*.npz"))[: human.header["amounts"].get("count")]
+
+
+@dataclass(frozen=True)
+class Clips:
+    """Retargeted clips that fulfil K, and where they come from."""
+
+    set: ClipSet
+    stage: Stage
+    human: Path
+    """Folder of the human clips of the same ids."""
+
+    def split(self, name: str) -> ClipSet:
+        """The clips on objects of a split, or of both for `all`."""
+        return self.set.split(None if name == "all" else name)
+
+
+def some_retargeted(run: Run) -> Stage:
+    """The robot clips. Raises BadMotion if none is solved and fulfils K."""
+    stage = make_retarget_stage(run)
+    if not stage.summary["kept"]:
+        reasons = ", ".join(f"{name} {count}" for name, count in stage.summary["rejected_for"].items())
+        raise BadMotion(
+            f"none of the {stage.summary['clips']} clips in {stage.folder} is solved and fulfils {run.recipe.task} "
+            f"({reasons}); try another --retarget.method, or make other clips"
+        )
+    return stage
+
+
+def retargeted(run: Run) -> Clips:
+    """The recipe's retargeted clips, each without the long rest after K is fulfilled.
+
+    Raises BadMotion if none is solved and fulfils K.
+    """
+    stage, human = some_retargeted(run), make_reference_stage(run)
+    objects = read_objects(make_object_stage(run).folder)
+    motions = retargeting.read_retargeted(stage.folder, run.robot.name, len(clips_of(human)))
+    trimmed = [run.task.trimmed(m, objects[m.object_id], run.robot) for m in motions]
+    return Clips(ClipSet(run.task, run.robot, trimmed, objects), stage, human.folder)
+
+
+def make_track_stage(run: Run) -> Stage:
+    """Train the tracker on the clips of training objects; objects of the test split only judge it."""
+    from mimicbench.track.train import train_tracker
+
+    clips, config = retargeted(run), run.part("track")
+    train, test = clips.split("train"), clips.split("test")
+    if not len(train):
+        raise BadMotion(f"no clip in {clips.stage.folder} is on an object of the training split; make more objects")
+
+    def report(row: dict) -> None:
+        unseen = "" if row["k_held_out"] is None else f", on unseen objects {row['k_held_out']:.2f}"
+        run.context.say(
+            f"{row['samples'] / 1e6:6.2f} M samples  {row['samples'] / row['seconds']:6.0f}/s  reward "
+            f"{row['reward']:.3f}  K on training clips {row['k_train']:.2f}{unseen}"
+        )
+
+    with _opened(run, keys.track_key(run), *PARTS[:4], trained=True) as stage:
+        if stage.complete:
+            return stage
+        train_tracker(stage.folder, train, test, config, run.recipe.seed, env_config(run), report)
+        return stage.finish(clips=len(train), samples=config.samples, device=run.context.device)
+
+
+def env_config(run: Run) -> EnvConfig:
+    """Device and threads of environments."""
+    from mimicbench.envs.vec_env import EnvConfig
+
+    return EnvConfig(device=run.context.device, workers=run.context.workers)
+
+
+def tracker_for_learning(run: Run) -> Path:
+    """Folder of the tracker that demonstrations and planners are learned with; trained now if there is none."""
+    folder = keys.tracker_folder(run)
+    if folder is None:
+        return make_track_stage(run).folder / keys.CHECKPOINT
+    if keys.SHIPPED in folder.parents:
+        run.context.say(f"taking the shipped tracker of {run.recipe.task}; `mimicbench track` trains one here")
+    return folder
+
+
+def make_demo_stage(run: Run) -> Stage:
+    """Let the tracker turn the training clips into demonstrations."""
+    from mimicbench.imitate.demos import make_demos
+    from mimicbench.track.checkpoint import load_tracker
+
+    clips, folder = retargeted(run), tracker_for_learning(run)
+    with _opened(run, keys.demo_key(run, folder), *PARTS[:5]) as stage:
+        if stage.complete:
+            return stage
+        tracker, config = load_tracker(folder, run.robot), run.part("demos")
+        return make_demos(stage, tracker, clips.split("train"), config, env_config(run), run.context.quiet)
+
+
+def make_perception_stage(run: Run) -> Stage:
+    """Learn to find the objects of the training split in elevation maps."""
+    from mimicbench.imitate.make import make_perception
+
+    objects = make_object_stage(run)
+    with _opened(run, keys.perception_key(run), "objects", "imitate") as stage:
+        if stage.complete:
+            return stage
+        ids = object_ids(objects.folder)[: objects.header["amounts"].get("count")]
+        scene = list(read_objects(objects.folder, ids).values())
+        train, test = ([obj for obj in scene if obj.split == split] for split in ("train", "test"))
+        config, quiet = run.part("imitate").perception, run.context.quiet
+        return stage.finish(**make_perception(stage.folder, run.robot, train, test, config, quiet))
+
+
+def make_imitate_stage(run: Run) -> Stage:
+    """Learn the recipe's policy: its folder holds copies of the tracker and of the eyes that it uses."""
+    config: ImitateConfig = run.part("imitate")
+    clips, tracker, eyes = retargeted(run), tracker_for_learning(run), make_perception_stage(run)
+    demos = make_demo_stage(run) if config.clones else None
+    with _opened(run, keys.imitate_key(run, tracker), *PARTS, trained=True) as stage:
+        if stage.complete:
+            return stage
+        copy_checkpoint(tracker, stage.folder / keys.TRACKER)
+        copy_checkpoint(eyes.folder, stage.folder / keys.PERCEPTION)
+        summary = _learn(run, stage, clips) if demos is None else _clone(run, stage, clips, demos)
+        return stage.finish(**summary, device=run.context.device)
+
+
+def _learn(run: Run, stage: Stage, clips: Clips) -> dict[str, Any]:
+    from mimicbench.imitate.make import make_planner
+
+    config, train = run.part("imitate").planner, clips.split("train")
+    make_planner(stage.folder / keys.POLICY, train, config, run.recipe.seed, run.context)
+    return {"clips": len(train), "samples": config.samples}
+
+
+def _clone(run: Run, stage: Stage, clips: Clips, demos: Stage) -> dict[str, Any]:
+    from mimicbench.imitate.make import make_clone
+    from mimicbench.sim.devices import tensor_device
+    from mimicbench.track.checkpoint import load_tracker
+
+    config = run.part("imitate")
+    train = replace(config.train, seed=run.recipe.seed, device=tensor_device(run.context.device))
+    gains = config.gains or load_tracker(stage.folder / keys.TRACKER, run.robot).spec.gains
+    notes = {"seed": run.recipe.seed, "task": run.recipe.task, "gains": gains}
+    folder, dataset = stage.folder / keys.POLICY, demos.folder / "dataset"
+    make_clone(folder, run.robot, dataset, clips.set.objects, replace(config, train=train), notes, run.context.quiet)
+    return {"demonstrations": demos.summary["demonstrations"], "batches": config.train.steps}
+
+
+PARTS = ("objects", "references", "retarget", "track", "demos", "imitate")
+
+
+def _opened(run: Run, key: StageKey, *parts: str, trained: bool = False) -> AbstractContextManager[Stage]:
+    return opened(run.folder(key), key, run.recipe.tree(*parts), trained)
+
+
+STAGES: Mapping[str, Callable[[Run], Stage]] = {
+    "objects": make_object_stage,
+    "references": make_reference_stage,
+    "retarget": some_retargeted,
+    "track": make_track_stage,
+    "demos": make_demo_stage,
+    "perception": make_perception_stage,
+    "imitate": make_imitate_stage,
+}

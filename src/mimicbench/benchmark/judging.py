@@ -1,0 +1,205 @@
+"""Judging a recipe's tracker and policies: rows in files that say whose they are, made anew where that has changed."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mimicbench.benchmark import keys
+from mimicbench.benchmark.graph import Clips, env_config, retargeted
+from mimicbench.benchmark.keys import Run
+from mimicbench.benchmark.recipe import stage_type
+from mimicbench.core.checkpoint import CONFIG, MODEL
+from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
+from mimicbench.core.files import digest_of
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from mimicbench.envs.clips import ClipSet
+    from mimicbench.evaluate.rows import EpisodeRow
+
+BEST = "planner"
+"""The shipped policy that `best` means."""
+TRIES = 4
+"""Times that more clips are made because K left too many out."""
+
+
+@dataclass(frozen=True)
+class Who:
+    """A policy or tracker to judge."""
+
+    name: str
+    """As in rows and tables."""
+    folder: Path
+    """Of its checkpoint."""
+
+    @property
+    def digests(self) -> dict[str, str]:
+        """Digests of the networks that it runs on: its own, and those in the folders beside it that it may use."""
+        beside = {name: self.folder.parent / name for name in (keys.TRACKER, keys.PERCEPTION)}
+        folders = {"checkpoint": self.folder, **{n: f for n, f in beside.items() if f != self.folder}}
+        return {n: digest_of(f / MODEL) + digest_of(f / CONFIG) for n, f in folders.items() if (f / MODEL).exists()}
+
+
+def who_of(run: Run, name: str) -> Who:
+    """Whom the user means: `tracker`, `best`, a learner's name, or the path of a checkpoint.
+
+    What this recipe has learned in this workdir comes before what is shipped. Nothing is made.
+
+    Raises:
+        UnknownName: There is no such learner.
+        MimicbenchError: Nobody has learned that, here or for the package; the message has the command.
+    """
+    if "/" in name or name.startswith("."):
+        if not (Path(name) / CONFIG).exists():
+            raise BadFile(f"{Path(name) / CONFIG} does not exist; give the folder of a checkpoint")
+        return Who(Path(name).name, Path(name))
+    tracker = keys.tracker_folder(run)
+    if name == keys.TRACKER:
+        if tracker is None:
+            raise _nobody(run, "track", name)
+        return Who(name, tracker)
+    learner = BEST if name == "best" else name
+    try:
+        config = stage_type("imitate", {"learner": learner})()
+    except UnknownName as error:
+        raise UnknownName("policy", name, ["best", keys.TRACKER, *error.args[2]]) from None
+    if name != "best" and tracker is not None:
+        if run.recipe.imitate is not None and run.recipe.imitate.learner == learner:
+            config = run.recipe.imitate
+        own = run.folder(keys.imitate_key(run.changed(imitate=config), tracker))
+        if keys.is_complete(own):
+            return Who(name, own / keys.POLICY)
+    shipped = keys.SHIPPED / run.recipe.task / learner
+    if not (shipped / CONFIG).exists():
+        raise _nobody(run, f"imitate --learner {learner}", name)
+    return Who(learner, shipped)
+
+
+def _nobody(run: Run, command: str, name: str) -> MimicbenchError:
+    task = run.recipe.task
+    shipped = sorted(path.name for path in keys.SHIPPED.glob("*") if (path / keys.TRACKER / CONFIG).exists())
+    told = "" if task in shipped else f"nothing is shipped for {task} (only for {', '.join(shipped)}), and "
+    return MimicbenchError(
+        f"{told}no {name} was made by this recipe in {run.workdir}; make it with `mimicbench {command} --task {task} "
+        f"--workdir {run.workdir}`"
+    )
+
+
+def episodes_of(run: Run, count: int) -> Clips:
+    """The clips whose starts, objects and goals the episodes have: as many as wanted, on the objects of a split.
+
+    For the test split they are clips of their own that nothing was trained on, the same for every learner: more are
+    made until there are enough. Raises MimicbenchError if an imported set, or a training set, has fewer.
+    """
+    split = run.recipe.evaluate.split
+    made = run.set_name("references") is None and split == "test"
+    wanted = count + count // 20 + 2  # some more, for K may leave out a few
+    found = _of_split(run, wanted if made else None)
+    for _ in range(TRIES if made else 0):
+        if len(found.set) >= count:
+            break
+        wanted += 2 * (count - len(found.set))
+        found = _of_split(run, wanted)
+    if len(found.set) >= count:
+        return replace(found, set=found.set.first(count))
+    raise MimicbenchError(
+        f"{found.stage.folder} has {len(found.set)} clips of the split {split!r} that fulfil K, not {count}; "
+        "ask for fewer episodes, or make more clips"
+    )
+
+
+def _of_split(run: Run, wanted: int | None) -> Clips:
+    """The recipe's clips on objects of the split; or so many human clips, retargeted, on test objects alone."""
+    if wanted is not None:
+        run = run.changed(references=replace(run.part("references"), count=wanted, test_only=True))
+    clips = retargeted(run)
+    return replace(clips, set=clips.split(run.recipe.evaluate.split))
+
+
+def judge(run: Run, name: str) -> list[EpisodeRow]:
+    """One row per episode of a policy, or per clip of a tracker: from the file if they are there, of the very same
+    networks, clips and protocol; else made and kept.
+    """
+    from mimicbench.evaluate.rows import read_rows, rows_made_from, write_rows
+
+    who, config = who_of(run, name), run.recipe.evaluate
+    count = config.tracked if name == keys.TRACKER else config.episodes
+    clips = episodes_of(run, count)
+    source = _source(run, who, clips)
+    path = rows_path(run, who, source)
+    there = rows_made_from(path).get("episodes", 0) if path.exists() else 0
+    if there == count:
+        return read_rows(path)
+    rows = judge_tracker(run, who, clips.set) if name == keys.TRACKER else judge_policy(run, who, clips.set)[0]
+    if there < count:  # the last, smaller batch of fewer episodes may round differently: they are judged, but not kept
+        write_rows(path, rows, {**source, "episodes": count})
+    return rows
+
+
+def rows_path(run: Run, who: Who, source: dict[str, Any]) -> Path:
+    """`<workdir>/<task>/evaluate/<name>-<digest>.parquet`."""
+    digest = hashlib.blake2b(json.dumps(source, sort_keys=True).encode(), digest_size=4).hexdigest()
+    return run.workdir / run.recipe.task / "evaluate" / f"{who.name}-{digest}.parquet"
+
+
+def _source(run: Run, who: Who, clips: Clips) -> dict[str, Any]:
+    """What rows are made from: everything that can change them, but their number."""
+    import mujoco
+
+    import mimicbench
+    from mimicbench.evaluate.rollout import Protocol
+
+    return {
+        **who.digests,
+        "clips": clips.stage.digest,
+        "split": run.recipe.evaluate.split,
+        "protocol": {"batch": Protocol().batch, "time_limit": run.task.time_limit},
+        "seed": run.recipe.seed,
+        "device": run.context.device,
+        "mimicbench": mimicbench.__version__,
+        "mujoco": mujoco.__version__,
+    }
+
+
+def judge_tracker(run: Run, who: Who, clips: ClipSet) -> list[EpisodeRow]:
+    """One row per clip: the tracker follows it from its first frame, and goes on to the time limit."""
+    from mimicbench.evaluate.rollout import Judged, tracker_rows
+    from mimicbench.track.checkpoint import load_tracker
+    from mimicbench.track.rollout import RolloutConfig, track_clips
+
+    _one_thread()
+    tracker = load_tracker(who.folder, run.robot)
+    rollout = track_clips(tracker, clips, RolloutConfig(settle=None), env_config(run))
+    return tracker_rows(rollout, clips, Judged("track", who.name, tracker.spec.gains, run.recipe.seed))
+
+
+def judge_policy(
+    run: Run, who: Who, clips: ClipSet, record: Sequence[int] = ()
+) -> tuple[list[EpisodeRow], dict[int, np.ndarray]]:
+    """One row per episode, from the first frames of the clips alone, and the states of the episodes in `record`."""
+    from mimicbench.core.parallel import counter
+    from mimicbench.evaluate.rollout import Judged, Protocol, policy_rows, run_policy
+    from mimicbench.imitate.make import load_any
+
+    _one_thread()
+    policy = load_any(who.folder, run.robot, run.task)
+    with counter(len(clips), f"evaluating {who.name}", run.context.quiet) as tick:
+        runs = run_policy(policy, clips, Protocol(), record, tick, env_config(run))
+    rows = policy_rows(runs, clips, Judged("imitate", who.name, policy.gains, run.recipe.seed))
+    recordings = {}
+    for number, one in enumerate(runs):
+        recordings |= {number * Protocol().batch + episode: track for episode, track in one.recordings.items()}
+    return rows, recordings
+
+
+def _one_thread() -> None:
+    """Networks judge with one thread, whatever `workers` says: sums round differently on more."""
+    import torch
+
+    torch.set_num_threads(1)

@@ -1,0 +1,186 @@
+"""Where each stage of a recipe is and what determines it, without making anything."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from mimicbench.benchmark.recipe import Recipe, stage_type
+from mimicbench.core.checkpoint import CONFIG, MODEL
+from mimicbench.core.errors import BadFile
+from mimicbench.core.files import digest_of
+from mimicbench.core.run import RunContext
+from mimicbench.core.settings import amounts, identity
+from mimicbench.core.stage import Stage, StageKey, read_stage
+from mimicbench.objects.make import MADE
+from mimicbench.retarget.registry import METHODS
+from mimicbench.robots.description import Robot
+from mimicbench.robots.registry import ROBOTS
+from mimicbench.tasks.registry import TASKS
+from mimicbench.tasks.task import Task
+
+SHIPPED = Path(__file__).parents[1] / "checkpoints"
+"""Checkpoints that come with the package: `<task>/<policy>`, beside the `tracker` and the `perception` that it uses."""
+TRACKER, PERCEPTION, POLICY, CHECKPOINT = "tracker", "perception", "policy", "checkpoint"
+
+
+@dataclass(frozen=True)
+class Run:
+    """A recipe in a folder: what every stage is made with."""
+
+    recipe: Recipe
+    workdir: Path
+    context: RunContext = RunContext()
+
+    @cached_property
+    def task(self) -> Task:
+        """The recipe's task."""
+        return TASKS.get(self.recipe.task)
+
+    @cached_property
+    def robot(self) -> Robot:
+        """The recipe's robot."""
+        return ROBOTS.get(self.recipe.robot)
+
+    def part(self, name: str) -> Any:
+        """The recipe's configuration of a stage, or the defaults."""
+        return getattr(self.recipe, name) or stage_type(name)()
+
+    def changed(self, **parts: Any) -> Run:
+        """The same with other parts of the recipe."""
+        return replace(self, recipe=replace(self.recipe, **parts))
+
+    def key(self, stage: str, settings: Mapping[str, Any], made_from: Mapping[str, str], **more: Any) -> StageKey:
+        """The key of a stage of this recipe."""
+        return StageKey(stage, self.recipe.task, self.recipe.seed, settings, made_from, **more)
+
+    def folder(self, key: StageKey) -> Path:
+        """Where a stage is."""
+        return key.folder(self.workdir)
+
+    def named(self, stage: str, name: str) -> Stage:
+        """A set that was imported or augmented. Raises BadFile with what makes it."""
+        try:
+            return read_stage(self.workdir / self.recipe.task / stage / name)
+        except BadFile as error:
+            how = "objects import" if stage == "objects" else "import"
+            raise BadFile(f"{error}; `mimicbench {how} --to {name}` makes the set {name!r}") from None
+
+    def set_name(self, stage: str) -> str | None:
+        """Name of the imported set that stands for `objects` or `references`; None where they are made."""
+        names = [self.part("references").source, *([self.part("objects").source] if stage == "objects" else [])]
+        return next((name for name in names if name != MADE), None)
+
+
+def object_key(run: Run) -> StageKey:
+    """Objects that are made."""
+    family = run.task.family
+    return run.key("objects", {"family": family}, {}, amounts=amounts(run.part("objects")), words=(family,))
+
+
+def reference_key(run: Run) -> StageKey:
+    """Human clips that are made."""
+    config, name = run.part("references"), run.set_name("objects")
+    objects = object_key(run) if name is None else run.named("objects", name)
+    folder = objects.folder if isinstance(objects, Stage) else run.folder(objects)
+    return run.key(
+        "references",
+        {"test_only": config.test_only, "objects_used": None if name else run.part("objects").count},
+        {"objects": objects.fingerprint},
+        amounts=amounts(config),
+        words=(name or MADE, *(("test",) if config.test_only else ())),
+        reads={"objects": folder},
+    )
+
+
+def retarget_key(run: Run) -> StageKey:
+    """Robot clips."""
+    config, name = run.part("retarget"), run.set_name("references")
+    method = METHODS.get(config.method)
+    variant = method.preset(config.variant)
+    if name is None:
+        human = reference_key(run)
+        folders = {"references": run.folder(human), "objects": human.reads["objects"]}
+    else:
+        human = run.named("references", name)
+        folders = {"references": human.folder, "objects": run.named("objects", name).folder}
+    return run.key(
+        "retarget",
+        {"robot": run.robot.name, "method": method.name, "variant": variant},
+        {"references": human.digest},
+        amounts={} if name else amounts(run.part("references")),
+        words=(method.name, variant, *([name] if name else [])),
+        reads=folders,
+    )
+
+
+def track_key(run: Run) -> StageKey:
+    """The recipe's own tracker."""
+    config, clips = run.part("track"), retarget_key(run)
+    return run.key(
+        "track",
+        identity(config),
+        {"retarget": clips.fingerprint},
+        amounts=amounts(config),
+        words=(config.tracker,),
+        reads={"retarget": run.folder(clips)},
+    )
+
+
+def tracker_folder(run: Run) -> Path | None:
+    """The tracker that the recipe means: trained here, or the shipped one if that was trained as the recipe says.
+
+    None if it must be trained first.
+    """
+    own = run.folder(track_key(run))
+    if is_complete(own):
+        return own / CHECKPOINT
+    shipped = SHIPPED / run.recipe.task / TRACKER
+    same = identity(run.part("track")) == identity(stage_type("track")())
+    return shipped if same and (shipped / CONFIG).exists() else None
+
+
+def demo_key(run: Run, tracker: Path) -> StageKey:
+    """Demonstrations by the tracker in a folder."""
+    clips = retarget_key(run)
+    return run.key(
+        "demos",
+        identity(run.part("demos")),
+        {"retarget": clips.fingerprint, "tracker": digest_of(tracker / MODEL)},
+        reads={"retarget": run.folder(clips), "tracker": tracker},
+    )
+
+
+def perception_key(run: Run) -> StageKey:
+    """The network that finds objects in elevation maps."""
+    name = run.set_name("objects")
+    objects = object_key(run) if name is None else run.named("objects", name)
+    folder = objects.folder if isinstance(objects, Stage) else run.folder(objects)
+    settings = identity(run.part("imitate").perception)
+    return run.key("perception", settings, {"objects": objects.fingerprint}, reads={"objects": folder})
+
+
+def imitate_key(run: Run, tracker: Path) -> StageKey:
+    """The recipe's policy, learned with the tracker in a folder."""
+    config, eyes = run.part("imitate"), perception_key(run)
+    first = demo_key(run, tracker) if config.clones else retarget_key(run)
+    return run.key(
+        "imitate",
+        identity(config),
+        {first.stage: first.fingerprint, "tracker": digest_of(tracker / MODEL), "perception": eyes.fingerprint},
+        amounts=amounts(config),
+        words=(config.learner,),
+        reads={first.stage: run.folder(first), "tracker": tracker, "perception": run.folder(eyes)},
+    )
+
+
+def is_complete(folder: Path) -> bool:
+    """Whether a finished stage is there, with however much it has."""
+    try:
+        read_stage(folder)
+    except BadFile:
+        return False
+    return True

@@ -1,0 +1,83 @@
+"""What a recipe must not say: each rule raises UnknownName or BadSetting, in one sentence, before any work begins."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from mimicbench.core.settings import BadSetting
+from mimicbench.objects.make import MADE
+
+if TYPE_CHECKING:
+    from mimicbench.benchmark.recipe import Recipe
+
+
+def names_exist(recipe: Recipe) -> None:
+    """Task, robot."""
+    from mimicbench.robots.registry import ROBOTS
+    from mimicbench.tasks.registry import TASKS
+
+    TASKS.get(recipe.task)
+    ROBOTS.get(recipe.robot)
+
+
+def sources_agree(recipe: Recipe) -> None:
+    """Clips that were imported bring their objects."""
+    objects = recipe.objects.source if recipe.objects else MADE
+    references = recipe.references.source if recipe.references else MADE
+    for part, name in (("objects", objects), ("references", references)):
+        if not name or name.startswith(".") or "/" in name or "\0" in name:
+            raise BadSetting(f"{part}.source is {name!r}; give `made`, or the name of an imported set")
+    if references != MADE and objects not in (MADE, references):
+        raise BadSetting(
+            f"references.source {references!r} brings its own objects; leave objects.source ({objects!r}) out"
+        )
+
+
+def method_has_variant(recipe: Recipe) -> None:
+    """Not every retargeting method has every variant."""
+    if recipe.retarget is None:
+        return
+    from mimicbench.retarget.registry import METHODS
+
+    METHODS.get(recipe.retarget.method).preset(recipe.retarget.variant)
+
+
+def learner_has_its_tracker(recipe: Recipe) -> None:
+    """A learner that speaks to the tracker needs the one that understands it."""
+    if recipe.imitate is None and recipe.track is None:
+        return
+    from mimicbench.imitate.make import ImitateConfig
+    from mimicbench.track.train import TrackConfig
+
+    tracker = (recipe.track or TrackConfig()).tracker
+    learner = recipe.imitate or ImitateConfig()
+    if recipe.imitate is not None and learner.tracker not in (None, tracker):
+        raise BadSetting(
+            f"imitate.learner {learner.learner!r} needs the tracker {learner.tracker!r}, but track.tracker is "
+            f"{tracker!r}; change one of them"
+        )
+
+
+def gains_agree(recipe: Recipe) -> None:
+    """A policy drives the gains of the tracker whose demonstrations it clones."""
+    if recipe.imitate is None:
+        return
+    from mimicbench.track.registry import TRACKERS
+    from mimicbench.track.train import TrackConfig
+
+    gains = TRACKERS.get((recipe.track or TrackConfig()).tracker).gains
+    if recipe.imitate.gains not in (None, gains):
+        raise BadSetting(
+            f"imitate.gains is {recipe.imitate.gains!r}, but the tracker of the demonstrations drives {gains!r}; "
+            "leave imitate.gains out"
+        )
+
+
+RULES: tuple[Callable[[Recipe], None], ...] = (
+    names_exist,
+    sources_agree,
+    method_has_variant,
+    learner_has_its_tracker,
+    gains_agree,
+)

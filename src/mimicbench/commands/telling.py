@@ -1,0 +1,44 @@
+"""How commands tell what came of them: words for people, or one line of JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mimicbench.core.stage import Stage
+    from mimicbench.evaluate.rows import EpisodeRow
+
+
+def tell(found: Sequence[Mapping[str, Any]], as_json: bool, words: str) -> None:
+    """Print `words`, or what was found as one line: an object, or a list of them where there are several."""
+    print(json.dumps(found[0] if len(found) == 1 else list(found)) if as_json else words)
+
+
+def stage_summary(stage: Stage) -> dict[str, Any]:
+    """What a stage came to, as plain values."""
+    header = stage.header
+    return {"stage": header["stage"], "task": header["task"], "folder": str(stage.folder), **stage.summary}
+
+
+def stage_line(stage: Stage) -> str:
+    """What a stage came to, in one line."""
+    told = (f"{name} {f'{value:.3g}' if isinstance(value, float) else value}" for name, value in stage.summary.items())
+    return f"{stage.header['stage']}: {', '.join(told)} ({stage.folder})"
+
+
+def tell_rates(groups: Sequence[Sequence[EpisodeRow]], as_json: bool) -> None:
+    """Print the rates of each group of episodes, of one policy each."""
+    from mimicbench.evaluate.rows import summarize
+    from mimicbench.report.compare import results_table
+    from mimicbench.report.tables import to_rich
+
+    found = [summarize(rows) for rows in groups]
+    if as_json:
+        tell([one.to_dict() for one in found], True, "")
+        return
+    from rich.console import Console
+
+    for task in dict.fromkeys(one.task for one in found):
+        Console().print(to_rich(results_table([one for one in found if one.task == task])))

@@ -1,0 +1,163 @@
+"""What configurations share: bounds of numbers, amounts that may be raised, and strict reading of a tree of values.
+
+A configuration is a frozen dataclass whose fields are numbers, words, tuples and further configurations. A field of
+type `Annotated[int, Amount()]` says how much of a stage is made, not what it is: it can be raised later, and the stage
+goes on. Everything else determines the stage.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, is_dataclass
+from math import isfinite
+from typing import Annotated, Any, TypeVar, get_type_hints
+
+import msgspec
+
+from mimicbench.core.errors import MimicbenchError
+
+Config = TypeVar("Config")
+
+
+class BadSetting(MimicbenchError):
+    """A setting that does not exist, is of another type, out of its bounds, or does not go with another."""
+
+
+@dataclass(frozen=True)
+class Within:
+    """Bounds of a number, both allowed."""
+
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Amount(Within):
+    """Bounds of a number that says how much is made."""
+
+    low: float = 1
+    high: float = 1e12
+
+
+Count = Annotated[int, Amount(1, 10_000_000)]
+"""How many items a stage has."""
+Positive = Annotated[int, Within(1, 1e12)]
+Share = Annotated[float, Within(0, 1)]
+Seed = Annotated[int, Within(0, 2**63 - 1)]
+
+
+def check(config: Any, where: str = "") -> None:
+    """Raise BadSetting for the first number in a configuration that is out of bounds or not finite."""
+    hints = get_type_hints(type(config), include_extras=True)
+    for entry in fields(config):
+        value, name = getattr(config, entry.name), f"{where}{entry.name}"
+        if is_dataclass(value):
+            check(value, f"{name}.")
+            continue
+        check_value(name, value, hints[entry.name])
+
+
+def check_value(name: str, value: Any, hint: Any) -> None:
+    """Raise BadSetting if a value, or one in a tuple, is not finite or out of the bounds in its type's annotation."""
+    numbers = [x for x in (value if isinstance(value, tuple) else (value,)) if isinstance(x, int | float)]
+    if not all(isfinite(x) for x in numbers):
+        raise BadSetting(f"{name} is {value}; give a finite number")
+    for bounds in _bounds(hint):
+        if not all(bounds.low <= x <= bounds.high for x in numbers):
+            raise BadSetting(f"{name} is {value}; give {_number(bounds.low)} to {_number(bounds.high)}")
+    if any(isinstance(x, int) and x < 0 for x in numbers):
+        raise BadSetting(f"{name} is {value}; give a whole number that is not negative")
+
+
+def identity(config: Any) -> dict[str, Any]:
+    """What determines a stage: the configuration as plain JSON values, without its amounts."""
+    return {name: value for name, value in _plain(config, amounts=False).items() if value != {}}
+
+
+def amounts(config: Any) -> dict[str, int]:
+    """The amounts of a configuration by dotted name."""
+    found: dict[str, int] = {}
+    for entry in fields(config):
+        value = getattr(config, entry.name)
+        if is_dataclass(value):
+            found |= {f"{entry.name}.{name}": amount for name, amount in amounts(value).items()}
+        elif _is_amount(config, entry.name):
+            found[entry.name] = value
+    return found
+
+
+def to_tree(config: Any) -> dict[str, Any]:
+    """A configuration as plain JSON values, amounts and all."""
+    return json.loads(json.dumps(asdict(config)))
+
+
+def read(kind: type[Config], tree: Mapping[str, Any], where: str = "", source: str = "") -> Config:
+    """The configuration that a tree of values gives; what it leaves out has its default.
+
+    Args:
+        kind: The dataclass to make.
+        tree: Values by name; a mapping for a configuration within.
+        where: What stands before the names in messages, such as `track.`.
+        source: Where the tree comes from, such as `my.toml`, for messages.
+
+    Raises:
+        BadSetting: A name is unknown, or a value has the wrong type or is out of bounds.
+    """
+    said = f" (in {source})" if source else ""
+    hints = get_type_hints(kind, include_extras=True)
+    unknown = [name for name in tree if name not in hints]
+    if unknown:
+        raise BadSetting(f"unknown setting {where}{unknown[0]}{said}; known are: {', '.join(sorted(hints))}")
+    values = {}
+    for name, value in tree.items():
+        inner = _dataclass_of(hints[name])
+        if inner is not None and isinstance(value, Mapping):
+            values[name] = read(inner, value, f"{where}{name}.", source)
+            continue
+        try:
+            values[name] = msgspec.convert(value, hints[name])
+        except msgspec.ValidationError as error:
+            raise BadSetting(f"{where}{name} = {value!r}{said} cannot be: {error}") from None
+    config = kind(**values)
+    check(config, where)
+    return config
+
+
+def merge(*trees: Mapping[str, Any]) -> dict[str, Any]:
+    """Trees of values on top of each other: the last one that has a value gives it."""
+    found: dict[str, Any] = {}
+    for tree in trees:
+        for name, value in tree.items():
+            old = found.get(name)
+            found[name] = merge(old, value) if isinstance(old, Mapping) and isinstance(value, Mapping) else value
+    return found
+
+
+def _plain(config: Any, amounts: bool) -> dict[str, Any]:
+    found = {}
+    for entry in fields(config):
+        value = getattr(config, entry.name)
+        if is_dataclass(value):
+            found[entry.name] = _plain(value, amounts)
+        elif amounts or not _is_amount(config, entry.name):
+            found[entry.name] = json.loads(json.dumps(value))
+    return found
+
+
+def _is_amount(config: Any, name: str) -> bool:
+    return any(isinstance(b, Amount) for b in _bounds(get_type_hints(type(config), include_extras=True)[name]))
+
+
+def _bounds(hint: Any) -> list[Within]:
+    """The bounds in a type's annotation, or in that of one of its options."""
+    options = [hint, *getattr(hint, "__args__", ())]
+    return [b for option in options for b in getattr(option, "__metadata__", ()) if isinstance(b, Within)]
+
+
+def _dataclass_of(hint: Any) -> type | None:
+    """The dataclass that a type is, or that it may be beside None."""
+    options = [hint, *getattr(hint, "__args__", ())]
+    return next((option for option in options if isinstance(option, type) and is_dataclass(option)), None)
+
+
+def _number(value: float) -> str:
+    return str(int(value)) if value == int(value) else f"{value:g}"

@@ -1,0 +1,296 @@
+"""Recipes: where their values come from, what they refuse, and that stages of several recipes share what is common."""
+
+import json
+from dataclasses import dataclass, field, replace
+from typing import Annotated
+
+import numpy as np
+import pytest
+
+import making
+from mimicbench import cli
+from mimicbench.benchmark import Recipe, run_stage
+from mimicbench.benchmark.finding import stages_of
+from mimicbench.benchmark.graph import start
+from mimicbench.benchmark.judging import judge, rows_path
+from mimicbench.benchmark.presets import PRESETS, preset_tree
+from mimicbench.benchmark.recipe import EvaluateConfig, check_recipe, read_recipe, recipe_tree, stage_type
+from mimicbench.commands.parsing import read_call
+from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
+from mimicbench.core.settings import Amount, BadSetting, Within, amounts, check, identity, merge, read
+from mimicbench.core.stage import read_stage
+from mimicbench.evaluate.rows import read_rows, rows_made_from
+from mimicbench.objects.make import ObjectsConfig
+from mimicbench.references.make import ReferencesConfig
+from mimicbench.retarget.make import RetargetConfig
+from mimicbench.tasks.registry import TASKS
+
+
+@dataclass(frozen=True)
+class Inner:
+    rate: Annotated[float, Within(0, 1)] = 0.5
+    sizes: tuple[int, ...] = (2, 3)
+
+
+@dataclass(frozen=True)
+class Outer:
+    samples: Annotated[int, Amount()] = 10
+    name: str = "x"
+    steps: Annotated[int, Within(1, 9)] | None = None
+    inner: Inner = field(default_factory=Inner)
+
+
+# --- settings
+
+
+def test_amounts_are_no_part_of_identity():
+    assert identity(Outer()) == {"name": "x", "steps": None, "inner": {"rate": 0.5, "sizes": [2, 3]}}
+    assert amounts(Outer(samples=7)) == {"samples": 7}
+
+
+def test_trees_are_read_strictly():
+    assert read(Outer, {"samples": 3, "inner": {"sizes": [1], "rate": 1}}) == Outer(3, inner=Inner(1.0, (1,)))
+    assert merge({"a": {"b": 1, "c": 2}}, {"a": {"b": 3}}, {"d": 4}) == {"a": {"b": 3, "c": 2}, "d": 4}
+
+
+@pytest.mark.parametrize(
+    ("tree", "said"),
+    [
+        ({"sample": 3}, r"unknown setting x\.sample \(in my\.toml\); known are: inner, name, samples, steps"),
+        ({"inner": {"rats": 1}}, r"unknown setting x\.inner\.rats"),
+        ({"samples": "3"}, r"x\.samples = '3' \(in my\.toml\) cannot be: Expected `int`"),
+        ({"samples": 1.5}, "cannot be"),
+        ({"samples": True}, "cannot be"),
+        ({"samples": 0}, r"x\.samples is 0; give 1 to"),
+        ({"steps": 10}, r"x\.steps is 10; give 1 to 9"),
+        ({"inner": {"rate": float("nan")}}, r"x\.inner\.rate is nan; give a finite number"),
+        ({"inner": {"rate": 1.5}}, r"x\.inner\.rate is 1\.5; give 0 to 1"),
+        ({"inner": {"sizes": [1, -2]}}, "not negative"),
+        ({"inner": 3}, "cannot be"),
+    ],
+)
+def test_what_cannot_be_is_told(tree, said):
+    with pytest.raises(BadSetting, match=said):
+        read(Outer, tree, "x.", "my.toml")
+
+
+def test_a_configuration_made_in_python_is_checked_too():
+    with pytest.raises(BadSetting, match=r"inner\.rate is inf"):
+        check(Outer(inner=Inner(float("inf"))))
+    with pytest.raises(BadSetting, match=r"objects\.count is 0"):
+        check_recipe(Recipe(objects=ObjectsConfig(count=0)))
+
+
+# --- recipes
+
+
+def test_values_come_from_defaults_presets_a_file_and_the_command_line(tmp_path):
+    path = tmp_path / "my.toml"
+    path.write_text('preset = "smoke"\nseed = 4\n[references]\ncount = 5\n[track.ppo]\nlearning_rate = 3e-4\n')
+    words = ["--config", str(path), "--task", "lie-bed", "--track.ppo.gamma", "0.9", "--samples", "7"]
+    (recipe,) = read_call("track", words).recipes
+    assert (recipe.task, recipe.seed, recipe.robot) == ("lie-bed", 4, "h1")
+    assert recipe.objects == ObjectsConfig(count=16) and recipe.references == ReferencesConfig(count=5)
+    assert recipe.track is not None and recipe.retarget == RetargetConfig()
+    assert (recipe.track.ppo.learning_rate, recipe.track.ppo.gamma, recipe.track.samples) == (3e-4, 0.9, 7)
+    assert recipe.evaluate.episodes == 16, "what later stages are told is kept"
+    (recipe,) = read_call("track", [*words, "--seed", "5", "--track.ppo.learning-rate", "2e-4"]).recipes
+    assert recipe.seed == 5 and recipe.track is not None and recipe.track.ppo.learning_rate == 2e-4
+
+
+def test_which_settings_there_are_follows_from_the_learner(tmp_path):
+    path = tmp_path / "act.toml"
+    path.write_text('[imitate]\nlearner = "act"\n[imitate.network]\nheads = 2\n')
+    (recipe,) = read_call("imitate", ["--config", str(path), "--network.chunk", "7"]).recipes
+    config = recipe.imitate
+    assert isinstance(config, stage_type("imitate", {"learner": "act"})) and config.learner == "act"
+    assert (config.network.heads, config.network.chunk) == (2, 7)
+    (recipe,) = read_call("imitate", ["--learner", "planner", "--planner.samples", "9"]).recipes
+    assert recipe.imitate is not None and recipe.imitate.planner.samples == 9
+
+
+def test_help_documents_every_setting_of_every_stage(capsys):
+    with pytest.raises(SystemExit):
+        read_call("evaluate", ["--help"])
+    shown = capsys.readouterr().out
+    for part in ("objects", "references", "retarget", "track", "demos", "imitate", "evaluate"):
+        for name in leaves(stage_type(part)(), f"--{part}"):
+            assert name.replace("_", "-") in shown, name
+
+
+def leaves(config, where):
+    for name, value in vars(config).items():
+        yield from leaves(value, f"{where}.{name}") if hasattr(value, "__dataclass_fields__") else [f"{where}.{name}"]
+
+
+@pytest.mark.parametrize("task", list(TASKS))
+@pytest.mark.parametrize("preset", list(PRESETS))
+def test_every_preset_is_a_recipe_for_every_task(preset, task):
+    recipe = read_recipe(recipe_tree([preset], None, {"task": task}))
+    assert recipe.task == task
+
+
+def test_the_paper_is_the_paper():
+    recipe = read_recipe(preset_tree("paper", "sit-chair"))
+    assert recipe.objects == ObjectsConfig(count=4600) and recipe.references == ReferencesConfig(count=5000)
+    assert recipe.retarget == RetargetConfig("optimization", "paper")
+    assert recipe.track is not None and recipe.track.tracking.ends.max_pos_error == 0.5
+    assert (recipe.track.num_envs, recipe.track.ppo.steps, recipe.track.ppo.epochs) == (
+        2048,
+        32,
+        2,
+    ) and recipe.track.tracker == "hst"
+
+
+def test_files_that_are_no_recipes(tmp_path):
+    bad = {
+        "cut.toml": "a = [",
+        "word.toml": "objects = 3",
+        "name.toml": "[object]\ncount = 3",
+        "type.toml": '[objects]\ncount = "many"',
+        "late.toml": "[track]\nrewards = 3",
+    }
+    for name, text in bad.items():
+        (tmp_path / name).write_text(text)
+        with pytest.raises((BadFile, BadSetting)):
+            read_recipe(recipe_tree([], tmp_path / name, {}))
+    with pytest.raises(BadFile):
+        recipe_tree([], tmp_path, {})
+    with pytest.raises(UnknownName, match="unknown preset"):
+        recipe_tree(["theirs"], None, {})
+    with pytest.raises(BadSetting, match=r"evaluate\.split"):
+        EvaluateConfig(split="all of them")
+
+
+# --- stages
+
+
+def test_recipes_share_what_they_have_in_common(tmp_path):
+    ours = making.small()
+    other = replace(ours, retarget=RetargetConfig(method="copy-rotation"))
+    first, second = (making.make("references", tmp_path, recipe) for recipe in (ours, other))
+    assert first.folder == second.folder and len(stages_of(tmp_path, "sit-chair", "references")) == 1
+    both = [making.make("retarget", tmp_path, recipe) for recipe in (ours, replace(ours, retarget=RetargetConfig()))]
+    assert both[0].folder == both[1].folder, "what is said and what is the default are one"
+    third = making.make("objects", tmp_path, replace(ours, seed=1))
+    assert third.folder.parent == making.make("objects", tmp_path).folder.parent != third.folder
+    header = read_stage(both[0].folder).header
+    assert header["recipe"]["references"]["count"] == 4 and header["recipe"]["retarget"]["method"] == "optimization"
+    assert header["reads"]["objects"] == f"objects/{making.make('objects', tmp_path).folder.name}"
+
+
+def test_a_count_is_raised_and_the_same_comes_out_as_in_one_go(tmp_path):
+    grown, whole = tmp_path / "grown", tmp_path / "whole"
+    few = making.make("retarget", grown, making.small(clips=3))
+    stamps = {path.name: path.stat().st_mtime_ns for path in few.folder.glob("*.npz")}
+    more = making.make("retarget", grown, making.small(clips=5))
+    assert more.folder == few.folder and more.summary["clips"] == 5
+    assert stamps == {name: (more.folder / name).stat().st_mtime_ns for name in stamps}, "and nothing is made twice"
+    at_once = making.make("retarget", whole, making.small(clips=5))
+    assert {p.name: p.read_bytes() for p in more.folder.glob("*.npz")} == {
+        p.name: p.read_bytes() for p in at_once.folder.glob("*.npz")
+    }
+    again = making.make("retarget", grown, making.small(clips=3))
+    assert again.summary == few.summary and again.fingerprint == few.fingerprint
+    assert read_stage(more.folder).summary["clips"] == 5
+
+
+def test_clips_on_other_objects_are_other_clips(tmp_path):
+    one = making.make("references", tmp_path, making.small(objects=3))
+    other = making.make("references", tmp_path, making.small(objects=4))
+    assert one.folder != other.folder, "which object a clip is on depends on how many there are"
+
+
+def test_a_toml_recipe_end_to_end(tmp_path, monkeypatch, capsys):
+    """Objects, clips, retargeting, tracker, demonstrations, perception, a clone, and its rows, each as small as can be;
+    then with one setting changed.
+    """
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tiny.toml").write_text(TINY)
+    cli.main(["imitate", "--config", "tiny.toml", "--workers", "1", "--json"])
+    told = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert told["stage"] == "imitate" and told["batches"] == 4 and told["demonstrations"] >= 1
+    folder = tmp_path / told["folder"]
+    assert {path.name for path in folder.iterdir()} >= {"header.json", "policy", "tracker", "perception"}
+    recipe = json.loads((folder / "header.json").read_text())["recipe"]
+    assert recipe["imitate"]["train"]["steps"] == 4 and recipe["track"]["samples"] == 30_000_000
+    words = ["evaluate", "--config", "tiny.toml", "--policy", "bc", "--episodes", "2", "--workers", "1", "--json"]
+    cli.main(words)
+    assert json.loads(capsys.readouterr().out)["episodes"] == 2
+    (path,) = tmp_path.glob("work/sit-chair/evaluate/bc-*.parquet")
+    stamp = path.stat().st_mtime_ns
+    cli.main(words)
+    assert path.stat().st_mtime_ns == stamp, "what has been judged is not judged again"
+    cli.main(["imitate", "--config", "tiny.toml", "--workers", "1", "--json", "--train.learning-rate", "2e-3"])
+    other = json.loads(capsys.readouterr().out.splitlines()[-1])["folder"]
+    assert other != told["folder"] and len(stages_of(tmp_path / "work", "sit-chair", "imitate")) == 2
+    assert len(stages_of(tmp_path / "work", "sit-chair", "demos")) == 1
+
+
+TINY = """
+preset = "ours"
+seed = 1
+objects = { count = 8 }
+references = { count = 6 }
+demos = { clips = 2, batch = 2, clean_share = 1.0 }
+
+[imitate]
+learner = "bc"
+perception = { maps = 8, steps = 2, batch = 4 }
+train = { steps = 4, batch = 8 }
+"""
+
+
+# --- rows
+
+
+@pytest.fixture(scope="module")
+def judged(tmp_path_factory):
+    """A recipe whose tracker has been judged on two clips."""
+    workdir = tmp_path_factory.mktemp("judged")
+    recipe = making.small(objects=8, evaluate=EvaluateConfig(tracked=2, episodes=2))
+    run = start(recipe, workdir, making.QUIET)
+    judge(run, "tracker")
+    return run
+
+
+def test_rows_say_what_they_are_of(judged):
+    (path,) = judged.workdir.glob("sit-chair/evaluate/*.parquet")
+    source = rows_made_from(path)
+    assert source["episodes"] == len(read_rows(path)) == 2 and source["split"] == "test"
+    assert {"checkpoint", "clips", "protocol", "seed", "mimicbench", "mujoco"} <= source.keys()
+    assert {row.split for row in read_rows(path)} == {"test"}
+    assert path.name == rows_path(judged, WhoIs("tracker"), {k: v for k, v in source.items() if k != "episodes"}).name
+
+
+@dataclass(frozen=True)
+class WhoIs:
+    name: str
+
+
+def test_fewer_episodes_do_not_replace_more_and_more_do(judged):
+    (path,) = judged.workdir.glob("sit-chair/evaluate/*.parquet")
+    asked = lambda count: replace(judged, recipe=replace(judged.recipe, evaluate=EvaluateConfig(tracked=count)))  # noqa: E731
+    assert len(judge(asked(1), "tracker")) == 1 and len(read_rows(path)) == 2
+    assert len(judge(asked(3), "tracker")) == 3 and len(read_rows(path)) == 3
+
+
+def test_rows_of_another_network_or_other_clips_are_others(judged, tmp_path):
+    before = set(judged.workdir.glob("sit-chair/evaluate/*.parquet"))
+    other = replace(judged, recipe=replace(judged.recipe, seed=2))
+    judge(other, "tracker")
+    assert len(set(judged.workdir.glob("sit-chair/evaluate/*.parquet")) - before) == 1
+
+
+def test_too_few_clips_for_the_episodes_are_told(judged):
+    few = replace(judged, recipe=replace(judged.recipe, evaluate=EvaluateConfig(tracked=50, split="train")))
+    with pytest.raises(MimicbenchError, match=r"of the split 'train' that fulfil K, not 50"):
+        judge(few, "tracker")
+
+
+def test_three_lines(tmp_path):
+    run_stage("retarget", making.small(), tmp_path / "work", making.QUIET)
+    (stage,) = stages_of(tmp_path / "work", "sit-chair", "retarget")
+    assert stage.complete and np.isfinite(stage.summary["rate"])
+    with pytest.raises(UnknownName, match="unknown stage 'dance'"):
+        run_stage("dance", Recipe(), tmp_path)

@@ -1,0 +1,133 @@
+"""Stages: what determines one, how much of it there is, who holds it, and that a refused call leaves nothing behind."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError
+from mimicbench.core.stage import HEADER, StageKey, locked, opened, read_stage
+
+
+def key(**changes):
+    values = {
+        "stage": "objects",
+        "task": "sit-chair",
+        "seed": 0,
+        "settings": {"sizes": (1, 2)},
+        "made_from": {"shapes": "0"},
+        "amounts": {"count": 3},
+        "words": ("chair",),
+    }
+    return StageKey(**{**values, **changes})
+
+
+def test_a_stage_is_unfinished_until_it_is_finished(tmp_path):
+    folder = key().folder(tmp_path)
+    assert folder.parent == tmp_path / "sit-chair" / "objects" and folder.name == f"chair-{key().digest}"
+    with pytest.raises(BadFile, match="holds no stage"):
+        read_stage(folder)
+    with opened(folder, key(), {"task": "sit-chair"}) as stage:
+        assert not stage.complete
+        with pytest.raises(BadFile, match="unfinished"):
+            read_stage(folder)
+        finished = stage.finish(made=3)
+    assert finished.complete and finished.fingerprint == stage.fingerprint == key().fingerprint
+    assert finished.digest == key().digest
+    with opened(folder, key()) as again:
+        assert again.complete and again.summary == {"made": 3}
+    assert read_stage(folder).header["recipe"] == {"task": "sit-chair"}
+
+
+@pytest.mark.parametrize(
+    "change", [{"settings": {"sizes": [1, 3]}}, {"seed": 1}, {"task": "lie-bed"}, {"made_from": {"shapes": "1"}}]
+)
+def test_what_determines_a_stage_gives_it_a_folder_of_its_own(tmp_path, change):
+    other = key(**change)
+    assert other.folder(tmp_path) != key().folder(tmp_path) and other.fingerprint != key().fingerprint
+    with opened(tmp_path / "x", key()):
+        pass
+    content = (tmp_path / "x" / HEADER).read_bytes()
+    with pytest.raises(MimicbenchError, match=f"another {next(iter(change))}"), opened(tmp_path / "x", other):
+        pass
+    assert (tmp_path / "x" / HEADER).read_bytes() == content
+
+
+def test_words_and_amounts_determine_nothing_but_later_stages_see_the_amount():
+    assert key(words=("other",)).digest == key().digest == key(amounts={"count": 9}).digest
+    assert key(amounts={"count": 9}).fingerprint != key().fingerprint
+
+
+def test_an_amount_that_is_raised_goes_on_and_a_smaller_one_is_a_part_of_it(tmp_path):
+    folder = tmp_path / "x"
+    with opened(folder, key()) as stage:
+        stage.finish(made=3)
+    with opened(folder, key(amounts={"count": 5})) as more:
+        assert not more.complete and not more.ahead
+        more = more.finish(made=5)
+    assert read_stage(folder).summary == {"made": 5}
+    with opened(folder, key(amounts={"count": 2})) as less:
+        assert not less.complete and less.ahead, "its summary is another, so it is counted again"
+        less = less.finish(made=2)
+    assert less.complete and less.summary == {"made": 2} and less.fingerprint == key(amounts={"count": 2}).fingerprint
+    assert read_stage(folder).header == more.header, "and the folder stays what it is"
+
+
+def test_a_training_cannot_be_had_smaller_and_one_that_was_raised_is_another(tmp_path):
+    folder = tmp_path / "x"
+    with opened(folder, key(amounts={"samples": 10}), trained=True) as stage:
+        stage.finish()
+    fewer = opened(folder, key(amounts={"samples": 5}), trained=True)
+    with pytest.raises(MimicbenchError, match=r"for 10 samples, more than the 5 samples"), fewer:
+        pass
+    with opened(folder, key(amounts={"samples": 20}), trained=True) as more:
+        assert more.header["raised_from"] == [{"samples": 10}]
+        assert more.finish().fingerprint != key(amounts={"samples": 20}).fingerprint
+
+
+def test_a_refused_call_leaves_nothing_behind(tmp_path):
+    folder = key().folder(tmp_path / "new")
+    with pytest.raises(BadMotion), opened(folder, key()):
+        raise BadMotion("nothing came of it")
+    assert not (tmp_path / "new").exists()
+    with pytest.raises(BadMotion), opened(folder, key()) as stage:
+        (stage.folder / "item.json").write_text("{}")
+        raise BadMotion("the second one failed")
+    assert (folder / "item.json").exists() and not json.loads((folder / HEADER).read_text())["complete"]
+
+
+def test_two_programs_in_one_folder(tmp_path):
+    script = f"""
+import sys
+from pathlib import Path
+from mimicbench.core.stage import locked
+with locked(Path({str(tmp_path)!r})):
+    print("held", flush=True)
+    sys.stdin.readline()
+"""
+    child = subprocess.Popen([sys.executable, "-c", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    assert child.stdin is not None and child.stdout is not None
+    assert child.stdout.readline() == "held\n"
+    leftover = tmp_path / f".clip.npz.{child.pid}.tmp"
+    leftover.touch()
+    with pytest.raises(MimicbenchError, match="another program is working in"), opened(tmp_path, key()):
+        pass
+    assert leftover.exists(), "nobody deletes a live one's temporary file"
+    child.kill()
+    child.wait()
+    with opened(tmp_path, key()) as stage:
+        assert not leftover.exists()
+        stage.finish()
+    with locked(tmp_path), opened(tmp_path, key()) as stage:
+        assert stage.complete, "what is finished can be read by all"
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", "3", '{"complete": true}'])
+def test_damaged_header(tmp_path: Path, content: str):
+    (tmp_path / HEADER).write_text(content)
+    with pytest.raises(MimicbenchError), opened(tmp_path, key()):
+        pass
+    with pytest.raises(MimicbenchError):
+        read_stage(tmp_path)
