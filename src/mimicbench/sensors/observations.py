@@ -247,6 +247,9 @@ class Observations(Mapping[str, Tensor]):
         """(N, size) terms laid out one after the other."""
         return torch.cat([self[name].flatten(1) for name in names], -1)
 
+    def __contains__(self, name: object) -> bool:
+        return any(name == known for known in self)
+
     def __iter__(self) -> Iterator[str]:
         return iter(self._seen)
 

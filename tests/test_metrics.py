@@ -1,0 +1,123 @@
+"""What episodes come to, on made-up traces of placed robots: who stays, who falls, when, and in what."""
+
+import numpy as np
+import pytest
+import torch
+
+import stool
+from mimicbench.core import rotations as rot
+from mimicbench.envs.metrics import PHASES, EpisodeMetrics
+from mimicbench.sim.native import NativePhysics
+from mimicbench.sim.rows import Rows
+from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.tasks.registry import TASKS
+from stool import H1, block, seated, standing
+
+SIT_CHAIR = TASKS.get("sit-chair")
+STAND, JOINTS = standing()
+SIT, SITTING = seated(0.42)
+FAR, NEAR = STAND, np.array([-0.5, 0.0, STAND[2]])
+LYING = rot.from_rotvec(np.array([0.0, 1.5, 0.0]))
+
+
+class Trace:
+    """One robot beside a stool, and what the metrics make of the poses that it is shown in."""
+
+    def __init__(self, envs=1):
+        self.physics = NativePhysics(H1, [block()] * envs, workers=1)
+        self.metrics = EpisodeMetrics(SIT_CHAIR, H1, self.physics, CONTROL_DT)
+        stool.place(self.physics, STAND, JOINTS)
+        self.metrics.begin(Rows.every(envs), torch.full((envs, 2, 3), torch.nan))
+
+    def show(self, frames, pos, joints=JOINTS, quat=rot.IDENTITY, turning=0.0):
+        """Some control steps in one pose, `turning` about the vertical [rad/s]."""
+        for _ in range(frames):
+            stool.put(
+                self.physics, [0], pos[None], quat[None], joints[None], root_ang_vel_b=np.array([[0.0, 0.0, turning]])
+            )
+            self.metrics.update(self.physics.links())
+
+    def fall(self):
+        """On the floor."""
+        self.show(1, np.array([-1.0, 0.0, 0.2]), quat=LYING)
+
+    def phase(self):
+        found = self.metrics.verdict()
+        return PHASES[int(found.fell_phase[0])], float(found.fell_time[0])
+
+
+def test_who_sits_in_the_last_three_tenths_of_a_second_stays():
+    trace = Trace()
+    trace.show(10, FAR)
+    assert not trace.metrics.stays.any()
+    trace.show(14, SIT, SITTING)
+    assert not trace.metrics.stays.any(), "0.28 s"
+    trace.show(1, SIT, SITTING)
+    assert trace.metrics.stays.all() and trace.metrics.success.all()
+    trace.show(1, FAR)
+    assert not trace.metrics.stays.any() and trace.metrics.success.all(), "who gets up has succeeded, but does not stay"
+    trace.show(15, SIT, SITTING)
+    assert trace.metrics.stays.all()
+
+
+def test_who_fell_does_not_stay_even_back_on_the_seat():
+    trace = Trace()
+    trace.fall()
+    trace.show(20, SIT, SITTING)
+    found = trace.metrics.verdict()
+    assert found.fell.all() and found.success.all() and found.success_at_end.all() and not found.stays.any()
+
+
+@pytest.mark.parametrize(
+    ("before", "phase"),
+    [
+        (dict(pos=FAR), "walking"),
+        (dict(pos=FAR, turning=0.7), "turning"),
+        (dict(pos=FAR, turning=0.5), "walking"),
+        (dict(pos=NEAR), "acting"),
+        (dict(pos=NEAR, turning=0.7), "turning"),
+        (dict(pos=NEAR - [0, 0, 0.2], turning=0.7), "acting"),
+        (dict(pos=SIT, joints=SITTING), "after success"),
+    ],
+)
+def test_when_and_in_what_a_robot_fell(before, phase):
+    trace = Trace()
+    trace.show(40, **before)
+    trace.fall()
+    assert trace.phase() == (phase, pytest.approx(41 * CONTROL_DT))
+    trace.show(10, SIT, SITTING)
+    trace.fall()
+    assert trace.phase() == (phase, pytest.approx(41 * CONTROL_DT)), "the first fall counts"
+
+
+def test_a_fall_began_half_a_second_before():
+    """Who walks, then turns for the last 0.3 s of its fall, fell while walking; after 0.7 s, while turning."""
+    for frames, phase in ((15, "walking"), (35, "turning")):
+        trace = Trace()
+        trace.show(40, FAR)
+        trace.show(frames, FAR, turning=1.0)
+        trace.fall()
+        assert trace.phase()[0] == phase
+
+
+def test_who_falls_at_once_was_walking():
+    trace = Trace()
+    trace.fall()
+    assert trace.phase() == ("walking", pytest.approx(CONTROL_DT))
+
+
+def test_another_episode_forgets_the_last_one():
+    trace = Trace(2)
+    trace.show(20, SIT, SITTING)
+    trace.fall()
+    before = {name: value.clone() for name, value in vars(trace.metrics.verdict()).items()}
+    assert before["fell"][0] and before["success"][0] and before["effort"].shape == (2,)
+    trace.metrics.max_effort += 5.0
+    stool.put(trace.physics, [0], STAND[None], rot.IDENTITY[None], JOINTS[None])
+    trace.metrics.begin(Rows.of([0], 2), torch.full((1, 2, 3), torch.nan))
+    found = trace.metrics.verdict()
+    assert (found.effort.tolist(), found.steps.tolist()) == ([0.0, 5.0], [0, 21])
+    assert not found.success[0] and not found.fell[0] and torch.isnan(found.first_success[0])
+    assert torch.isnan(found.fell_time[0]) and found.fell_phase[0] == 0
+    trace.fall()
+    assert trace.phase() == ("walking", pytest.approx(CONTROL_DT)), "nothing of the last episode's phases is left"
