@@ -52,6 +52,7 @@ ROWS = {
     "hip_range": ("hip range, walking [deg]", 1.0, 0),
     "knee_range": ("knee range, walking [deg]", 1.0, 0),
     "ankle_range": ("ankle range, walking [deg]", 1.0, 0),
+    "straighter_knee": ("the straighter knee, walking, median [deg]", 1.0, 0),
     "pelvis_rise": ("rise of the pelvis in a step [cm]", 100.0, 1),
     "walking_lean": ("trunk lean, walking [deg]", 1.0, 0),
     "sit_time": ("sit-down time, 5 to 95 % of the way [s]", 1.0, 2),

@@ -54,11 +54,10 @@ def clip(body: Body, way: Walk) -> HumanMotion:
 
 
 def test_gait_by_hand():
-    assert Gait(speed=0.6).period == 0.78 and Gait(speed=1.3).period == pytest.approx(0.55)
-    careful = Gait(speed=0.6, step_time=0.64, double_support=0.26)
-    assert careful.overlap == 0.26 and Gait(speed=1.3, double_support=0.26).overlap == pytest.approx(0.20)
-    assert careful.swing_time == pytest.approx(0.4736)
-    assert Gait().rolls and not Gait(heel_strike=0.0, heel_off=0.0).rolls
+    assert Gait(speed=0.5).period == 0.82 and Gait(speed=0.65).period == pytest.approx(0.8)
+    assert Gait(speed=1.3).period == pytest.approx(0.8 * 0.5**0.45)
+    assert Gait(speed=0.65).overlap == pytest.approx(0.22) and Gait(speed=1.3).overlap == pytest.approx(0.155)
+    assert Gait(speed=0.65).swing_time == pytest.approx(0.8 * 0.78)
 
 
 def test_a_foot_pitched_by_hand():
@@ -100,7 +99,7 @@ def test_feet_roll_without_sliding_and_legs_reach(
         assert stance_slides(points, stands).max() < 1e-6
         assert points[..., 2].min() > -1e-6 and points[stands][..., 2].min(-1).max() < 1e-6
         knee = rot.to_rotvec(motion.local_quat[:, leg.middle])[:, 1]
-        assert knee.min() > np.deg2rad(7)
+        assert knee.min() > np.deg2rad(2.5)  # those of people are straight to within 3 to 4 degrees
     assert np.linalg.norm(np.diff(pos, 2, axis=0), axis=-1).max() * FPS < 2.5
 
 
@@ -118,8 +117,8 @@ def test_heel_lands_first_and_rises_before_the_toes(body: Body):
         assert pitch(steps.touch_down[i]) < -0.15 and pitch(steps.lift_off[i]) > 0.25
         cycle = 2 * gait.period
         assert (
-            abs(pitch(steps.touch_down[i] + 0.13 * cycle)) < 0.01
-            and abs(pitch(steps.touch_down[i] + 0.3 * cycle)) < 1e-9
+            -0.1 < pitch(steps.touch_down[i] + 0.13 * cycle) < -0.04
+            and abs(pitch(steps.touch_down[i] + 0.27 * cycle)) < 0.01
         )
     bend = way.feet.toe_bend
     assert (
@@ -142,13 +141,9 @@ def test_speed_cadence_and_pelvis_are_as_people_walk(speed: float):
     turn = np.rad2deg(way.twist[steady])
     assert 3 < np.ptp(turn) < 14  # 2 to 7 degrees to either side
     assert (way.twist * way.ahead).max() <= 0  # the side of the leading leg comes forward
-    assert 0 < way.bend[steady].mean() < np.deg2rad(6) and np.abs(way.bend[[0, -1]]).max() < 0.01
-
-
-def test_flat_gait_stands_flat_and_adds_nothing():
-    way = straight(BODIES[0], Gait(heel_strike=0.0, heel_off=0.0, sway=0.0))
-    assert not way.feet.pitch[way.feet.contact].any() and not way.bend.any() and way.calm == 0
-    assert (way.feet.pos_w[way.feet.contact][:, 2] == BODIES[0].sole).all()
+    # the pelvis is tilted back and the chest bent forward over it, until the person has come to stand
+    assert np.deg2rad(-8) < way.bend[steady].mean() < np.deg2rad(-4) and way.bend[-1] == 0 == way.stoop[-1]
+    assert np.deg2rad(4) < way.stoop[steady].mean() < np.deg2rad(9)
 
 
 @settings(max_examples=40, deadline=None)
@@ -180,9 +175,9 @@ def test_a_walk_begins_in_its_midst():
     whole, cut = around(BODIES[2], 0.8, 1.6, 2.0, Gait()), None
     start = 1.6 * np.array([np.cos(0.8), np.sin(0.8)])
     route = around_box(start, GOAL, LOW, HIGH, MARGIN, start_yaw=2.0)
-    cut = walk(BODIES[2], route, 2.0, STOP, 0.0, Gait(), 1.0, lead=1.5)
-    assert len(cut.time) == len(whole.time) - 45 and cut.time[0] == 0 and cut.end == pytest.approx(whole.end - 1.5)
-    assert (cut.pelvis_pos_w == whole.pelvis_pos_w[45:]).all() and (cut.feet.pos_w == whole.feet.pos_w[45:]).all()
+    cut = walk(BODIES[2], route, 2.0, STOP, 0.0, Gait(), 1.0, lead=2.0)
+    assert len(cut.time) == len(whole.time) - 60 and cut.time[0] == 0 and cut.end == pytest.approx(whole.end - 2.0)
+    assert (cut.pelvis_pos_w == whole.pelvis_pos_w[60:]).all() and (cut.feet.pos_w == whole.feet.pos_w[60:]).all()
     assert np.linalg.norm(cut.pelvis_pos_w[1] - cut.pelvis_pos_w[0]) * FPS > 0.1
     long = walk(BODIES[2], route, 2.0, STOP, 0.0, Gait(), 1.0, duration=20.0, lead=1.5)
     assert len(long.time) == 601

@@ -69,7 +69,7 @@ def steps_up_to(
     """
     way = stop_xy - start_xy
     turn = float(rot.wrap_angle(stop_yaw - start_yaw))
-    count = max(1, int(np.ceil(np.linalg.norm(way) / (gait.speed * gait.step_time) - 0.1)))
+    count = max(1, int(np.ceil(np.linalg.norm(way) / (gait.first_step * gait.speed * gait.period) - 0.1)))
     left = np.array([-np.sin(stop_yaw), np.cos(stop_yaw)])
     # the foot that arrives first is on the far side, so that legs do not cross
     arrives = 0 if way @ left >= 0 else 1
@@ -79,10 +79,8 @@ def steps_up_to(
     signs, half = 1.0 - 2.0 * sides, 0.5 * gait.width * scale
     xy = start_xy + shares[:, None] * way + (half * signs)[:, None] * np.stack([-np.sin(yaws), np.cos(yaws)], -1)
     first = start_xy + half * np.array([[1.0], [-1.0]]) * np.array([-np.sin(start_yaw), np.cos(start_yaw)])
-    touch_down = gait.stand + gait.step_time * (np.arange(count + 1) + 1.0 - gait.double_support)
-    return Footsteps(
-        first, start_yaw, sides, xy, yaws, touch_down - gait.step_time * (1.0 - gait.double_support), touch_down
-    )
+    touch_down = gait.stand + gait.period * (np.arange(count + 1) + 1.0 - gait.overlap)
+    return Footsteps(first, start_yaw, sides, xy, yaws, touch_down - gait.swing_time, touch_down)
 
 
 def draw_approach(random: np.random.Generator, stop_xy: np.ndarray, stop_yaw: float) -> tuple[np.ndarray, float]:

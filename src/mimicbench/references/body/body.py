@@ -99,6 +99,11 @@ class Body:
         return -float(self.skeleton.offsets[self.legs[0].root, 2])
 
     @property
+    def leg_length(self) -> float:
+        """From hip to ankle of a straight leg [m]."""
+        return sum(self.length(self.legs[0]))
+
+    @property
     def hip_half_width(self) -> float:
         """From the middle of the body to a hip [m]."""
         return float(self.skeleton.offsets[self.legs[0].root, 1])

@@ -39,6 +39,8 @@ class GaitMeasures:
     """Flexion, most less least, while walking."""
     knee_range: float
     ankle_range: float
+    straighter_knee: float
+    """Flexion of the knee that is bent less, of the two: its median while walking."""
     pelvis_rise: float
     """The pelvis moves up and down by so much in a step [m]."""
     walking_lean: float
@@ -141,14 +143,26 @@ def _events(motion: HumanMotion, body: Body, pos: np.ndarray, quat: np.ndarray) 
     return sorted(strikes, key=lambda event: event.frame), sorted(lifts, key=lambda event: event.frame)
 
 
-def _walking(
-    motion: HumanMotion, body: Body, pos: np.ndarray, quat: np.ndarray, angles: dict[str, np.ndarray], lean: np.ndarray
-) -> dict[str, float]:
+@dataclass(frozen=True)
+class Step:
+    """One step of straight walking, from a heel strike to the other foot's."""
+
+    start: int
+    """Frame at which the first heel strikes."""
+    end: int
+    """Frame at which the other one does."""
+    side: int
+    """Which foot strikes first: 0 is left, 1 is right."""
+    measures: dict[str, float]
+    """The figures of GaitMeasures that a single step has."""
+
+
+def straight_steps(motion: HumanMotion, body: Body, pos: np.ndarray, quat: np.ndarray) -> list[Step]:
+    """Steps of steady straight walking, of a clip with joints at (T, J, 3) [m], (T, J, 4)."""
     ankles, pelvis = pos[:, [leg.end for leg in body.legs]], motion.root_pos_w
     facing = rot.yaw_of(quat[:, 0])
     strikes, lifts = _events(motion, body, pos, quat)
-    steps: list[dict[str, float]] = []
-    spans: list[tuple[int, int]] = []
+    steps: list[Step] = []
     for first, second in zip(strikes[:-1], strikes[1:], strict=True):
         start, end = first.frame, second.frame
         if end == start:
@@ -167,29 +181,35 @@ def _walking(
             continue
         between = _place(ankles, second, motion.fps) - _place(ankles, first, motion.fps)
         height = pelvis[start : end + 1, 2]
-        steps.append(
-            {
-                "speed": gone / seconds,
-                "cadence": 60 / seconds,
-                "step_length": float(between @ along),
-                "step_width": float(abs(between @ np.array([-along[1], along[0]]))),
-                "double_support": (lifted[0] - start) / (end - start),
-                "pelvis_rise": float(np.ptp(height - np.linspace(height[0], height[-1], len(height)))),
-            }
-        )
-        spans.append((start, end))
+        measures = {
+            "speed": gone / seconds,
+            "cadence": 60 / seconds,
+            "step_length": float(between @ along),
+            "step_width": float(abs(between @ np.array([-along[1], along[0]]))),
+            "double_support": (lifted[0] - start) / (end - start),
+            "pelvis_rise": float(np.ptp(height - np.linspace(height[0], height[-1], len(height)))),
+        }
+        steps.append(Step(start, end, first.side, measures))
     # starting and stopping are not walking
-    steady = [i for i, step in enumerate(steps) if step["speed"] > STEADY * max(other["speed"] for other in steps)]
-    if len(steady) < 2:
+    fastest = max((step.measures["speed"] for step in steps), default=0.0)
+    return [step for step in steps if step.measures["speed"] > STEADY * fastest]
+
+
+def _walking(
+    motion: HumanMotion, body: Body, pos: np.ndarray, quat: np.ndarray, angles: dict[str, np.ndarray], lean: np.ndarray
+) -> dict[str, float]:
+    steps = straight_steps(motion, body, pos, quat)
+    if len(steps) < 2:
         return {}
-    found = {name: float(np.mean([steps[i][name] for i in steady])) for name in steps[0]}
+    found = {name: float(np.mean([step.measures[name] for step in steps])) for name in steps[0].measures}
     # a mean over unequal steps is one of times, not of rates
-    found["cadence"] = 60 / float(np.mean([60 / steps[i]["cadence"] for i in steady]))
+    found["cadence"] = 60 / float(np.mean([60 / step.measures["cadence"] for step in steps]))
     walks = np.zeros(motion.frames, bool)
-    for i in steady:
-        walks[spans[i][0] : spans[i][1] + 1] = True
+    for step in steps:
+        walks[step.start : step.end + 1] = True
     ranges = {name: float(np.ptp(angles[joint][walks], axis=0).mean()) for name, joint in _JOINTS.items()}
-    return found | ranges | {"walking_lean": float(lean[walks].mean())}
+    straighter = float(np.median(angles["knee_flexion"][walks].min(-1)))
+    return found | ranges | {"straighter_knee": straighter, "walking_lean": float(lean[walks].mean())}
 
 
 def _place(ankles: np.ndarray, strike: _Event, fps: float) -> np.ndarray:

@@ -5,28 +5,45 @@ point that stays.
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from mimicbench.core.curves import minimum_jerk, smooth
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.limbs import ease, glide
 from mimicbench.references.locomotion.gait import Footsteps, Gait, left_of
 
-LONG = 0.95
-"""A stride for which the feet roll by `Gait.heel_strike` and `Gait.heel_off` [m at size 1]; in proportion for others,
-up to 1.15 times."""
-LOADING = 0.12
-"""The foot is flat after this share of the gait cycle (loading response, Perry & Burnfield 2010)."""
-RISING = 0.05
-"""The heel leaves the floor this share of the cycle before the other foot lands, at 40 % of the cycle when walking
-slowly (ibid.)."""
-
-GATHERS, BRAKES = 0.26, 0.22
-"""Shares of a swing in which a rolling foot gathers speed and loses it, up to 0.8 m/s; more of the shorter swings of
-who walks faster."""
-
-EARLY = 0.8
-"""A rolling foot is highest before the middle of its swing, as the knee bends most at 72 % of the cycle (ibid.): at 0.5
-to the power of 1 / EARLY."""
+LONG = 1.06
+"""A stride for which the feet roll as below [leg lengths]; in proportion for others, up to 1.15 times."""
+LEAVING = CubicSpline(
+    [-0.33, -0.27, -0.21, -0.16, -0.12, -0.08, -0.04, 0.0, 0.03, 0.06, 0.09, 0.13, 0.17, 0.21, 0.25, 0.29, 0.33],
+    np.deg2rad([0.0, 2.5, 4.5, 4.5, 6.5, 12.5, 24.0, 40.0, 49.0, 52.0, 49.0, 38.5, 26.0, 14.5, 6.0, 1.0, 0.0]),
+    bc_type="clamped",
+)
+"""Times from when the foot leaves the floor, in gait cycles, and its pitch then [rad]: the heel rises first."""
+LANDING = CubicSpline(
+    [-0.22, -0.16, -0.10, -0.065, -0.035, 0.0, 0.04, 0.08, 0.12, 0.16, 0.20, 0.24],
+    -np.deg2rad([0.0, 3.0, 13.0, 18.0, 20.0, 17.5, 11.5, 7.5, 4.8, 2.8, 1.0, 0.0]),
+    bc_type="clamped",
+)
+"""Times from when the heel lands, in gait cycles, and the pitch that is added then [rad]: the toes come down late."""
+FLAT = 0.26, 0.06
+"""The heel does not rise earlier after the foot has landed, and not at once [gait cycles]."""
+PEELS = 0.35
+"""Also who steps on the spot, aside or back lifts the heel first, at least as for such a share of that stride."""
+BACK = 0.4
+"""Who steps back lands on the toes: the foot pitches by this share of that, the other way."""
+GATHERS, BRAKES = 0.28, 0.24
+"""Shares of a swing in which a foot gathers speed and loses it."""
+RISES, HOVERS, FALLS = 0.23, 0.60, 0.77
+"""Shares of a swing at which the sole is highest, from which it hovers, and from which it comes down."""
+SLOWER = 0.15
+"""It takes so much more of a swing on the spot to rise, and to come down."""
+HOVER = 0.49
+"""How high it hovers in a long stride, as a share of the highest."""
+TIPS = 0.25
+"""Within so much pitch to either side of flat the lowest point of a swinging foot goes over from toes to heel [rad]."""
+ASIDE = 0.14
+"""A foot swings past the standing one at least so far beside it [m], between the ankles."""
 
 
 @dataclass(frozen=True)
@@ -66,77 +83,81 @@ class FeetStart:
 
 
 def swing_feet(steps: Footsteps, time: np.ndarray, gait: Gait, body: Body, start: FeetStart | None = None) -> Feet:
-    """Both feet at times (T,): what bears is exactly still.
-
-    In swing minimum jerk over the floor, on an arc, heel off first and down first.
+    """Both feet at times (T,): what bears is exactly still, or rolls; what swings goes on an arc, heel off first.
 
     With `start` they go on from that, exactly, and join the plan until they land or, if they stand, within a moment.
     """
-    scale, fps = body.size, 1.0 / float(time[1] - time[0])
+    scale, fps, cycle = body.size, 1.0 / float(time[1] - time[0]), 2.0 * gait.period
     base = np.empty((len(time), 2, 3))
     base[..., :2], base[..., 2] = steps.first_xy, body.sole
     yaw = np.tile(steps.first_foot_yaw, (len(time), 1))
-    pitch, pivot, bend = np.zeros((len(time), 2)), np.zeros((len(time), 2)), np.zeros((len(time), 2))
+    pitch, pivot, loose = np.zeros((len(time), 2)), np.zeros((len(time), 2)), np.zeros((len(time), 2))
     contact = np.ones((len(time), 2), bool)
-    foot_xy, foot_yaw = steps.first_xy.copy(), steps.first_foot_yaw.copy()
-    loose = np.zeros((len(time), 2))
+    foot_xy, foot_yaw, landed = steps.first_xy.copy(), steps.first_foot_yaw.copy(), [-np.inf, -np.inf]
     for side, xy, heading, lift, land in zip(
         steps.side, steps.xy, steps.yaw, steps.lift_off, steps.touch_down, strict=True
     ):
         u = (time - lift) / (land - lift)
         swinging, after = (u > 0) & (u < 1), u >= 1
-        share = swing_share(u[swinging], gait)
+        u = u[swinging]
+        share = swing_share(u)
         sign = 1.0 - 2.0 * side
         sideways = left_of(float(foot_yaw[1 - side]))
         path = foot_xy[side] + share[:, None] * (xy - foot_xy[side])
         # swing around the stance foot, not through it
         middle = sign * (0.5 * (foot_xy[side] + xy) - foot_xy[1 - side]) @ sideways
-        path = (
-            path
-            + sign * max(0.0, min(0.20, 0.9 * gait.width) * scale - middle) * _bump(u[swinging])[:, None] * sideways
-        )
+        path = path + sign * max(0.0, ASIDE * scale - middle) * _bump(u)[:, None] * sideways
+        other = foot_xy[1 - side]
+        leaves = roll_of(other - foot_xy[side], float(foot_yaw[side]), body.leg_length)
+        roll = roll_of(xy - other, float(heading), body.leg_length)
         base[swinging, side, :2], base[after, side, :2] = path, xy
-        base[swinging, side, 2] = body.sole + gait.clearance * scale * _bump(
-            u[swinging] ** EARLY if gait.rolls else u[swinging]
-        )
+        base[swinging, side, 2] = body.sole + gait.clearance * scale * swing_height(u, roll)
         yaw[swinging, side] = foot_yaw[side] + share * (heading - foot_yaw[side])
         yaw[after, side] = heading
-        if gait.rolls:
-            forward = float((xy - foot_xy[side]) @ np.array([np.cos(heading), np.sin(heading)]))
-            amount = float(np.clip(forward / (LONG * scale), 0.0, 1.15))
-            if amount > 0:
-                pitch[:, side] += amount * _roll(time, lift, land, gait)
-            pivot[swinging, side], pivot[after, side] = minimum_jerk((u[swinging] - 0.25) / 0.55), 1.0
-            loose[swinging, side] = minimum_jerk((u[swinging] - 0.10) / 0.45)
-        else:
-            stride = min(1.0, float(np.linalg.norm(xy - foot_xy[side])) / (0.6 * scale))
-            tilt = stride * (0.20 * _bump(u[swinging] / 0.6) - 0.13 * _bump((u[swinging] - 0.5) / 0.5))
-            # the tilted foot's lowest end keeps the clearance
-            lifted = np.where(tilt > 0, body.toe, -body.heel) * np.abs(np.sin(tilt))
-            base[swinging, side, 2] = body.sole + gait.clearance * scale * _bump(u[swinging]) + lifted
-            pitch[swinging, side] = tilt
+        stood = minimum_jerk((time - landed[side]) / cycle / FLAT[1] - FLAT[0] / FLAT[1])
+        pitch[:, side] += _pitch((time - lift) / cycle, (time - land) / cycle, max(leaves, PEELS) * stood, roll)
+        pivot[swinging, side] = _pivot(u, pitch[swinging, side], roll)
+        loose[swinging, side] = minimum_jerk((u - 0.10) / 0.45)
         contact[swinging, side] = False
-        foot_xy[side], foot_yaw[side] = xy, heading
+        foot_xy[side], foot_yaw[side], landed[side] = xy, heading, land
     if start is not None:
         _go_on(start, steps, time, fps, body, base, yaw, pitch, pivot, contact)
-    if not gait.rolls and start is None:
-        return Feet(base, yaw, pitch, contact, np.zeros_like(pitch))
     pivot = np.where(contact, pitch < 0, pivot)
     bend = np.maximum(pitch, 0.0) * (1.0 - np.where(contact, 0.0, loose))
     return Feet(base + rolled(body, pitch, yaw, pivot), yaw, pitch, contact, bend)
 
 
-def swing_share(u: np.ndarray | float, gait: Gait) -> np.ndarray:
+def roll_of(way: np.ndarray, yaw: float, leg: float) -> float:
+    """How much a foot with some heading [rad] rolls that is some way (2,) [m] from the other one, at the end of a leg
+    of some length [m]; negative where that is behind.
+    """
+    return float(np.clip(way @ np.array([np.cos(yaw), np.sin(yaw)]) / (0.5 * LONG * leg), -1.15, 1.15))
+
+
+def swing_share(u: np.ndarray | float) -> np.ndarray:
     """How much of its way a foot has gone after a share u of its swing.
 
-    Feet that roll gather speed as they leave the floor and lose it as they land, so they are no faster than they must
-    be, and strike
-    while they are in front of the body as far as they come.
+    It gathers speed until it is past the standing foot.
     """
-    if not gait.rolls:
-        return minimum_jerk(np.asarray(u))
-    more = 0.3 * min(max(gait.speed - 0.8, 0.0), 0.5)
-    return glide(np.asarray(u), GATHERS + more, BRAKES + more)
+    return glide(np.asarray(u), GATHERS, BRAKES)
+
+
+def swing_height(u: np.ndarray, roll: float) -> np.ndarray:
+    """Height of the sole (T,) after shares u (T,) of a swing, as a share of the highest."""
+    short = 1.0 - min(max(roll, 0.0), 1.0)
+    low = HOVER + (1.0 - HOVER) * short
+    rises, falls = RISES + SLOWER * short, FALLS - SLOWER * short
+    down = (1.0 - low) * minimum_jerk((u - rises) / (HOVERS - rises)) + low * minimum_jerk((u - falls) / (1.0 - falls))
+    return minimum_jerk(u / rises) * (1.0 - down)
+
+
+def swing_share_at(height: float, rising: bool) -> float:
+    """The share of a swing after which a sole is at a height, as a share of the highest, while it rises or later."""
+    u = np.linspace(0.0, 1.0, 101)
+    heights = swing_height(u, 0.5)
+    top = int(np.argmax(heights))
+    some = slice(0, top + 1) if rising else slice(top, None)
+    return float(u[some][np.argmin(np.abs(heights[some] - height))])
 
 
 def rolled(body: Body, pitch: np.ndarray, yaw: np.ndarray, pivot: np.ndarray) -> np.ndarray:
@@ -164,19 +185,21 @@ def stride_difference(feet: Feet, yaw: np.ndarray, fps: float) -> np.ndarray:
     return smooth(between[:, 0] * np.cos(yaw) + between[:, 1] * np.sin(yaw), round(0.13 * fps))
 
 
-def _roll(time: np.ndarray, lift: float, land: float, gait: Gait) -> np.ndarray:
-    """Pitch (T,) [rad] of a foot around one of its swings: the heel rises before, lands first, and the sole lies
-    down after it.
+def _pitch(left: np.ndarray, landed: np.ndarray, leaves: np.ndarray, lands: float) -> np.ndarray:
+    """Pitch (T,) [rad] of a foot at times (T,) from when it leaves the floor and from when it lands [gait cycles].
+
+    It rolls as much as the other foot is ahead and behind then. With a negative `lands`, the toes land first.
     """
-    swing, cycle = land - lift, 2.0 * gait.period
-    peak = lift + 0.12 * swing
-    rises = lift - gait.overlap * gait.period - RISING * cycle
-    off = minimum_jerk((time - rises) / (peak - rises)) * (1.0 - minimum_jerk((time - peak) / (0.64 * swing)))
-    turns = land - 0.05 * swing
-    strike = minimum_jerk((time - turns) / (0.50 * swing) + 1.0) * (
-        1.0 - minimum_jerk((time - turns) / (land + LOADING * cycle - turns))
-    )
-    return gait.heel_off * off - gait.heel_strike * strike
+    strike, leave = LANDING(np.clip(landed, *LANDING.x[[0, -1]])), LEAVING(np.clip(left, *LEAVING.x[[0, -1]]))
+    return leaves * leave + (lands if lands > 0 else BACK * lands) * strike
+
+
+def _pivot(u: np.ndarray, pitch: np.ndarray, roll: float) -> np.ndarray:
+    """What a swinging foot pitches about after shares u (T,) of its swing: the toes (0) while they point down, the
+    heel (1) while they point up, and what it rolls about on the floor as it leaves that and lands.
+    """
+    lower = minimum_jerk(0.5 - pitch / (2 * TIPS)) * minimum_jerk(u / 0.3)
+    return lower + ((roll >= 0) - lower) * minimum_jerk((u - 0.7) / 0.3)
 
 
 def _go_on(

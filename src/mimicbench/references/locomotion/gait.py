@@ -8,7 +8,7 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 
-LONGEST = 0.64
+LONGEST = 0.62
 """Between the ankles at a touch-down, at most, unless the usual step is almost as long [m]."""
 
 
@@ -16,13 +16,9 @@ LONGEST = 0.64
 class Gait:
     """How a person walks. Lengths are for body size 1 and grow with it."""
 
-    speed: float = 0.75
+    speed: float = 0.7
     """Forward speed on a straight way [m/s], not scaled."""
-    step_time: float = 0.78
-    """From one touch-down to the next while walking slowly [s]; see `period`."""
-    double_support: float = 0.20
-    """Share of the step time with both feet on the floor while walking slowly; see `overlap`."""
-    width: float = 0.185
+    width: float = 0.15
     """Between the ankles [m]."""
     max_turn: float = 0.65
     """Change of heading per step [rad]."""
@@ -31,52 +27,32 @@ class Gait:
     stretch: float = 0.05
     """The steps to the end of the way may all be longer than usual, to be one fewer, if the last would be shorter than
     this share of one."""
-    clearance: float = 0.075
-    """Height of the sole at mid swing [m]."""
-    forefoot: float = 0.035
-    """The support point lies this far in front of the ankle [m]."""
-    outward: float = 0.06
-    """And this far outside of it while it bears the weight [m]: a careful walk that carries the hips well over the
-    standing leg, which
-    a body with wide hips needs."""
-    stand: float = 0.8
+    clearance: float = 0.048
+    """Height of the sole in a swing, at most [m]."""
+    stand: float = 0.6
     """Time before the first swing, in which the weight shifts [s]."""
-    heel_strike: float = 0.30
-    """Pitch of the foot as its heel lands after a long stride [rad]. Without heel_strike and heel_off the feet stay
-    flat in stance."""
-    heel_off: float = 0.85
-    """Pitch of the foot as its toes leave the floor before a long stride [rad]."""
-    sway: float = 1.0
-    """Share of the usual lean and list of the trunk while walking, beyond what balance asks for, and of the head's
-    steadiness."""
 
     @property
     def period(self) -> float:
         """From one touch-down to the next [s]: at higher speeds cadence and step length both grow with the root of
         the speed.
 
-        That is 0.55 s at 1.3 m/s (Boulic et al. 1990 with a leg of 0.8 m: 0.53 s; Perry & Burnfield 2010: 0.51 to 0.57
-        s), and 0.78 s
-        at 0.65 m/s (seven people on their way to a seat or bed: 0.81 s).
+        That is 0.58 s at 1.3 m/s (Boulic et al. 1990 with a leg of 0.8 m: 0.53 s; Perry & Burnfield 2010: 0.51 to 0.57
+        s; 0.64 s at 1.16 m/s in a recording), and 0.8 s at 0.65 m/s (seven people on their way to a seat or bed).
         """
-        return min(self.step_time, 0.55 * (1.3 / max(self.speed, 1e-3)) ** 0.5)
+        return min(0.82, 0.8 * (0.65 / max(self.speed, 1e-3)) ** 0.45)
 
     @property
     def overlap(self) -> float:
         """Share of the step time with both feet on the floor: less at higher speeds, 20 % at 1.3 m/s (Perry &
         Burnfield 2010).
         """
-        return self.double_support - max(self.double_support - 0.20, 0.0) * min(max(self.speed - 0.7, 0.0), 0.6) / 0.6
+        return float(np.clip(0.22 - 0.1 * (self.speed - 0.65), 0.12, 0.26))
 
     @property
     def swing_time(self) -> float:
         """From lift-off to touch-down of a foot [s]."""
         return self.period * (1.0 - self.overlap)
-
-    @property
-    def rolls(self) -> bool:
-        """Whether the feet roll from heel to toes in stance."""
-        return self.heel_strike > 0 or self.heel_off > 0
 
 
 @dataclass(frozen=True)

@@ -11,17 +11,16 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.curves import minimum_jerk, smooth_below
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.limbs import ease
-from mimicbench.references.locomotion.feet import rolled, swing_share
+from mimicbench.references.locomotion.feet import rolled, swing_share, swing_share_at
 from mimicbench.references.locomotion.gait import Footsteps, Gait, Route, ahead_of, body_places, first_side, place_feet
+from mimicbench.references.locomotion.height import carried_height
 from mimicbench.references.locomotion.states import LONG_AGO, BodyState, state_of_walk
-from mimicbench.references.locomotion.walking import FPS, Walk, follow, highest_pelvis, standing_height, walk
+from mimicbench.references.locomotion.walking import FPS, Walk, follow, hips_of, walk
 
 MOVES = 0.12
 """A pelvis that is faster walks [m/s]."""
 JOINS = 0.6
 """Within so many seconds the pelvis joins the plan."""
-FARTHEST = 0.998
-"""Share of its length to which a leg may be stretched meanwhile."""
 
 
 def in_stride(body: Body, xy: np.ndarray, yaw: float, gait: Gait, phase: float) -> BodyState:
@@ -55,24 +54,20 @@ def walk_from(
     yaw = ease(way.yaw + way.twist, way.yaw[0] + _near(state.yaw - way.yaw[0]), state.yaw_rate, FPS, JOINS) - way.twist
     pelvis = way.pelvis_pos_w.copy()
     pelvis[:, :2] = ease(pelvis[:, :2], state.pelvis_pos_w[:2], state.pelvis_vel_w[:2], FPS, JOINS)
-    turned = yaw + way.twist
-    height = ease(
-        standing_height(body, pelvis[:, :2], turned, way.feet, gait.rolls),
-        state.pelvis_pos_w[2],
-        state.pelvis_vel_w[2],
-        FPS,
-        JOINS,
-    )
-    # where the pelvis is carried farther than was planned, it sinks as much as the legs need
-    spare = highest_pelvis(body, pelvis[:, :2], turned, way.feet, FARTHEST) + body.hip_drop - height
-    pelvis[:, 2] = height + minimum_jerk(way.time * FPS / 4) * smooth_below(np.minimum(spare, 0.0), 3)
-    return replace(
+    way = replace(
         way,
         yaw=yaw,
         pelvis_pos_w=pelvis,
         list=ease(way.list, state.roll, state.roll_rate, FPS, JOINS),
         look=ease(way.look, state.look, state.look_rate, FPS, JOINS),
     )
+    hips = hips_of(body, way)
+    height = carried_height(body, hips, steps, way.time, gait)
+    height = ease(height, state.pelvis_pos_w[2], state.pelvis_vel_w[2], FPS, JOINS)
+    # where the pelvis is carried farther than was planned, it sinks as much as the legs need
+    spare = np.minimum(hips.highest(body) - height, 0.0)
+    pelvis[:, 2] = height + minimum_jerk(way.time * FPS / 4) * smooth_below(spare, 3)
+    return way
 
 
 def continue_footsteps(
@@ -112,7 +107,7 @@ def continue_footsteps(
     for _, foot in past:
         first[foot] -= stride
     if not feet.bears[side] and count:
-        gone = min(float(swing_share(-lift / swing, gait)), 0.75)
+        gone = min(float(swing_share(-lift / swing)), 0.75)
         first[side] += (first[side] - xy[0]) * gone / (1 - gone)
     came = np.array([foot for _, foot in past], int)
     landed = -np.array([since for since, _ in past])
@@ -135,10 +130,8 @@ def _since_when(body: Body, state: BodyState, gait: Gait) -> BodyState:
     feet, since = state.feet, state.since.copy()
     flat = feet.pos_w - rolled(body, feet.pitch, feet.yaw, (feet.pitch < 0).astype(float))
     for side in np.flatnonzero(~feet.bears & (since >= LONG_AGO)):
-        high = float(np.clip((flat[side, 2] - body.sole) / (gait.clearance * body.size), 0.0, 1.0))
-        # of the arc (4 u (1 - u))^3 in `feet`
-        away = 0.5 * np.sqrt(1.0 - high ** (1 / 3))
-        since[side] = gait.swing_time * (0.5 - away if feet.vel_w[side, 2] > 0 else 0.5 + away)
+        share = swing_share_at((flat[side, 2] - body.sole) / (gait.clearance * body.size), feet.vel_w[side, 2] > 0)
+        since[side] = gait.swing_time * share
     forward = ahead_of(state.yaw)
     if feet.bears.all() and (since >= LONG_AGO).all() and abs(state.pelvis_vel_w[:2] @ forward) > MOVES:
         since[int(np.argmax(feet.pos_w[:, :2] @ forward * np.sign(state.pelvis_vel_w[:2] @ forward)))] = (

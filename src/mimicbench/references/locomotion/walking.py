@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.curves import smooth, smooth_above, smooth_below
+from mimicbench.core.curves import minimum_jerk, smooth
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.limbs import about_x, about_y
@@ -13,20 +13,24 @@ from mimicbench.references.body.posing import Arms, Legs
 from mimicbench.references.locomotion.balance import balance
 from mimicbench.references.locomotion.feet import Feet, FeetStart, body_yaw, stride_difference, swing_feet
 from mimicbench.references.locomotion.gait import Footsteps, Gait, Route, plan_footsteps
+from mimicbench.references.locomotion.gaze import gaze
+from mimicbench.references.locomotion.height import Hips, carried_height
+from mimicbench.references.locomotion.landing import land_softly
 
 FPS = 30.0
 """Frame rate of synthetic clips."""
+UPRIGHT = 0.03
+"""Forward lean of the pelvis of who stands upright [rad]."""
 REACH = 0.985
-"""Share of its full length to which the leg of a person with flat feet may be stretched."""
-ROLLING_REACH = 0.994
-"""The same with feet that roll, which is reached as the heel strikes: the knee stays bent by some 12 degrees."""
-USUAL_PITCH = 0.03
-"""[rad] Who walks upright adds so much to the pelvis' own forward lean."""
-STRAIGHTEST = 0.9972
-"""The same where the pelvis lists and leans in a quick turn: the knee stays bent by 8 degrees."""
-SOFT = 0.15
-"""The pelvis follows the arcs of the legs smoothed over so many seconds to either side: 2 to 5 cm up and down (Perry &
-Burnfield 2010)."""
+"""Share of its full length to which the leg of who stands and reaches is stretched."""
+TILT = 0.12
+"""The pelvis of who walks is tilted back by so much [rad], with the chest bent forward over it, in all recordings."""
+STOOP = 0.05
+"""The chest's own forward lean [rad]."""
+SETTLES = 0.9
+"""Within so many seconds after the last step both are over, and what the person then does begins upright."""
+DELAY = 0.13
+"""Arms swing so much later than the legs [s]."""
 
 
 @dataclass(frozen=True)
@@ -45,14 +49,18 @@ class Walk:
     """(T,) how far the left foot is in front of the right one [m]."""
     twist: np.ndarray
     """(T,) turn of the pelvis with the steps, to be added to `yaw` [rad]."""
+    chest: np.ndarray
+    """(T,) and of the chest with the arms, against the steps [rad]."""
     list: np.ndarray
     """(T,) roll of the pelvis, down on the side of the swinging leg [rad]."""
     look: np.ndarray
-    """(T,) turn of the head towards where the way leads [rad]."""
+    """(T,) turn of the head towards where the way leads, or to what the person will sit down on [rad]."""
+    nod: np.ndarray
+    """(T,) how far down it looks there [rad]."""
     bend: np.ndarray
-    """(T,) how far pelvis and trunk lean forward because of the walk [rad], beyond what a task asks for."""
-    calm: float
-    """Share of the trunk's motion from which the head is kept."""
+    """(T,) how far the pelvis leans forward because of the walk [rad], beyond what a task asks for."""
+    stoop: np.ndarray
+    """(T,) and the chest [rad]."""
 
     @property
     def end(self) -> float:
@@ -72,30 +80,29 @@ class Walk:
         )
 
     def chest_turn(self, spine: np.ndarray) -> np.ndarray:
-        """(T, 4) the chest relative to the pelvis: it counters twist and list, and bends forward by spine (T,)
+        """(T, 4) the chest relative to the pelvis: it counters twist, lean and list, and bends forward by spine (T,)
         [rad].
         """
-        return rot.multiply(rot.from_yaw(-1.6 * self.twist), rot.multiply(about_y(spine), about_x(-self.list)))
+        forward = about_y(spine + self.stoop - self.bend)
+        return rot.multiply(rot.from_yaw(self.chest - self.twist), rot.multiply(forward, about_x(-self.list)))
 
     def head_turn(self, nod: np.ndarray) -> np.ndarray:
         """(T, 4) the head relative to the chest: it looks where the way leads, steadily, and nods by (T,) [rad]."""
-        return rot.multiply(
-            rot.from_yaw(self.look + self.calm * 0.6 * self.twist), about_y(nod - self.calm * self.bend)
-        )
+        return rot.multiply(rot.from_yaw(self.look - self.chest), about_y(nod + self.nod - self.stoop))
 
     def arms(self, body: Body, amount: float) -> Arms:
         """Arms that swing against the legs, `amount` times as much as usual.
 
-        That is 29 degrees from back to front at 0.65 m/s and 39 at 1.3 m/s (Perry & Burnfield 2010: 32 at the usual
-        speed, 8 of them forward).
+        That is 15 degrees from back to front at 0.65 m/s and 25 at 1.2 m/s, in recordings; elbows bend as they come
+        forward.
         """
+        late = round(DELAY * FPS)
+        ahead = np.concatenate([np.repeat(self.ahead[:1], late), self.ahead])[: len(self.ahead)] / body.size
         upper, elbow = [], []
         for sign in (1.0, -1.0):
-            swing = amount * sign * self.ahead / body.size
-            if self.calm > 0:
-                swing = 0.55 * amount * np.tanh(sign * self.ahead / body.size / 0.55)
-            upper.append(rot.multiply(about_y(0.04 + 0.75 * swing), about_x(np.full_like(swing, sign * 0.13))))
-            elbow.append(about_y(-0.30 - 0.25 * np.maximum(0.0, 0.2 - swing)))
+            swing = 0.24 * amount * sign * ahead
+            upper.append(rot.multiply(about_y(0.02 + swing), about_x(np.full_like(swing, sign * 0.13))))
+            elbow.append(about_y(-0.40 + 0.7 * swing))
         return Arms(np.stack(upper, 1), np.stack(elbow, 1))
 
 
@@ -160,59 +167,34 @@ def follow(
     yaw = body_yaw(feet, FPS)
     ahead = stride_difference(feet, yaw, FPS)
     pelvis = np.empty((len(time), 3))
-    pelvis[:, :2] = balance(steps, time, gait, body.size, 0.9 * body.size, pelvis_start)
-    twist = -0.15 * ahead / body.size
-    pelvis[:, 2] = standing_height(body, pelvis[:, :2], yaw + gait.sway * twist, feet, gait.rolls)
-    sideways = _sideways(pelvis, feet, yaw)
-    soon = int(0.5 * FPS)
-    coming = np.concatenate([yaw[soon:], np.repeat(yaw[-1:], min(soon, len(yaw)))])
-    look = smooth(np.clip(coming - yaw, -0.6, 0.6), round(0.2 * FPS))
-    tilt, leans = (0.25 + 0.20 * gait.sway) * sideways / body.size, gait.sway * _lean(pelvis, yaw, ahead / body.size)
-    turn = rot.multiply(rot.from_yaw(yaw + twist), rot.multiply(about_y(leans + USUAL_PITCH), about_x(tilt)))
-    pelvis[:, 2] -= smooth_above(_too_straight(body, pelvis, turn, feet), round(0.15 * FPS))
-    return Walk(steps, time, feet, yaw, pelvis, ahead, twist, tilt, look, leans, gait.sway)
+    pelvis[:, :2] = balance(steps, time, gait, body, pelvis_start)
+    walks = 1.0 - minimum_jerk((time - steps.end) / SETTLES)
+    lean = _lean(pelvis, yaw, ahead / body.size)
+    look, nod = gaze(steps, time, pelvis[:, :2], yaw, body.size)
+    way = Walk(
+        steps=steps,
+        time=time,
+        feet=feet,
+        yaw=yaw,
+        pelvis_pos_w=pelvis,
+        ahead=ahead,
+        twist=-0.075 * ahead / body.size,
+        chest=0.18 * ahead / body.size,
+        list=0.8 * _sideways(pelvis, feet, yaw) / body.size,
+        look=look,
+        nod=nod,
+        bend=walks * (0.3 * lean - TILT),
+        stoop=walks * (lean + STOOP),
+    )
+    hips = hips_of(body, way)
+    pelvis[:, 2] = carried_height(body, hips, steps, time, gait)
+    return replace(way, feet=land_softly(body, hips, pelvis[:, 2], feet, steps, time))
 
 
-def standing_height(body: Body, pelvis_xy: np.ndarray, yaw: np.ndarray, feet: Feet, rolls: bool = False) -> np.ndarray:
-    """A high and smooth pelvis path (T,) [m] from which both legs reach their feet: lower in double support, as
-    people walk.
-    """
-    limits = highest_pelvis(body, pelvis_xy, yaw, feet, ROLLING_REACH if rolls else REACH)
-    if not rolls:
-        return smooth_below(limits, round(0.2 * FPS)) - 0.006 + body.hip_drop
-    # the legs' arcs have a cusp at each heel strike: their mean motion, lowered by what it is too high there
-    height = smooth(limits, round(SOFT * FPS))
-    return height + smooth_below(np.minimum(limits - height, 0.0), round(0.3 * FPS)) - 0.004 + body.hip_drop
-
-
-def _too_straight(body: Body, pelvis: np.ndarray, turn: np.ndarray, feet: Feet) -> np.ndarray:
-    """How much too high a pelvis (T, 3) [m] turned by `turn` (T, 4) is for one leg or the other to keep a bent knee
-    (T,) [m]; 0 nearly always.
-    """
-    leg, above = STRAIGHTEST * sum(body.length(body.legs[0])), np.zeros(len(pelvis))
-    for side, limb in enumerate(body.legs):
-        hip = pelvis + rot.rotate(turn, body.skeleton.offsets[limb.root])
-        away = ((hip - feet.pos_w[:, side])[:, :2] ** 2).sum(-1)
-        above = np.maximum(
-            above, hip[:, 2] - feet.pos_w[:, side, 2] - np.sqrt(np.maximum(leg**2 - away, 0.25 * leg**2))
-        )
-    return above
-
-
-def highest_pelvis(body: Body, pelvis_xy: np.ndarray, yaw: np.ndarray, feet: Feet, reach: float) -> np.ndarray:
-    """Height of the hips (T,) [m] at which the first of both legs is stretched to some share of its length."""
-    leg = reach * sum(body.length(body.legs[0]))
-    limits = np.full(len(yaw), leg + body.sole)
-    for side, limb in enumerate(body.legs):
-        forward, left, _ = body.skeleton.offsets[limb.root]
-        hip = (
-            pelvis_xy
-            + forward * np.stack([np.cos(yaw), np.sin(yaw)], -1)
-            + left * np.stack([-np.sin(yaw), np.cos(yaw)], -1)
-        )
-        away = ((hip - feet.pos_w[:, side, :2]) ** 2).sum(-1)
-        limits = np.minimum(limits, feet.pos_w[:, side, 2] + np.sqrt(np.maximum(leg**2 - away, 0.25 * leg**2)))
-    return limits
+def hips_of(body: Body, way: Walk) -> Hips:
+    """The hips of a walk, whatever the height of its pelvis."""
+    upright = np.full(len(way.time), UPRIGHT)
+    return Hips.of(body, way.pelvis_pos_w[:, :2], way.pelvis_quat(upright), way.feet, FPS)
 
 
 def _sideways(pelvis: np.ndarray, feet: Feet, yaw: np.ndarray) -> np.ndarray:
@@ -222,23 +204,16 @@ def _sideways(pelvis: np.ndarray, feet: Feet, yaw: np.ndarray) -> np.ndarray:
 
 
 def _lean(pelvis: np.ndarray, yaw: np.ndarray, ahead: np.ndarray) -> np.ndarray:
-    """Forward lean of the trunk (T,) [rad]: with the speed, 3 degrees at 1.3 m/s, and most while both feet bear,
-    twice a cycle.
-
-    Perry & Burnfield 2010: 5 +- 2 degrees, the task's own upright lean of 2 degrees included; pelvic tilt +- 2 degrees.
-    """
+    """Forward lean of the chest (T,) [rad]: with the speed, and most while both feet bear, twice a cycle."""
     velocity = np.gradient(pelvis[:, :2], 1 / FPS, axis=0)
     forward = smooth(velocity[:, 0] * np.cos(yaw) + velocity[:, 1] * np.sin(yaw), round(0.4 * FPS))
-    return 0.04 * np.clip(forward, 0.0, 2.0) + 0.05 * ahead**2
+    return 0.06 * np.clip(forward, 0.0, 2.0) + 0.05 * ahead**2
 
 
 def _begin_at(way: Walk, frame: int) -> Walk:
     """The same walk from a frame on; times count from there."""
     moment, feet, steps = frame / FPS, way.feet, way.steps
-    bend = None if feet.toe_bend is None else feet.toe_bend[frame:]
-    cut = Feet(feet.pos_w[frame:], feet.yaw[frame:], feet.pitch[frame:], feet.contact[frame:], bend)
+    cut = Feet(*(None if value is None else value[frame:] for value in vars(feet).values()))
     shifted = replace(steps, lift_off=steps.lift_off - moment, touch_down=steps.touch_down - moment)
-    tracks = {
-        name: getattr(way, name)[frame:] for name in ("yaw", "pelvis_pos_w", "ahead", "twist", "list", "look", "bend")
-    }
+    tracks = {name: value[frame:] for name, value in vars(way).items() if name not in ("steps", "time", "feet")}
     return replace(way, steps=shifted, time=way.time[: len(way.time) - frame], feet=cut, **tracks)

@@ -79,10 +79,8 @@ def lie_sofa_courses(obj: SceneObject, style: LieStyle) -> tuple[Course, ...]:
 
 
 def gait_of(style: LieStyle) -> Gait:
-    """This skeleton's legs are a tenth shorter than those that the gait's defaults are for: quicker steps and
-    shorter turns.
-    """
-    return Gait(speed=style.speed, step_time=0.74, max_turn=0.60, stand=0.6)
+    """As people walk who are in no hurry."""
+    return Gait(speed=style.speed)
 
 
 def _plan(obj: SceneObject, start_xy: np.ndarray, style: LieStyle) -> tuple[Body, Berth, Route]:

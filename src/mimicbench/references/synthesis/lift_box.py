@@ -25,7 +25,7 @@ from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait, Route
 from mimicbench.references.locomotion.walking import FPS, Walk, follow
 
-STRIDES = Gait(speed=0.62, step_time=0.68, stand=0.5, clearance=0.055)
+STRIDES = Gait(speed=0.62, stand=0.5)
 """Short steps."""
 SIDES = np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
 """(2, 3) out of the box, where the left and the right hand clasp it."""

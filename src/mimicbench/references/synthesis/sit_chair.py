@@ -57,20 +57,8 @@ def make_sit_chair(
 
 
 def gait_of(style: SitStyle) -> Gait:
-    """With flat feet and short steps, as a robot of flat feet learns it soonest."""
-    return Gait(
-        speed=style.speed,
-        step_time=0.64,
-        double_support=0.26,
-        width=0.235,
-        max_turn=0.59,
-        first_step=0.6,
-        stretch=0.15,
-        clearance=0.062,
-        heel_strike=0.0,
-        heel_off=0.0,
-        sway=0.0,
-    )
+    """As people walk who are in no hurry."""
+    return Gait(speed=style.speed)
 
 
 def sit_chair_courses(obj: SceneObject, style: SitStyle) -> tuple[Course, ...]:

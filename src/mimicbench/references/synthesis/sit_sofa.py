@@ -74,10 +74,8 @@ def sit_sofa_courses(obj: SceneObject, style: SitStyle) -> tuple[Course, ...]:
 
 
 def gait_of(style: SitStyle) -> Gait:
-    """This skeleton's legs are a tenth shorter than those that the gait's defaults are for: quicker steps and
-    shorter turns.
-    """
-    return Gait(speed=style.speed, step_time=0.74, max_turn=0.60)
+    """As people walk who are in no hurry."""
+    return Gait(speed=style.speed)
 
 
 def arrival(obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: SitStyle) -> float:

@@ -22,7 +22,7 @@ from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait, Route
 from mimicbench.references.locomotion.walking import FPS, Walk, follow
 
-STRIDES = Gait(speed=0.62, step_time=0.68, stand=0.5, clearance=0.055)
+STRIDES = Gait(speed=0.62, stand=0.5)
 """Short steps."""
 STANCES = (-0.12, -0.04, 0.04)
 """How much nearer to the object than usual to stand [m]: the easiest is taken."""
