@@ -175,9 +175,9 @@ def test_a_walk_begins_in_its_midst():
     whole, cut = around(BODIES[2], 0.8, 1.6, 2.0, Gait()), None
     start = 1.6 * np.array([np.cos(0.8), np.sin(0.8)])
     route = around_box(start, GOAL, LOW, HIGH, MARGIN, start_yaw=2.0)
-    cut = walk(BODIES[2], route, 2.0, STOP, 0.0, Gait(), 1.0, lead=2.0)
-    assert len(cut.time) == len(whole.time) - 60 and cut.time[0] == 0 and cut.end == pytest.approx(whole.end - 2.0)
-    assert (cut.pelvis_pos_w == whole.pelvis_pos_w[60:]).all() and (cut.feet.pos_w == whole.feet.pos_w[60:]).all()
+    cut = walk(BODIES[2], route, 2.0, STOP, 0.0, Gait(), 1.0, lead=3.0)
+    assert len(cut.time) == len(whole.time) - 90 and cut.time[0] == 0 and cut.end == pytest.approx(whole.end - 3.0)
+    assert (cut.pelvis_pos_w == whole.pelvis_pos_w[90:]).all() and (cut.feet.pos_w == whole.feet.pos_w[90:]).all()
     assert np.linalg.norm(cut.pelvis_pos_w[1] - cut.pelvis_pos_w[0]) * FPS > 0.1
     long = walk(BODIES[2], route, 2.0, STOP, 0.0, Gait(), 1.0, duration=20.0, lead=1.5)
     assert len(long.time) == 601

@@ -166,9 +166,9 @@ def every_other(motion: HumanMotion, obj: object) -> bool:
 
 def test_steps_are_measured_as_they_were_made():
     gait = Gait(speed=0.6)
-    found = measure_gait(straight_walk(0.6))
-    assert found.speed == pytest.approx(0.6, rel=0.05) and found.cadence == pytest.approx(60 / gait.step_time, rel=0.04)
-    assert found.step_length == pytest.approx(0.6 * gait.step_time, rel=0.05) and found.step_width == pytest.approx(
+    found = measure_gait(straight_walk(0.6, 12.0))
+    assert found.speed == pytest.approx(0.6, rel=0.05) and found.cadence == pytest.approx(60 / gait.period, rel=0.04)
+    assert found.step_length == pytest.approx(0.6 * gait.period, rel=0.05) and found.step_width == pytest.approx(
         gait.width, abs=0.02
     )
     assert 0.2 < found.double_support < 0.5 and 10 < found.hip_range < 60 and 20 < found.knee_range < 80

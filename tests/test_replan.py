@@ -77,9 +77,15 @@ def test_plans_begin_at_the_pose_and_end_in_k(task: str):
             )
             assert off < 0.6 and turn < 2.0
             assert TASKS.get(task).fulfilled_by_human(made, obj)
+            # differences at 30 fps err where joints speed up, in the clip itself as well: a plan may add little to that
+            after = min(frame, motion.frames - 3)
+            own = 30 * (2 * pos[after + 1] - 1.5 * pos[after] - 0.5 * pos[after + 2]) - 15 * (
+                pos[frame + 1] - pos[frame - 1]
+            )
+            own_turn = np.linalg.norm(rates(motion.local_quat[after : after + 3]) - state.pose.rate, axis=-1).max()
             good, smooth, count = (
                 good + (not faults(check_clip(made, obj), LIMITS)),
-                smooth + (off < 0.1 and turn < 0.5),
+                smooth + (off < 0.1 + np.linalg.norm(own, axis=-1).max() and turn < 0.5 + own_turn),
                 count + 1,
             )
     assert good >= count - 1

@@ -15,8 +15,8 @@ from mimicbench.references.body.body import Body, Limb, body_of
 from mimicbench.references.body.limbs import two_link
 
 FEET, HANDS = ("left_foot", "right_foot"), ("left_hand", "right_hand")
-ON_FLOOR = 0.08
-"""An ankle lower than this above its standing height [m] stands on the floor."""
+ON_FLOOR = 0.14
+"""An ankle lower than this above its standing height [m] stands on the floor, or rolls over its toes there."""
 
 
 def contact(motion: HumanMotion, name: str) -> np.ndarray:

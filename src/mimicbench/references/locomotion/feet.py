@@ -26,7 +26,7 @@ LANDING = CubicSpline(
     bc_type="clamped",
 )
 """Times from when the heel lands, in gait cycles, and the pitch that is added then [rad]: the toes come down late."""
-FLAT = 0.26, 0.06
+FLAT = 0.285, 0.045
 """The heel does not rise earlier after the foot has landed, and not at once [gait cycles]."""
 PEELS = 0.35
 """Also who steps on the spot, aside or back lifts the heel first, at least as for such a share of that stride."""
@@ -58,7 +58,7 @@ class Feet:
     """(T, 2) toe down positive [rad]."""
     contact: np.ndarray
     """(T, 2) bool, some part of the sole bears and is still."""
-    toe_bend: np.ndarray | None = None
+    toe_bend: np.ndarray
     """(T, 2) how far the toes bend up [rad]: so far that they lie on the floor until the foot leaves it."""
 
 
@@ -87,17 +87,18 @@ def swing_feet(steps: Footsteps, time: np.ndarray, gait: Gait, body: Body, start
 
     With `start` they go on from that, exactly, and join the plan until they land or, if they stand, within a moment.
     """
-    scale, fps, cycle = body.size, 1.0 / float(time[1] - time[0]), 2.0 * gait.period
+    scale, fps = body.size, 1.0 / float(time[1] - time[0])
     base = np.empty((len(time), 2, 3))
     base[..., :2], base[..., 2] = steps.first_xy, body.sole
     yaw = np.tile(steps.first_foot_yaw, (len(time), 1))
     pitch, pivot, loose = np.zeros((len(time), 2)), np.zeros((len(time), 2)), np.zeros((len(time), 2))
     contact = np.ones((len(time), 2), bool)
     foot_xy, foot_yaw, landed = steps.first_xy.copy(), steps.first_foot_yaw.copy(), [-np.inf, -np.inf]
+    cycles = [1.0, 1.0]
     for side, xy, heading, lift, land in zip(
         steps.side, steps.xy, steps.yaw, steps.lift_off, steps.touch_down, strict=True
     ):
-        u = (time - lift) / (land - lift)
+        u, cycle = (time - lift) / (land - lift), 2.0 * (land - lift) / (1.0 - gait.overlap)
         swinging, after = (u > 0) & (u < 1), u >= 1
         u = u[swinging]
         share = swing_share(u)
@@ -114,12 +115,13 @@ def swing_feet(steps: Footsteps, time: np.ndarray, gait: Gait, body: Body, start
         base[swinging, side, 2] = body.sole + gait.clearance * scale * swing_height(u, roll)
         yaw[swinging, side] = foot_yaw[side] + share * (heading - foot_yaw[side])
         yaw[after, side] = heading
-        stood = minimum_jerk((time - landed[side]) / cycle / FLAT[1] - FLAT[0] / FLAT[1])
+        stood = minimum_jerk(((time - landed[side]) / cycles[side] - FLAT[0]) / FLAT[1])
         pitch[:, side] += _pitch((time - lift) / cycle, (time - land) / cycle, max(leaves, PEELS) * stood, roll)
         pivot[swinging, side] = _pivot(u, pitch[swinging, side], roll)
         loose[swinging, side] = minimum_jerk((u - 0.10) / 0.45)
         contact[swinging, side] = False
         foot_xy[side], foot_yaw[side], landed[side] = xy, heading, land
+        cycles[side] = cycle
     if start is not None:
         _go_on(start, steps, time, fps, body, base, yaw, pitch, pivot, contact)
     pivot = np.where(contact, pitch < 0, pivot)
@@ -172,6 +174,15 @@ def rolled(body: Body, pitch: np.ndarray, yaw: np.ndarray, pivot: np.ndarray) ->
     z = front[1] + pivot * (-body.sole - front[1])
     along = x - x * np.cos(pitch) - z * np.sin(pitch)
     return np.stack([along * np.cos(yaw), along * np.sin(yaw), z + x * np.sin(pitch) - z * np.cos(pitch)], -1)
+
+
+def sole_depth(body: Body, pitch: np.ndarray, toe_bend: np.ndarray) -> np.ndarray:
+    """How far the lowest point of a sole is below the ankle (...) [m]: of its heel, its front, or the toes' end."""
+    front = np.array([body.toe, -body.sole]) if body.toes is None else body.skeleton.offsets[body.toes[0], [0, 2]]
+    ball = front[0] * np.sin(pitch) - front[1] * np.cos(pitch)
+    toes = np.array([body.toe, -body.sole]) - front
+    tip = ball + toes[0] * np.sin(pitch - toe_bend) - toes[1] * np.cos(pitch - toe_bend)
+    return np.maximum(np.maximum(ball, tip), body.heel * np.sin(pitch) + body.sole * np.cos(pitch))
 
 
 def body_yaw(feet: Feet, fps: float) -> np.ndarray:

@@ -8,6 +8,8 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 
+QUICK = 0.8
+"""A step on the spot takes this share of the time of one on the way."""
 LONGEST = 0.62
 """Between the ankles at a touch-down, at most, unless the usual step is almost as long [m]."""
 
@@ -20,16 +22,18 @@ class Gait:
     """Forward speed on a straight way [m/s], not scaled."""
     width: float = 0.15
     """Between the ankles [m]."""
-    max_turn: float = 0.65
+    max_turn: float = 0.70
     """Change of heading per step [rad]."""
-    first_step: float = 0.75
+    first_step: float = 0.65
     """Length of the first step, as a share of the usual."""
+    last_step: float = 0.7
+    """And that of the last one, in which the body comes to rest."""
     stretch: float = 0.05
     """The steps to the end of the way may all be longer than usual, to be one fewer, if the last would be shorter than
     this share of one."""
     clearance: float = 0.048
     """Height of the sole in a swing, at most [m]."""
-    stand: float = 0.6
+    stand: float = 0.8
     """Time before the first swing, in which the weight shifts [s]."""
 
     @property
@@ -205,8 +209,16 @@ def plan_footsteps(
     first_xy = np.stack([_beside(route.points[0], start_yaw, half), _beside(route.points[0], start_yaw, -half)])
     centers, yaws = [*centers, goal_xy], [*yaws, yaws[-1]]
     side, xy = place_feet(first_xy, [start_yaw, start_yaw], centers, yaws, first_side(start_yaw, yaws), gait, scale)
-    touch_down = gait.stand + gait.period * (np.arange(len(side)) + 1.0 - gait.overlap)
-    return Footsteps(first_xy, start_yaw, side, xy, np.array(yaws), touch_down - gait.swing_time, touch_down)
+    times = step_times([route.points[0], *centers], gait)
+    touch_down = gait.stand + np.cumsum(times) - gait.overlap * times
+    lift_off = touch_down - (1.0 - gait.overlap) * times
+    return Footsteps(first_xy, start_yaw, side, xy, np.array(yaws), lift_off, touch_down)
+
+
+def step_times(centers: list[np.ndarray], gait: Gait) -> np.ndarray:
+    """(N,) how long the steps take [s] with which a body goes through N + 1 places (2,) [m]."""
+    gone = np.linalg.norm(np.diff(centers, axis=0), axis=-1) / (gait.speed * gait.period)
+    return gait.period * (QUICK + (1.0 - QUICK) * np.minimum(gone, 1.0))
 
 
 def first_side(start_yaw: float, yaws: list[float]) -> int:
@@ -285,7 +297,8 @@ def body_places(
         still = abs(error - turn)
         if still < 1.0:
             step = pace * longest * np.cos(still) ** 2 * (1.0 - 0.6 * abs(turn) / gait.max_turn)
-            gone += (total - gone) / max(1.0, np.ceil((total - gone) / step - gait.stretch))
+            before = max(0.0, np.ceil((total - gone) / step - gait.last_step - gait.stretch))
+            gone += (total - gone) / (before + gait.last_step) if before else total - gone
             pace = min(1.0, pace + 0.25)
         if total - gone <= 0.05:  # begin to turn while arriving
             yaw += float(np.clip(rot.wrap_angle(goal_yaw - yaw), -0.5 * gait.max_turn, 0.5 * gait.max_turn)) * (

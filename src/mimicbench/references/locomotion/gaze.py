@@ -10,7 +10,7 @@ SOON = 0.8
 """The head is turned to where the body will be heading so much later [s]..."""
 MOST = 0.6
 """...by so much at most [rad]."""
-FARTHEST = 0.95
+FARTHEST = 0.6
 """So far it turns to what the person will sit down on [rad]; what is farther behind is looked at no more."""
 TURNS_ROUND = 1.2
 """Who turns by more over the last steps goes to something behind [rad]."""

@@ -22,8 +22,10 @@ STRAIGHT_BEFORE = 0.015
 """The leg that is about to land is straightest so much earlier, in gait cycles."""
 SINKS, HIGHER = 0.47, 0.012
 """A foot in the air may be higher than it would be, by so much per second before it lands [m/s], and at most [m]."""
-UPRIGHT, STRAIGHTEST = np.deg2rad(5.5), np.deg2rad(3.2)
+UPRIGHT, STRAIGHTEST = np.deg2rad(5.5), np.deg2rad(4.0)
 """No knee of a leg that bears is straighter after a step on the spot, and after a long one [rad]."""
+LANDED = np.deg2rad(8.0)
+"""And none of a leg that has just landed from a long one [rad]."""
 EARLY, LATE = -0.03, 0.11
 """The pelvis goes over from one leg's arc to the next one's from and until so long before and after the foot lands, in
 gait cycles."""
@@ -74,28 +76,29 @@ def carried_height(body: Body, hips: Hips, steps: Footsteps, time: np.ndarray, g
     heights = hips.height(body, knee)
     fps = 1.0 / float(time[1] - time[0])
     height = smooth((bears * heights).sum(-1) / bears.sum(-1), round(SOFT * fps))
-    return height - smooth_above(np.maximum(height - hips.highest(body, straightest), 0.0), round(0.12 * fps))
+    return height - smooth_above(np.maximum(height - hips.highest(body, straightest), 0.0), round(0.13 * fps))
 
 
 def _stances(steps: Footsteps, time: np.ndarray, gait: Gait, leg: float) -> tuple[np.ndarray, ...]:
     """(T, 2) how far each knee is to be bent while its leg bears and at least [rad], and how much its arc counts."""
-    cycle = 2.0 * gait.period
     knee, bears = np.full((len(time), 2), STANDING), np.ones((len(time), 2))
     straightest = np.full((len(time), 2), UPRIGHT)
-    before = EARLY * cycle
     places, yaws = steps.first_xy.copy(), steps.first_foot_yaw.copy()
     for side, xy, yaw, lift, land in zip(
         steps.side, steps.xy, steps.yaw, steps.lift_off, steps.touch_down, strict=True
     ):
         long = min(1.0, max(0.0, roll_of(xy - places[1 - side], yaw, leg)))
+        cycle = 2.0 * (land - lift) / (1.0 - gait.overlap)
+        before = EARLY * cycle
         since = (time - land) / cycle + STRAIGHT_BEFORE
         loaded = minimum_jerk(since / LOADS) * (1.0 - minimum_jerk((since - LOADS) / (STRAIGHTENS - LOADS)))
         coming = 0.31 * np.maximum(-since / 0.10, 0.0) ** 2
         stance = STANDING + long * (BEARING - STANDING + LOADING * loaded) + np.minimum(coming, LOADING)
         stands = time > 0.5 * (lift + land)
         knee[stands, side] = stance[stands]
-        straightest[stands, side] = UPRIGHT + long * (STRAIGHTEST - UPRIGHT)
-        leaves = (time - lift + gait.overlap * gait.period + before) / (before + LATE * cycle)
+        later = LANDED + minimum_jerk((time - land) / cycle / LOADS) * (STRAIGHTEST - LANDED)
+        straightest[stands, side] = (UPRIGHT + long * (later - UPRIGHT))[stands]
+        leaves = (time - lift + 0.5 * gait.overlap * cycle + before) / (before + LATE * cycle)
         lands = (time - land + before) / (before + LATE * cycle)
         bears[:, side] *= 1.0 - minimum_jerk(leaves) + minimum_jerk(lands)
         places[side], yaws[side] = xy, yaw

@@ -12,10 +12,20 @@ from mimicbench.core.curves import minimum_jerk, smooth_below
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.limbs import ease
 from mimicbench.references.locomotion.feet import rolled, swing_share, swing_share_at
-from mimicbench.references.locomotion.gait import Footsteps, Gait, Route, ahead_of, body_places, first_side, place_feet
+from mimicbench.references.locomotion.gait import (
+    Footsteps,
+    Gait,
+    Route,
+    ahead_of,
+    body_places,
+    first_side,
+    place_feet,
+    step_times,
+)
 from mimicbench.references.locomotion.height import carried_height
+from mimicbench.references.locomotion.landing import land_softly
 from mimicbench.references.locomotion.states import LONG_AGO, BodyState, state_of_walk
-from mimicbench.references.locomotion.walking import FPS, Walk, follow, hips_of, walk
+from mimicbench.references.locomotion.walking import FPS, UPRIGHT, Walk, follow, hips_of, walk
 
 MOVES = 0.12
 """A pelvis that is faster walks [m/s]."""
@@ -60,6 +70,7 @@ def walk_from(
         pelvis_pos_w=pelvis,
         list=ease(way.list, state.roll, state.roll_rate, FPS, JOINS),
         look=ease(way.look, state.look, state.look_rate, FPS, JOINS),
+        bend=ease(way.bend, state.lean - UPRIGHT, state.lean_rate, FPS, JOINS),
     )
     hips = hips_of(body, way)
     height = carried_height(body, hips, steps, way.time, gait)
@@ -67,7 +78,7 @@ def walk_from(
     # where the pelvis is carried farther than was planned, it sinks as much as the legs need
     spare = np.minimum(hips.highest(body) - height, 0.0)
     pelvis[:, 2] = height + minimum_jerk(way.time * FPS / 4) * smooth_below(spare, 3)
-    return way
+    return replace(way, feet=land_softly(body, hips, pelvis[:, 2], way.feet, steps, way.time))
 
 
 def continue_footsteps(
@@ -98,7 +109,8 @@ def continue_footsteps(
         centers, yaws = [*centers, stop_xy], [*yaws, yaws[-1]]
         sides, xy = place_feet(flat[:, :2], list(heading), centers, yaws, side, gait, scale)
     count = _needed(flat[:, :2], heading, sides, xy, yaws, 0 if feet.bears.all() else 1)
-    touch_down = lift + swing + gait.period * np.arange(count)
+    times = np.concatenate([[gait.period], step_times(centers, gait)])[:count]
+    touch_down = lift + swing + np.cumsum(times) - gait.period
     # where the feet came from, so that they roll now as they would have
     first, stride = flat[:, :2].copy(), 2 * gait.period * max(speed, 0.0) * forward
     past = sorted(
@@ -117,7 +129,7 @@ def continue_footsteps(
         np.concatenate([came, sides[:count]]),
         np.concatenate([flat[came, :2], xy[:count]]),
         np.concatenate([heading[came], yaws[:count]]),
-        np.concatenate([landed - swing, touch_down - swing]),
+        np.concatenate([landed - swing, touch_down - (1.0 - gait.overlap) * times]),
         np.concatenate([landed, touch_down]),
         heading,
     )

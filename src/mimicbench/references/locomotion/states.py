@@ -12,7 +12,7 @@ from mimicbench.core.motion import HumanMotion, forward_kinematics
 from mimicbench.references.body.body import Body, body_of
 from mimicbench.references.locomotion.feet import FeetStart
 from mimicbench.references.locomotion.gait import ahead_of
-from mimicbench.references.locomotion.walking import FPS, Walk
+from mimicbench.references.locomotion.walking import FPS, UPRIGHT, Walk
 
 LONG_AGO = 10.0
 """Since when a foot stands that has not moved yet [s]."""
@@ -67,6 +67,10 @@ class BodyState:
     """Turn of the head relative to the pelvis [rad]."""
     look_rate: float
     """[rad/s]"""
+    lean: float
+    """Pitch of the pelvis, forward positive [rad]."""
+    lean_rate: float
+    """[rad/s]"""
     pose: Pose | None = None
     """All joints; walks and plans begin upright and calm where it is not given."""
     box: BoxState | None = None
@@ -115,7 +119,18 @@ def state_of_walk(way: Walk, frame: int) -> BodyState:
         since[side] = past.min(initial=LONG_AGO)
     feet = way.feet
     tracks = _rates(
-        (feet.pos_w, feet.yaw, feet.pitch, way.pelvis_pos_w, way.yaw + way.twist, way.list, way.look), frame, FPS
+        (
+            feet.pos_w,
+            feet.yaw,
+            feet.pitch,
+            way.pelvis_pos_w,
+            way.yaw + way.twist,
+            way.list,
+            way.look,
+            way.bend + UPRIGHT,
+        ),
+        frame,
+        FPS,
     )
     return _state(tracks, feet.contact[frame], since)
 
@@ -140,7 +155,9 @@ def state_of_motion(motion: HumanMotion, frame: int) -> BodyState:
     yaw, heading, pitch = _headings(pelvis, quat[:, ankles])
     look = rot.wrap_angle(rot.yaw_of(quat[:, body.head]) - yaw)
     tracks = _rates(
-        (pos[:, ankles], heading, pitch, pos[:, body.pelvis], yaw, _roll(pelvis), look), frame - first, motion.fps
+        (pos[:, ankles], heading, pitch, pos[:, body.pelvis], yaw, _roll(pelvis), look, _pitch(pelvis)),
+        frame - first,
+        motion.fps,
     )
     bears = motion.contacts[:, [motion.contact_names.index(name) for name in names]].astype(bool)
     since = np.full(2, LONG_AGO)
@@ -192,7 +209,20 @@ def state_of_points(
     since = np.full(2, LONG_AGO) if since is None else since
     pose = Pose(quat, rate, np.arange(joints) == body.pelvis)
     return BodyState(
-        feet, since, pelvis_pos_w, pelvis_vel_w, yaw, turning, float(_roll(pelvis_quat_w)), 0.0, 0.0, 0.0, pose, box
+        feet,
+        since,
+        pelvis_pos_w,
+        pelvis_vel_w,
+        yaw,
+        turning,
+        float(_roll(pelvis_quat_w)),
+        0.0,
+        0.0,
+        0.0,
+        float(_pitch(pelvis_quat_w)),
+        0.0,
+        pose,
+        box,
     )
 
 
@@ -202,13 +232,16 @@ def _headings(pelvis: np.ndarray, foot: np.ndarray) -> tuple[np.ndarray, np.ndar
     Headings of the feet are given near that of the pelvis, so that none is a turn away.
     """
     yaw = np.unwrap(rot.yaw_of(pelvis))
-    pitch = np.arcsin(np.clip(-rot.rotate(foot, np.array([1.0, 0.0, 0.0]))[..., 2], -1, 1))
-    return yaw, yaw[:, None] + rot.wrap_angle(rot.yaw_of(foot) - yaw[:, None]), pitch
+    return yaw, yaw[:, None] + rot.wrap_angle(rot.yaw_of(foot) - yaw[:, None]), _pitch(foot)
 
 
 def _roll(quat: np.ndarray) -> np.ndarray:
     w, x, y, z = np.moveaxis(quat, -1, 0)
     return np.arctan2(2 * (w * x + y * z), 1 - 2 * (x**2 + y**2))
+
+
+def _pitch(quat: np.ndarray) -> np.ndarray:
+    return np.arcsin(np.clip(-rot.rotate(quat, np.array([1.0, 0.0, 0.0]))[..., 2], -1, 1))
 
 
 def _turning(quat: np.ndarray, frame: int, fps: float) -> np.ndarray:
@@ -236,7 +269,7 @@ def _rates(tracks: tuple[np.ndarray, ...], frame: int, fps: float) -> list[tuple
 
 
 def _state(tracks: list[tuple[np.ndarray, np.ndarray]], bears: np.ndarray, since: np.ndarray) -> BodyState:
-    ankles, foot_yaw, foot_pitch, pelvis, yaw, roll, look = tracks
+    ankles, foot_yaw, foot_pitch, pelvis, yaw, roll, look, lean = tracks
     # what bears is still, whatever the differences across its landing say
     feet = FeetStart(*ankles, *foot_yaw, *foot_pitch, bears)
     return BodyState(
@@ -249,4 +282,6 @@ def _state(tracks: list[tuple[np.ndarray, np.ndarray]], bears: np.ndarray, since
         float(roll[1]),
         float(look[0]),
         float(look[1]),
+        float(lean[0]),
+        float(lean[1]),
     )

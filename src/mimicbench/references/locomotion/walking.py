@@ -178,7 +178,7 @@ def follow(
         yaw=yaw,
         pelvis_pos_w=pelvis,
         ahead=ahead,
-        twist=-0.075 * ahead / body.size,
+        twist=-0.08 * ahead / body.size,
         chest=0.18 * ahead / body.size,
         list=0.8 * _sideways(pelvis, feet, yaw) / body.size,
         look=look,
@@ -188,6 +188,8 @@ def follow(
     )
     hips = hips_of(body, way)
     pelvis[:, 2] = carried_height(body, hips, steps, time, gait)
+    if feet_start is not None:  # whoever goes on from a state still moves the pelvis
+        return way
     return replace(way, feet=land_softly(body, hips, pelvis[:, 2], feet, steps, time))
 
 
@@ -213,7 +215,7 @@ def _lean(pelvis: np.ndarray, yaw: np.ndarray, ahead: np.ndarray) -> np.ndarray:
 def _begin_at(way: Walk, frame: int) -> Walk:
     """The same walk from a frame on; times count from there."""
     moment, feet, steps = frame / FPS, way.feet, way.steps
-    cut = Feet(*(None if value is None else value[frame:] for value in vars(feet).values()))
+    cut = Feet(*(value[frame:] for value in vars(feet).values()))
     shifted = replace(steps, lift_off=steps.lift_off - moment, touch_down=steps.touch_down - moment)
     tracks = {name: value[frame:] for name, value in vars(way).items() if name not in ("steps", "time", "feet")}
     return replace(way, steps=shifted, time=way.time[: len(way.time) - frame], feet=cut, **tracks)

@@ -80,7 +80,7 @@ def lie_sofa_courses(obj: SceneObject, style: LieStyle) -> tuple[Course, ...]:
 
 def gait_of(style: LieStyle) -> Gait:
     """As people walk who are in no hurry."""
-    return Gait(speed=style.speed)
+    return Gait(speed=style.speed, stand=0.6)
 
 
 def _plan(obj: SceneObject, start_xy: np.ndarray, style: LieStyle) -> tuple[Body, Berth, Route]:

@@ -25,8 +25,8 @@ from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait, Route
 from mimicbench.references.locomotion.walking import FPS, Walk, follow
 
-STRIDES = Gait(speed=0.62, stand=0.5)
-"""Short steps."""
+STRIDES = Gait(speed=0.55, stand=0.5, width=0.185)
+"""Short steps, feet as far apart as who bends and squats wants them."""
 SIDES = np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
 """(2, 3) out of the box, where the left and the right hand clasp it."""
 HANDS_OFF = 0.024

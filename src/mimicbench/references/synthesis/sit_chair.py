@@ -25,7 +25,7 @@ def draw_style(random: np.random.Generator, seat_height: float) -> SitStyle:
     slow, drops = random.uniform(size=2) < (SLOW, DROPS)
     return SitStyle(
         body_scale=random.uniform(shortest, 1.13),
-        speed=random.uniform(0.57, 0.63),
+        speed=random.uniform(0.68, 0.84),
         sit_duration=random.uniform(3.0, 3.5) if slow else random.uniform(2.35, 2.9),
         seat_x=random.uniform(-0.10, 0.0),
         seat_y=random.uniform(-0.02, 0.02),

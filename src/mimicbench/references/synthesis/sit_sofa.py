@@ -75,7 +75,7 @@ def sit_sofa_courses(obj: SceneObject, style: SitStyle) -> tuple[Course, ...]:
 
 def gait_of(style: SitStyle) -> Gait:
     """As people walk who are in no hurry."""
-    return Gait(speed=style.speed)
+    return Gait(speed=style.speed, stand=0.6)
 
 
 def arrival(obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: SitStyle) -> float:

@@ -22,8 +22,8 @@ from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait, Route
 from mimicbench.references.locomotion.walking import FPS, Walk, follow
 
-STRIDES = Gait(speed=0.62, stand=0.5)
-"""Short steps."""
+STRIDES = Gait(speed=0.55, stand=0.5, width=0.185)
+"""Short steps, feet as far apart as who bends and squats wants them."""
 STANCES = (-0.12, -0.04, 0.04)
 """How much nearer to the object than usual to stand [m]: the easiest is taken."""
 ROUNDED = (0.0, 0.35)
