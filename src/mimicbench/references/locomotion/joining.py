@@ -20,7 +20,7 @@ FLAT = 0.15
 """Within so many seconds a foot that stands lies down flat."""
 FARTHEST = 0.995
 """Share of its length to which a leg may be stretched meanwhile."""
-ROLLS = 0.6
+ROLLS = 0.9
 """A foot on the floor that is pitched by more does not roll: it is lying on something [rad]."""
 ASIDE = 0.5
 """Sine of the roll from which on a foot lies on its side."""
