@@ -9,7 +9,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.motion import Skeleton, forward_kinematics
+from mimicbench.core.skeleton import Skeleton, forward_kinematics
 from mimicbench.references.body.skeletons import CORE4D, ROAM, UNIHSI
 
 FRAMES = 45

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 import making
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
-from mimicbench.core.motion import HumanMotion, Skeleton
+from mimicbench.core.motion import HumanMotion
+from mimicbench.core.skeleton import Skeleton
 from mimicbench.core.stage import read_stage
 from mimicbench.objects.make import read_objects
 from mimicbench.objects.registry import FAMILIES

@@ -8,7 +8,7 @@ import pytest
 import recordings
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion, MimicbenchError
-from mimicbench.core.motion import forward_kinematics
+from mimicbench.core.skeleton import forward_kinematics
 from mimicbench.references.body.body import roam_body
 from mimicbench.references.body.skeletons import ROAM
 from mimicbench.references.checks.contacts import sole_points

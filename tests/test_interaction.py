@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.motion import HumanMotion, Skeleton
+from mimicbench.core.motion import HumanMotion
+from mimicbench.core.skeleton import Skeleton
 from mimicbench.objects.families.chair import make_chair
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body.skeletons import CORE4D, ROAM, UNIHSI

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.motion import forward_kinematics
+from mimicbench.core.skeleton import forward_kinematics
 from mimicbench.references.body.body import Body, core4d_body, roam_body, unihsi_body
 from mimicbench.references.body.liveliness import Rest, enliven, unrest
 from mimicbench.references.body.posing import Legs, Trunk, pose, reach

@@ -8,7 +8,8 @@ import pytest
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile, BadMotion
 from mimicbench.core.files import read_npz, write_npz
-from mimicbench.core.motion import HumanMotion, RobotMotion, Skeleton
+from mimicbench.core.motion import HumanMotion, RobotMotion
+from mimicbench.core.skeleton import Skeleton
 from mimicbench.robots.registry import ROBOTS
 
 H1 = ROBOTS.get("h1")

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.motion import HumanMotion, forward_kinematics
+from mimicbench.core.motion import HumanMotion
+from mimicbench.core.skeleton import forward_kinematics
 from mimicbench.objects.families.box import make_box
 from mimicbench.objects.families.household import make_household
 from mimicbench.objects.shape import SceneObject

@@ -17,7 +17,8 @@ import pytest
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError
-from mimicbench.core.motion import HumanMotion, RobotMotion, forward_kinematics
+from mimicbench.core.motion import HumanMotion, RobotMotion
+from mimicbench.core.skeleton import forward_kinematics
 from mimicbench.evaluate.intervals import Rate
 from mimicbench.evaluate.rows import EpisodeRow, read_rows
 from mimicbench.objects.registry import FAMILIES, make_object

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion, UnknownName
-from mimicbench.core.motion import HumanMotion, RobotMotion, Skeleton
+from mimicbench.core.motion import HumanMotion, RobotMotion
+from mimicbench.core.skeleton import Skeleton
 from mimicbench.objects.families.chair import make_chair
 from mimicbench.references.body.skeletons import UNIHSI
 from mimicbench.retarget.baselines.adam import adam

@@ -15,7 +15,8 @@ import making
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError, UnknownName
 from mimicbench.core.files import read_json
-from mimicbench.core.motion import HumanMotion, RobotMotion, Skeleton, forward_kinematics
+from mimicbench.core.motion import HumanMotion, RobotMotion
+from mimicbench.core.skeleton import Skeleton, forward_kinematics
 from mimicbench.core.stage import Stage
 from mimicbench.objects.families.box import make_box
 from mimicbench.objects.families.chair import make_chair

@@ -5,8 +5,7 @@ origin facing +x; `_w` world frame; T frames at `fps`. The files are `.npz` with
 themselves: names, orders, frame and rate travel inside (see docs/formats.md).
 """
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -15,43 +14,19 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.files import read_npz, write_npz
-
-SCHEMA = 1
-MAX_FRAMES = 200_000  # more than an hour at 50 fps: nothing we read is longer
-
-
-@dataclass(frozen=True)
-class Skeleton:
-    """A tree of joints. Parents come before their children."""
-
-    name: str
-    joint_names: tuple[str, ...]
-    parents: tuple[int, ...]
-    """Index of each joint's parent, -1 for the root."""
-    offsets: np.ndarray
-    """(J, 3) rest position of each joint in its parent's frame [m]; x forward, y left, z up in the rest pose."""
-
-    def __post_init__(self) -> None:
-        joints = len(self.joint_names)
-        if len(self.parents) != joints or self.offsets.shape != (joints, 3) or not np.isfinite(self.offsets).all():
-            raise BadMotion(
-                f"skeleton {self.name} needs a parent and three finite offsets for each of its {joints} joints"
-            )
-        if any(not -1 <= parent < i for i, parent in enumerate(self.parents)):
-            raise BadMotion(f"skeleton {self.name}: parents must come before their children; sort its joints")
-
-    def scaled(self, factor: float) -> "Skeleton":
-        """The same tree with every bone `factor` times as long."""
-        return replace(self, offsets=self.offsets * factor)
-
-    def index(self, joint: str) -> int:
-        """Index of a joint by name."""
-        try:
-            return self.joint_names.index(joint)
-        except ValueError:
-            raise BadMotion(
-                f"skeleton {self.name} has no joint {joint!r}; it has {', '.join(self.joint_names)}"
-            ) from None
+from mimicbench.core.motion_file import (
+    SCHEMA,
+    check_contacts,
+    check_conventions,
+    check_frames,
+    check_scene,
+    check_unit,
+    documented,
+    read_quat,
+    read_scene,
+    scene_arrays,
+)
+from mimicbench.core.skeleton import Skeleton, forward_kinematics
 
 
 @dataclass(frozen=True)
@@ -84,12 +59,12 @@ class HumanMotion:
 
     def __post_init__(self) -> None:
         joints = len(self.skeleton.joint_names)
-        _check_frames(
+        check_frames(
             self.id, self.fps, {"root_pos_w": (self.root_pos_w, (3,)), "local_quat": (self.local_quat, (joints, 4))}
         )
-        _check_unit(self.id, "local_quat", self.local_quat)
-        _check_contacts(self.id, self.frames, self.contact_names, self.contacts)
-        _check_scene(self.id, self.frames, self.object_pos_w, self.object_quat_w, self.wrist_goal_w)
+        check_unit(self.id, "local_quat", self.local_quat)
+        check_contacts(self.id, self.frames, self.contact_names, self.contacts)
+        check_scene(self.id, self.frames, self.object_pos_w, self.object_quat_w, self.wrist_goal_w)
 
     @property
     def frames(self) -> int:
@@ -137,7 +112,7 @@ class HumanMotion:
                 "root_pos_w": self.root_pos_w.astype(np.float32),
                 "local_quat": self.local_quat.astype(np.float32),
                 "contacts": self.contacts,
-                **_scene_arrays(self),
+                **scene_arrays(self.object_pos_w, self.object_quat_w, self.wrist_goal_w),
             },
         )
 
@@ -145,8 +120,8 @@ class HumanMotion:
     def load(path: Path) -> "HumanMotion":
         """Read a file that `save` wrote. Raises BadFile or BadMotion."""
         header, data = read_npz(path, "human_motion")
-        _check_conventions(path, header)
-        with _documented(path):
+        check_conventions(path, header)
+        with documented(path):
             skeleton = Skeleton(
                 header["skeleton"],
                 tuple(header["joint_names"]),
@@ -159,13 +134,13 @@ class HumanMotion:
                 skeleton,
                 header["fps"],
                 data["root_pos_w"].astype(float),
-                _read_quat(data["local_quat"]),
+                read_quat(data["local_quat"]),
                 header["object_id"],
                 tuple(header["contact_names"]),
                 data["contacts"],
                 header["style"],
                 header["source"],
-                **_read_scene(data),
+                **read_scene(data),
             )
 
 
@@ -210,10 +185,10 @@ class RobotMotion:
             "root_quat_w": (self.root_quat_w, (4,)),
             "joint_pos": (self.joint_pos, (n,)),
         }
-        _check_frames(self.id, self.fps, arrays)
-        _check_unit(self.id, "root_quat_w", self.root_quat_w)
-        _check_contacts(self.id, self.frames, self.contact_names, self.contacts)
-        _check_scene(self.id, self.frames, self.object_pos_w, self.object_quat_w, self.wrist_goal_w)
+        check_frames(self.id, self.fps, arrays)
+        check_unit(self.id, "root_quat_w", self.root_quat_w)
+        check_contacts(self.id, self.frames, self.contact_names, self.contacts)
+        check_scene(self.id, self.frames, self.object_pos_w, self.object_quat_w, self.wrist_goal_w)
 
     @property
     def frames(self) -> int:
@@ -285,7 +260,7 @@ class RobotMotion:
                 "root_quat_w": self.root_quat_w.astype(np.float32),
                 "joint_pos": self.joint_pos.astype(np.float32),
                 "contacts": self.contacts,
-                **_scene_arrays(self),
+                **scene_arrays(self.object_pos_w, self.object_quat_w, self.wrist_goal_w),
             },
         )
 
@@ -293,8 +268,8 @@ class RobotMotion:
     def load(path: Path, robot: str | None = None) -> "RobotMotion":
         """Read a file that `save` wrote; `robot` is the one it must be for. Raises BadFile or BadMotion."""
         header, data = read_npz(path, "robot_motion")
-        _check_conventions(path, header)
-        with _documented(path):
+        check_conventions(path, header)
+        with documented(path):
             if robot is not None and header["robot"] != robot:
                 raise BadMotion(
                     f"{path} is a motion of robot {header['robot']!r}, not of {robot!r}; retarget its "
@@ -307,7 +282,7 @@ class RobotMotion:
                 tuple(header["joint_names"]),
                 header["fps"],
                 data["root_pos_w"].astype(float),
-                _read_quat(data["root_quat_w"]),
+                read_quat(data["root_quat_w"]),
                 data["joint_pos"].astype(float),
                 header["object_id"],
                 header["reference_id"],
@@ -316,121 +291,5 @@ class RobotMotion:
                 header["style"],
                 header["measures"],
                 header["success"],
-                **_read_scene(data),
+                **read_scene(data),
             )
-
-
-def forward_kinematics(
-    skeleton: Skeleton, root_pos_w: np.ndarray, local_quat: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """World positions (..., J, 3) and orientations (..., J, 4) from root positions (..., 3) and local rotations
-    (..., J, 4).
-
-    G_i = G_parent q_i and p_i = p_parent + G_parent offset_i.
-    """
-    pos = np.empty((*local_quat.shape[:-1], 3))
-    quat = np.empty(local_quat.shape)
-    for i, parent in enumerate(skeleton.parents):
-        if parent < 0:
-            pos[..., i, :], quat[..., i, :] = root_pos_w, local_quat[..., i, :]
-        else:
-            pos[..., i, :] = pos[..., parent, :] + rot.rotate(quat[..., parent, :], skeleton.offsets[i])
-            quat[..., i, :] = rot.multiply(quat[..., parent, :], local_quat[..., i, :])
-    return pos, quat
-
-
-def _check_frames(clip: str, fps: float, arrays: dict[str, tuple[np.ndarray, tuple[int, ...]]]) -> None:
-    if not (np.isfinite(fps) and 1 <= fps <= 1000):
-        raise BadMotion(f"clip {clip}: {fps} frames per second is not a frame rate; give one between 1 and 1000")
-    frames = len(next(iter(arrays.values()))[0])
-    if not 2 <= frames <= MAX_FRAMES:
-        raise BadMotion(f"clip {clip} has {frames} frames; a motion needs between 2 and {MAX_FRAMES}")
-    for name, (array, shape) in arrays.items():
-        if array.shape != (frames, *shape):
-            raise BadMotion(f"clip {clip}: {name} has shape {array.shape}, expected {(frames, *shape)}")
-        if not np.isfinite(array).all():
-            raise BadMotion(f"clip {clip}: {name} holds NaN or infinity; mend or drop the clip")
-
-
-def _check_unit(clip: str, name: str, quat: np.ndarray) -> None:
-    worst = np.abs((quat**2).sum(-1) - 1).max()
-    if worst > 1e-2:
-        raise BadMotion(
-            f"clip {clip}: {name} is not of unit length (off by {worst:.2g}); are these quaternions in the order wxyz?"
-        )
-
-
-def _check_contacts(clip: str, frames: int, names: tuple[str, ...], contacts: np.ndarray) -> None:
-    if names and contacts.shape != (frames, len(names)):
-        raise BadMotion(f"clip {clip}: contacts has shape {contacts.shape}, expected {(frames, len(names))}")
-
-
-def _check_scene(
-    clip: str, frames: int, object_pos: np.ndarray, object_quat: np.ndarray, wrist_goal: np.ndarray
-) -> None:
-    if len(object_pos) or len(object_quat):
-        _check_frames(
-            clip,
-            1.0,
-            {
-                "root_pos_w": (np.zeros((frames, 0)), (0,)),
-                "object_pos_w": (object_pos, (3,)),
-                "object_quat_w": (object_quat, (4,)),
-            },
-        )
-        _check_unit(clip, "object_quat_w", object_quat)
-    known = np.isfinite(wrist_goal).all(-1)
-    if wrist_goal.shape not in ((0, 3), (2, 3)) or not (known | np.isnan(wrist_goal).all(-1)).all():
-        raise BadMotion(
-            f"clip {clip}: wrist_goal_w must be two places of three finite numbers, left and right, or none; three NaN "
-            "for a hand without a goal"
-        )
-    if len(wrist_goal) and not known.any():
-        raise BadMotion(f"clip {clip}: wrist_goal_w has no place for either hand; leave it empty")
-
-
-_SCENE = {"object_pos_w": 3, "object_quat_w": 4, "wrist_goal_w": 3}
-
-
-def _scene_arrays(motion: HumanMotion | RobotMotion) -> dict[str, np.ndarray]:
-    """What a clip says of its object and goal, if anything."""
-    return {name: getattr(motion, name).astype(np.float32) for name in _SCENE if len(getattr(motion, name))}
-
-
-def _read_scene(data: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    arrays = {name: data[name].astype(float) for name in _SCENE if name in data}
-    if "object_quat_w" in arrays:
-        arrays["object_quat_w"] = _read_quat(arrays["object_quat_w"])
-    return arrays
-
-
-def _check_conventions(path: Path, header: dict) -> None:
-    order = header.get("quaternion_order")
-    if order != "wxyz":
-        raise BadMotion(
-            f"{path} does not say that its quaternions are wxyz (it says {order!r}); convert it and "
-            "set quaternion_order"
-        )
-    if header.get("schema") != SCHEMA:
-        raise BadMotion(f"{path} has schema {header.get('schema')!r}, this version reads {SCHEMA}; make it again")
-
-
-@contextmanager
-def _documented(path: Path) -> Iterator[None]:
-    """Turn what goes wrong while reading a file of other content than documented into one sentence."""
-    try:
-        yield
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise BadMotion(
-            f"{path} is not a motion as docs/formats.md describes it ({error!r}); make it again or convert it"
-        ) from None
-
-
-def _read_quat(stored: np.ndarray) -> np.ndarray:
-    """Stored quaternions in double precision, of unit length if they nearly were.
-
-    What is farther off stays, to be refused.
-    """
-    quat = stored.astype(float)
-    length = np.sqrt((quat**2).sum(-1, keepdims=True))
-    return np.where(abs(length - 1) < 5e-3, quat / np.where(length > 0, length, 1.0), quat)

@@ -16,11 +16,12 @@ from scipy.interpolate import CubicSpline
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
-from mimicbench.core.motion import HumanMotion, Skeleton
+from mimicbench.core.motion import HumanMotion
 from mimicbench.core.parallel import map_items
 from mimicbench.core.run import RunContext
 from mimicbench.core.seeds import rng
 from mimicbench.core.settings import identity
+from mimicbench.core.skeleton import Skeleton
 from mimicbench.core.stage import Stage, StageKey, opened
 from mimicbench.objects.make import object_ids, read_objects
 from mimicbench.objects.shape import SceneObject, load_object, save_object

@@ -8,7 +8,7 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion, UnknownName
-from mimicbench.core.motion import Skeleton, forward_kinematics
+from mimicbench.core.skeleton import Skeleton, forward_kinematics
 from mimicbench.robots.description import Robot
 
 Preset = Literal["paper", "improved"]

@@ -3,7 +3,8 @@
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.motion import HumanMotion, forward_kinematics
+from mimicbench.core.motion import HumanMotion
+from mimicbench.core.skeleton import forward_kinematics
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body.body import body_of
 from mimicbench.retarget.samples import Scene

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.motion import forward_kinematics
+from mimicbench.core.skeleton import forward_kinematics
 from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.surface import box_distance
 from mimicbench.references.body.body import Body

@@ -10,7 +10,8 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.curves import minimum_jerk
-from mimicbench.core.motion import HumanMotion, forward_kinematics
+from mimicbench.core.motion import HumanMotion
+from mimicbench.core.skeleton import forward_kinematics
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.actions.postures import (
     CRANE,

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.motion import forward_kinematics
+from mimicbench.core.skeleton import forward_kinematics
 from mimicbench.references.actions.berths import Berth
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.posing import Legs, Trunk, shoulders, thigh_orientations

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.motion import forward_kinematics
+from mimicbench.core.skeleton import forward_kinematics
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.limbs import about_y, two_link

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mimicbench.core.motion import Skeleton
+from mimicbench.core.skeleton import Skeleton
 from mimicbench.references.body.skeletons import CORE4D, ROAM, UNIHSI, get_skeleton
 
 Vector = tuple[float, float, float]

@@ -4,7 +4,7 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.curves import smooth
-from mimicbench.core.motion import forward_kinematics
+from mimicbench.core.skeleton import forward_kinematics
 from mimicbench.references.actions.reaching import WRIST, wrists_of
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.posing import Arms, Legs, Trunk, pose, reach

@@ -10,8 +10,8 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.curves import minimum_jerk
-from mimicbench.core.motion import forward_kinematics
 from mimicbench.core.seeds import rng
+from mimicbench.core.skeleton import forward_kinematics
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.limbs import two_link
 

@@ -9,7 +9,7 @@ along -z.
 import numpy as np
 
 from mimicbench.core.errors import UnknownName
-from mimicbench.core.motion import Skeleton
+from mimicbench.core.skeleton import Skeleton
 
 UNIHSI = Skeleton(
     name="unihsi",

@@ -8,7 +8,8 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.motion import HumanMotion, forward_kinematics
+from mimicbench.core.motion import HumanMotion
+from mimicbench.core.skeleton import forward_kinematics
 from mimicbench.references.body.body import Body, body_of
 from mimicbench.references.checks.contacts import sole_points
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
-from mimicbench.core.motion import Skeleton, forward_kinematics
+from mimicbench.core.skeleton import Skeleton, forward_kinematics
 from mimicbench.core.untrusted import load_npz
 from mimicbench.references.body.body import core4d_body
 from mimicbench.references.body.skeletons import CORE4D

@@ -12,7 +12,7 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
-from mimicbench.core.motion import Skeleton
+from mimicbench.core.skeleton import Skeleton
 from mimicbench.references.body.body import Body, roam_body
 from mimicbench.references.body.skeletons import ROAM
 from mimicbench.references.importers.bvh_file import Bvh, read_bvh, world

@@ -9,7 +9,7 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
-from mimicbench.core.motion import MAX_FRAMES
+from mimicbench.core.motion_file import MAX_FRAMES
 from mimicbench.core.untrusted import read_bytes
 from mimicbench.references.importers.joint_names import END
 

@@ -7,7 +7,7 @@ Our hip stays where it is on average; the leg bends and swings so that the ankle
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.motion import Skeleton, forward_kinematics
+from mimicbench.core.skeleton import Skeleton, forward_kinematics
 from mimicbench.references.body.body import Body, Limb
 
 

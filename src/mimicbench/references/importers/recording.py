@@ -10,8 +10,9 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion, MimicbenchError
-from mimicbench.core.motion import MAX_FRAMES, Skeleton, forward_kinematics
+from mimicbench.core.motion_file import MAX_FRAMES
 from mimicbench.core.names import safe_name
+from mimicbench.core.skeleton import Skeleton, forward_kinematics
 from mimicbench.references.body.body import Body, body_of
 from mimicbench.references.checks.contacts import sole_points
 

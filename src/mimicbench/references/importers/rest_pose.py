@@ -17,7 +17,7 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
-from mimicbench.core.motion import Skeleton
+from mimicbench.core.skeleton import Skeleton
 from mimicbench.references.body.body import Body
 
 SNAP = np.radians(12.0)

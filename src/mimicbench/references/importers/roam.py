@@ -10,7 +10,7 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
-from mimicbench.core.motion import MAX_FRAMES
+from mimicbench.core.motion_file import MAX_FRAMES
 from mimicbench.core.untrusted import NPY, load_restricted, read_bytes
 from mimicbench.references.body.body import roam_body
 from mimicbench.references.body.skeletons import ROAM

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from mimicbench.core.errors import BadMotion
-from mimicbench.core.motion import Skeleton
+from mimicbench.core.skeleton import Skeleton
 from mimicbench.references.body.body import body_of
 
 AGREED = 0.5

@@ -8,7 +8,8 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
-from mimicbench.core.motion import HumanMotion, forward_kinematics
+from mimicbench.core.motion import HumanMotion
+from mimicbench.core.skeleton import forward_kinematics
 from mimicbench.references.body.body import Body, body_of
 from mimicbench.references.locomotion.feet import FeetStart
 from mimicbench.references.locomotion.gait import ahead_of

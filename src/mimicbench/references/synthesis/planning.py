@@ -11,7 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.motion import HumanMotion, forward_kinematics
+from mimicbench.core.motion import HumanMotion
+from mimicbench.core.skeleton import forward_kinematics
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.actions.reaching import cut
 from mimicbench.references.locomotion.course import AXES, Course, landmarks

@@ -14,7 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.motion import RobotMotion, Skeleton, forward_kinematics
+from mimicbench.core.motion import RobotMotion
+from mimicbench.core.skeleton import Skeleton, forward_kinematics
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.mapping import Mapping
 from mimicbench.retarget.mappings import find_mapping
