@@ -7,8 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mimicbench.core import rotations as rot
+from mimicbench.objects.heights import surface_height
 from mimicbench.objects.shape import SceneObject
-from mimicbench.sensors.heightmap import ObjectMaps, box_heightmap, cell_centers, surface_height
+from mimicbench.sensors.heightmap import ObjectMaps, box_heightmap, cell_centers
 
 
 def boxes(*items):

@@ -1,4 +1,4 @@
-"""Every learner keeps the same contract; clock, memory and perception say what they should."""
+"""Every learner keeps the same contract; clock and memory say what they should."""
 
 import json
 import math
@@ -14,29 +14,22 @@ from mimicbench.core.errors import BadFile, MimicbenchError
 from mimicbench.imitate.act import ACTConfig
 from mimicbench.imitate.bc import BCConfig
 from mimicbench.imitate.clock import clock_features
-from mimicbench.imitate.dataset import DemoFrames, odometry, proprioception
+from mimicbench.imitate.dataset import DemoFrames, proprioception
 from mimicbench.imitate.encoder import Encoder, EncoderConfig
 from mimicbench.imitate.inputs import LAST_ACTION, Batch, InputConfig
-from mimicbench.imitate.learn_perception import draw_maps, facing_viewer, looks_alike_turned, train_perception, turned
+from mimicbench.imitate.learn_perception import draw_maps
 from mimicbench.imitate.learners import load_learner, make_learner, save_learner
 from mimicbench.imitate.lerobot import Demos
 from mimicbench.imitate.perception import (
     Perception,
     PerceptionConfig,
-    SeatMemory,
-    load_perception,
     save_perception,
-    seat_in_root,
-    seat_memory,
-    seat_of,
-    unit_direction,
-    window,
 )
 from mimicbench.imitate.policy import VisionPolicy, load_policy
 from mimicbench.imitate.train import TrainConfig, train
 from mimicbench.objects.families.chair import make_chair
-from mimicbench.sensors.heightmap import box_heightmap
 from mimicbench.sensors.observations import Observations
+from mimicbench.tasks.sit_chair import TASK as SIT_CHAIR
 
 TINY = EncoderConfig(pool=4, widths=(8, 8, 8, 8), blocks=(1, 1, 1, 1))
 INPUTS = {
@@ -184,42 +177,6 @@ def test_clock():
     torch.testing.assert_close(found[1], torch.tensor([0.25, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, -1, 0]), atol=1e-5, rtol=0)
 
 
-def test_memory_follows_the_robot(chairs):
-    chair = next(iter(chairs.values()))
-    truth = torch.tensor(seat_of(chair), dtype=torch.float32)[None].expand(4, -1)
-    pos, yaw = torch.randn(4, 3), 3 * torch.rand(4)
-    later, later_yaw = torch.randn(4, 3), -3 * torch.rand(4)
-    both, headings = torch.cat([pos, later]), torch.cat([yaw, later_yaw])
-    moved, turned = odometry(both, headings, torch.arange(4), torch.arange(4, 8))
-    memory = seat_memory(seat_in_root(truth, pos, yaw), moved, turned)
-    torch.testing.assert_close(memory[:, :6], seat_in_root(truth, pos, yaw))
-    torch.testing.assert_close(memory[:, 6:], seat_in_root(truth, later, later_yaw)[:, :4], atol=1e-5, rtol=0)
-
-
-def test_the_surest_look_is_remembered(chairs):
-    chair = next(iter(chairs.values()))
-    truth = torch.tensor(seat_of(chair), dtype=torch.float32)[None]
-    pos, yaw = torch.tensor([[1.5, 0.5, 1.0], [1.0, 0.9, 1.0]]), torch.tensor([2.0, -2.5])
-    moved, turned_by = odometry(pos, yaw, torch.tensor([0]), torch.tensor([1]))
-
-    class Eyes(Perception):
-        def look(self, elevation, root_height):
-            return looks.pop(0)
-
-    looks = [
-        (seat_in_root(truth, pos[:1], yaw[:1]) + 0.1, torch.tensor([0.1])),
-        (seat_in_root(truth, pos[1:], yaw[1:]), torch.tensor([0.01])),
-        (seat_in_root(truth, pos[1:], yaw[1:]) + 0.2, torch.tensor([0.2])),
-    ]
-    memory, everyone = SeatMemory(Eyes(SIGHT), 1), torch.tensor([0])
-    memory.look(everyone, torch.zeros(1), torch.ones(1), torch.zeros(1, 2), torch.zeros(1))
-    assert memory.doubtful(torch.zeros(1, 2), torch.zeros(1)).tolist() == [0]
-    for _ in range(2):
-        memory.look(everyone, torch.zeros(1), torch.ones(1), moved, turned_by)
-        torch.testing.assert_close(memory.seat, seat_in_root(truth, pos[:1], yaw[:1]), atol=1e-5, rtol=0)
-    assert memory.doubtful(moved, turned_by).tolist() == []
-
-
 def test_proprioception_of_a_turned_robot():
     qpos, qvel = np.zeros((1, 26)), np.zeros((1, 25))
     qpos[0, 2:7] = [0.9, *rot.from_yaw(np.array(math.pi / 2))]
@@ -274,68 +231,15 @@ SIGHT = PerceptionConfig(
 )
 
 
-def test_perception_learns_a_few_chairs(chairs, tmp_path):
-    net = train_perception(tmp_path / "training", SIGHT, list(chairs.values()))
-    maps, height, seat = draw_maps(SIGHT, list(chairs.values()), 64, "check", seen=0.0)
-    found = net.perceive(maps, height)
-    untrained = Perception(SIGHT).eval().perceive(maps, height)
-    error, before = ((x - seat)[:, :2].norm(dim=-1).mean() for x in (found, untrained))
-    assert error < 0.1 and error < before
-    save_perception(tmp_path, net, "h1")
-    assert (load_perception(tmp_path, "h1").perceive(maps, height) == found).all()
-    torch.testing.assert_close(found, unit_direction(found))
-    # a map without anything gives numbers too
-    assert torch.isfinite(net.perceive(-torch.ones(1, 128, 128), torch.ones(1))).all()
-
-
-def test_a_killed_perception_goes_on(chairs, tmp_path):
-    config = replace(SIGHT, steps=6, maps=64, save_every=0.0)
-    whole = train_perception(tmp_path / "whole", config, list(chairs.values())).state_dict()
-    done = 0
-
-    def kill(batches, loss):
-        nonlocal done
-        done += batches
-        if done == 4:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        train_perception(tmp_path / "killed", config, list(chairs.values()), kill)
-    seen = []
-    resumed = train_perception(
-        tmp_path / "killed", config, list(chairs.values()), lambda batches, loss: seen.append(batches)
-    ).state_dict()
-    assert seen == [4, 1, 1] and all(torch.equal(whole[name], resumed[name]) for name in whole)
-
-
-@pytest.mark.parametrize(("quarters", "mirror"), [(1, False), (2, False), (3, True), (0, True)])
-def test_turned_maps_are_maps(quarters, mirror):
-    # a symmetric chair seen from the mirrored place, and by a robot that has turned right, gives the mirrored and
-    # turned map
-    chair = next(chair for chair in map(make_chair, range(99)) if chair.kind == "easy")
-    truth = torch.tensor(seat_of(chair), dtype=torch.float32)[None]
-
-    def look(y, yaw):
-        pos = np.array([1.3, y, 0.9])
-        height = torch.tensor(box_heightmap(chair, pos, yaw) + 0.9).float()[None]
-        return *window(height, 48), seat_in_root(truth, torch.tensor(pos).float()[None], torch.tensor([yaw]).float())
-
-    # turning the robot to the right turns what it sees to the left
-    expected = look(-0.713 if mirror else 0.713, (2.9 if mirror else -2.9) - quarters * math.pi / 2)
-    view, center, seat = turned(*look(0.713, -2.9), quarters, mirror)
-    torch.testing.assert_close(center, expected[1])
-    torch.testing.assert_close(seat, expected[2], atol=1e-5, rtol=0)
-    assert float(((view - expected[0]).abs() > 1e-4).float().mean()) < 0.01
-
-
 def test_policy_sees_the_shape_and_nothing_else(demos, chairs, tmp_path):
     config = tiny("act", INPUTS["timed"])
     save_learner(tmp_path / "act", make_learner(config), "h1")
-    save_perception(tmp_path / "eyes", Perception(SIGHT), "h1")
+    save_perception(tmp_path / "eyes", Perception(SIGHT, SIT_CHAIR), "h1")
     with pytest.raises(MimicbenchError, match="perception checkpoint"):
         load_policy(tmp_path / "act", "h1")
     policy = load_policy(tmp_path / "act", "h1", tmp_path / "eyes")
-    maps, height, _ = draw_maps(SIGHT, list(chairs.values()), 4, "policy", seen=0.0)
+    drawn = draw_maps(SIGHT, SIT_CHAIR, list(chairs.values()), 4, "policy", seen=0.0)
+    maps, height = drawn.maps, drawn.root_height
     proprio = torch.randn(4, 48)
     proprio[:, 3] = height
 
@@ -359,17 +263,3 @@ def test_policy_sees_the_shape_and_nothing_else(demos, chairs, tmp_path):
     second = policy.act(senses(maps))
     assert [bool((first[i] == second[i]).all()) for i in range(4)] == [True, True, False, True]
     assert isinstance(policy, VisionPolicy)
-
-
-def test_what_looks_alike_from_both_sides_faces_the_viewer(chairs):
-    stool = next(chair for chair in map(make_chair, range(99)) if chair.kind == "stool")
-    dining = next(chair for chair in map(make_chair, range(99)) if chair.kind == "dining")
-    assert looks_alike_turned(stool) and not looks_alike_turned(dining)
-    seat = torch.tensor(np.array([seat_of(stool)]), dtype=torch.float32)
-    for place in np.linspace(-3, 3, 7):  # all around, and not exactly beside it
-        root = torch.tensor([[1.5 * math.cos(place), 1.5 * math.sin(place), 1.0]], dtype=torch.float32)
-        seen = facing_viewer(seat_in_root(seat, root, torch.tensor([0.7])), torch.tensor([True]))
-        # a viewer who stands before the seat sees it face towards himself
-        assert float(seen[0, 0] * seen[0, 3] + seen[0, 1] * seen[0, 2]) < 0
-        untouched = seat_in_root(seat, root, torch.tensor([0.7]))
-        assert torch.equal(facing_viewer(untouched, torch.tensor([False])), untouched)

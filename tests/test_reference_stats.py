@@ -8,15 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mimicbench.objects.families.beds import make_bed
-from mimicbench.objects.families.chairs import make_chair
-from mimicbench.objects.families.sofas import make_sofa
 
 import making
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile
 from mimicbench.core.files import read_json, write_json
 from mimicbench.core.motion import HumanMotion
+from mimicbench.objects.families.bed import make_bed
+from mimicbench.objects.families.chair import make_chair
+from mimicbench.objects.families.sofa import make_sofa
 from mimicbench.references.body.body import unihsi_body
 from mimicbench.references.body.posing import Trunk, pose
 from mimicbench.references.checks.gait_measures import measure_gait, summarize, walking_model

@@ -199,7 +199,7 @@ def make_perception_stage(run: Run) -> Stage:
         scene = list(read_objects(objects.folder, ids).values())
         train, test = ([obj for obj in scene if obj.split == split] for split in ("train", "test"))
         config, quiet = run.part("imitate").perception, run.context.quiet
-        return stage.finish(**make_perception(stage.folder, run.robot, train, test, config, quiet))
+        return stage.finish(**make_perception(stage.folder, run.task, run.robot, train, test, config, quiet))
 
 
 def make_imitate_stage(run: Run) -> Stage:

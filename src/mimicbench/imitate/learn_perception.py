@@ -1,4 +1,8 @@
-"""Learning to see seats: maps of objects from random places, turned and mirrored, and the errors on new ones."""
+"""Learning to see a task's goal: maps of objects from random places, turned and mirrored, and the errors on new ones.
+
+Objects that look alike from several sides have several right answers; the loss takes the one that is nearest to what
+the network says, so that it need not tell what nobody can.
+"""
 
 import math
 import time
@@ -13,112 +17,124 @@ from torch.nn import functional
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.seeds import digest
-from mimicbench.imitate.perception import Perception, PerceptionConfig, seat_in_root, seat_of, window
+from mimicbench.imitate.perception import Perception, PerceptionConfig, window
 from mimicbench.imitate.resume import resume_training, save_training
 from mimicbench.objects.shape import SceneObject
+from mimicbench.robots.rigs import Rig
 from mimicbench.sensors.cameras import CameraMaps
-from mimicbench.sensors.heightmap import CELL, CELLS, ObjectMaps, surface_height
+from mimicbench.sensors.heightmap import CELLS, ObjectMaps
+from mimicbench.tasks.goal import GoalSpec
+from mimicbench.tasks.task import Task
+
+CLEAR = 0.2
+"""[m] A robot that looks is at least so far from the object's outline."""
+
+
+@dataclass(frozen=True)
+class MapBatch:
+    """Elevation maps of objects at random poses, without noise, and what is to be found in them."""
+
+    maps: Tensor
+    """(N, 128, 128) relative to the root [m]."""
+    root_height: Tensor
+    """(N,) [m]."""
+    answers: Tensor
+    """(N, A, G) all right answers, in the heading frames."""
 
 
 def draw_maps(
-    config: PerceptionConfig, objects: Sequence[SceneObject], count: int, name: str, seen: float | None = None
-) -> tuple[Tensor, Tensor, Tensor]:
-    """Elevation maps of objects at random poses, without noise, and the seats that they show.
+    config: PerceptionConfig,
+    task: Task,
+    objects: Sequence[SceneObject],
+    count: int,
+    name: str,
+    seen: float | None = None,
+) -> MapBatch:
+    """Maps of objects at random poses from which one of the robot's cameras looks towards them.
 
     Args:
         config: Says how far away, from what height and with which seed.
-        objects: Each must have a seat.
+        task: Says what is looked for, by which cameras, in what map.
+        objects: Each must have a goal.
         count: How many.
         name: Tells these random numbers from those of other sets with the same seed.
         seen: Share of maps by the cameras; by default the configuration's.
-
-    Returns:
-        Maps (count, 128, 128) relative to the root [m], root heights (count,) [m] and seats (count, 6).
     """
     g = torch.Generator().manual_seed(digest(config.seed, "perception", name) % (1 << 63))
     index = torch.randint(len(objects), (count,), generator=g)
     uniform = torch.rand(5, count, generator=g)
-    distance = config.distance[0] + uniform[0] * (config.distance[1] - config.distance[0])
-    bearing, yaw = 2 * math.pi * uniform[1], 2 * math.pi * uniform[2]
+    bearing = 2 * math.pi * uniform[1]
+    distance = _distances(config, objects, index, bearing, uniform[0])
     height = config.root_height[0] + uniform[3] * (config.root_height[1] - config.root_height[0])
     pos = torch.stack([distance * bearing.cos(), distance * bearing.sin(), height], -1)
     tilt = torch.cat([config.tilt * torch.randn(count, 2, generator=g), torch.zeros(count, 1)], -1)
-    quat = rot.multiply(rot.from_yaw(yaw), rot.from_rotvec(tilt))
+    quat = rot.multiply(rot.from_yaw(_headings(task.rig, bearing + math.pi, uniform[2])), rot.from_rotvec(tilt))
     heading = rot.yaw_of(quat)
     by_camera = round(count * (config.seen if seen is None else seen))
     maps = torch.empty(count, CELLS, CELLS)
-    cameras = CameraMaps(objects)
+    cameras = CameraMaps(objects, rig=task.rig, cell=task.map_cell)
     # a sensor with many points per cell shows edges farther out than one that looks at the cells' centers: both are
     # learned
-    surfaces = [ObjectMaps(objects), ObjectMaps(objects, spread=CELL / 2)]
+    surfaces = [ObjectMaps(objects), ObjectMaps(objects, spread=task.map_cell / 2)]
     for first in range(0, count, 64):
         part = slice(first, min(first + 64, count))
         if first < by_camera:
             maps[part] = cameras.sample(index[part], pos[part], quat[part])
         else:
             maps[part] = surfaces[first // 64 % 2].sample(
-                index[part], pos[part], heading[part], occlusion=uniform[4, part] < 0.5
+                index[part], pos[part], heading[part], cell=task.map_cell, occlusion=uniform[4, part] < 0.5
             )
-    seats = torch.tensor(np.array([seat_of(obj) for obj in objects]), dtype=torch.float32)[index]
-    alike = torch.tensor([looks_alike_turned(obj) for obj in objects])[index]
-    return maps, height, facing_viewer(seat_in_root(seats, pos, heading), alike)
+    answers = task.goal.labels(objects)[index]
+    return MapBatch(maps, height, task.goal.to_root(answers, pos[:, None], heading[:, None]))
 
 
-def looks_alike_turned(obj: SceneObject) -> bool:
-    """Whether an object turned by half a circle shows the same heights from above, as a stool does: its front is
-    then anybody's guess.
-    """
-    low, high = obj.bounds()
-    reach = np.maximum(high, -low)[:2]
-    grid = np.stack(np.meshgrid(*(np.arange(-r, r + 1e-9, r / 20) for r in reach), indexing="ij"), -1).reshape(-1, 2)
-    same = np.abs(surface_height(obj, grid) - surface_height(obj, -grid)) < 0.02
-    return bool(same.mean() > 0.95)
+def _distances(
+    config: PerceptionConfig, objects: Sequence[SceneObject], index: Tensor, bearing: Tensor, share: Tensor
+) -> Tensor:
+    """(N,) from the objects' origins to robots in the direction `bearing`, clear of the objects' outlines [m]."""
+    corners = torch.tensor(np.array([np.array(obj.bounds())[:, :2] for obj in objects])).float()[index]
+    way = torch.stack([bearing.cos(), bearing.sin()], -1)
+    edge = torch.where(way > 0, corners[:, 1] / way.clamp(min=1e-6), corners[:, 0] / way.clamp(max=-1e-6)).amin(-1)
+    nearest = (edge + CLEAR).clamp(min=config.distance[0])
+    farthest = torch.maximum(nearest + 1.0, torch.tensor(config.distance[1]))
+    return nearest + share * (farthest - nearest)
 
 
-def facing_viewer(seat: Tensor, alike: Tensor) -> Tensor:
-    """Seats (N, 6) in the viewer's heading frame.
-
-    Those that are `alike` (N,) bool from both sides face the side that the viewer is on.
-
-    To sit down it does not matter which side is called the front, but that the seat has one: the mean of two guesses is
-    a third direction.
-    """
-    away = (seat[:, 0] * seat[:, 3] + seat[:, 1] * seat[:, 2]) > 0
-    sign = torch.where(alike & away, -1.0, 1.0)
-    return torch.cat([seat[:, :2], seat[:, 2:4] * sign[:, None], seat[:, 4:]], -1)
+def _headings(rig: Rig, towards: Tensor, share: Tensor) -> Tensor:
+    """(N,) headings of robots that see, by one of their cameras, what is in the direction `towards` (N,) [rad]."""
+    views = torch.tensor(rig.views()).float()
+    camera = (share * len(views)).long().clamp(max=len(views) - 1)
+    within = share * len(views) - camera
+    return towards - (views[camera, 0] + within * (views[camera, 1] - views[camera, 0]))
 
 
 def train_perception(
     folder: Path,
     config: PerceptionConfig,
+    task: Task,
     objects: Sequence[SceneObject],
     report: Callable[[int, float], None] | None = None,
 ) -> Perception:
-    """Learn to see the seats of `objects`; the same seed gives the same network.
+    """Learn to find a task's goal beside `objects`; the same seed gives the same network.
 
     A killed training goes on from `<folder>/training.*`.
 
     Args:
         folder: Where the training's state goes.
         config: Network, maps and length.
-        objects: Training objects; each must have a seat.
+        task: What is to be found.
+        objects: Training objects; each must have a goal.
         report: Called with how many more batches are done, and the loss, for a progress bar.
+
+    Raises MimicbenchError if there is nothing to find in the task.
     """
     torch.set_num_threads(config.threads)
-    views, centers, seats = [], [], []
-    for first in range(0, config.maps, 512):
-        maps, height, seat = draw_maps(config, objects, min(512, config.maps - first), f"train {first}")
-        view, center = window(maps + height[:, None, None], config.window)
-        views.append(view)
-        centers.append(center)
-        seats.append(seat)
-    view, center, seat = torch.cat(views), torch.cat(centers), torch.cat(seats)
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(digest(config.seed, "perception", "weights") % (1 << 63))
-        net = Perception(config)
+        net = Perception(config, task)
+    view, center, answers = _windows(net, task, objects)
     optimizer = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=1e-3)
     progress = resume_training(folder, net, optimizer, {"step": 0, "seconds": 0.0})
-    spread = net.get_buffer("spread")
     net.train()
     if report is not None and progress["step"]:
         report(int(progress["step"]), 0.0)
@@ -129,14 +145,12 @@ def train_perception(
         # its random numbers follow from a batch's number, so that a killed training draws the same ones
         g = torch.Generator().manual_seed(digest(config.seed, "perception", "batch", step) % (1 << 63))
         batch = torch.randint(len(view), (config.batch,), generator=g)
-        quarters, mirror = (int(torch.randint(limit, (), generator=g)) for limit in (4, 2))
-        heights, middle, target = turned(view[batch], center[batch], seat[batch], quarters, bool(mirror))
+        quarters, mirror = (int(torch.randint(limit, (), generator=g)) for limit in (task.rig.quarters(), 2))
+        heights, middle, right = turned(task.goal, view[batch], center[batch], answers[batch], quarters, bool(mirror))
         heights = torch.where(torch.rand(heights.shape, generator=g) < config.dropout, 0.0, heights)
         heights = heights + config.noise * torch.randn(heights.shape, generator=g)
-        found, doubt = net(heights, middle)
-        loss = functional.smooth_l1_loss(found / spread, target / spread, beta=0.3)
-        # the doubt that minimizes this is the expected distance
-        loss = loss + 0.02 * ((found - target)[:, :2].norm(dim=-1).detach() / doubt + doubt.log()).mean()
+        found, uncertainty = net(heights, middle)
+        loss = goal_loss(net, found, uncertainty, right)
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
@@ -150,48 +164,54 @@ def train_perception(
     return net.eval()
 
 
-def turned(view: Tensor, center: Tensor, seat: Tensor, quarters: int, mirror: bool) -> tuple[Tensor, Tensor, Tensor]:
-    """Windows, centers and seats as from a robot that sees its left on its right (`mirror`), and then everything
-    turned left by quarters.
+def _windows(net: Perception, task: Task, objects: Sequence[SceneObject]) -> tuple[Tensor, Tensor, Tensor]:
+    """What the network learns from: windows (N, W, W), their centers (N, 2) and all right answers (N, A, G)."""
+    views, centers, answers = [], [], []
+    for first in range(0, net.config.maps, 512):
+        drawn = draw_maps(net.config, task, objects, min(512, net.config.maps - first), f"train {first}")
+        view, center = window(drawn.maps + drawn.root_height[:, None, None], net.window, net.cell)
+        views.append(view)
+        centers.append(center)
+        answers.append(drawn.answers)
+    return torch.cat(views), torch.cat(centers), torch.cat(answers)
+
+
+def goal_loss(net: Perception, found: Tensor, uncertainty: Tensor, answers: Tensor) -> Tensor:
+    """The error of goals (N, G) against the nearest of their right answers (N, A, G), and of the uncertainties (N,)."""
+    target, spread = net.goal.nearest(found.detach(), answers), net.get_buffer("spread")
+    loss = functional.smooth_l1_loss(found / spread, target / spread, beta=0.3)
+    # the uncertainty that minimizes this is the expected distance
+    off = (found - target)[:, net.goal.where].norm(dim=-1).detach()
+    return loss + 0.02 * (off / uncertainty + uncertainty.log()).mean()
+
+
+def turned(
+    goal: GoalSpec, view: Tensor, center: Tensor, answers: Tensor, quarters: int, mirror: bool
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Windows, centers and goals (..., G) as from a robot that sees its left on its right (`mirror`), and then
+    everything turned left by quarters.
     """
     if mirror:
-        view, flip = view.flip(2), torch.tensor([1.0, -1.0])
-        center = center * flip
-        seat = torch.cat([seat[:, :2] * flip, -seat[:, 2:3], seat[:, 3:]], -1)
+        view, center = view.flip(2), center * torch.tensor([1.0, -1.0])
+        answers = goal.transformed(answers, np.array([[1, 0], [0, -1]]))
     for _ in range(quarters % 4):
         # x, y -> -y, x: the row of a cell becomes its column, counted from the other end of the rows
         view = view.transpose(1, 2).flip(1)
         center = torch.stack([-center[:, 1], center[:, 0]], -1)
-        seat = torch.cat([torch.stack([-seat[:, 1], seat[:, 0], seat[:, 3], -seat[:, 2]], -1), seat[:, 4:]], -1)
-    return view, center, seat
-
-
-@dataclass(frozen=True)
-class PerceptionError:
-    """Root-mean-square errors of perceived seats, medians where a few ambiguous objects would decide."""
-
-    x: float
-    """[m] along the robot's heading."""
-    y: float
-    """[m] across it."""
-    yaw: float
-    """[rad] median of the absolute error; a square stool has no front."""
-    height: float
-    """[m]"""
-    depth: float
-    """[m]"""
+        answers = goal.transformed(answers, np.array([[0, -1], [1, 0]]))
+    return view, center, answers
 
 
 def evaluate_perception(
-    net: Perception, objects: Sequence[SceneObject], maps: int = 1000, seed: int = 1
-) -> PerceptionError:
-    """Errors on new maps of `objects`, as the cameras see them, with noise."""
-    elevation, height, seat = draw_maps(replace(net.config, seed=seed), objects, maps, "evaluate", seen=1.0)
+    net: Perception, task: Task, objects: Sequence[SceneObject], maps: int = 1000, seed: int = 1
+) -> dict[str, float]:
+    """Median errors on new maps of `objects`, as the cameras see them, with noise, by name of the goal's field.
+
+    [m], of directions [rad]; of several right answers the nearest counts.
+    """
+    drawn = draw_maps(replace(net.config, seed=seed), task, objects, maps, "evaluate", seen=1.0)
     noise = torch.Generator().manual_seed(digest(seed, "perception", "evaluation noise") % (1 << 63))
-    elevation = elevation + net.config.noise * torch.randn(elevation.shape, generator=noise)
-    found = net.perceive(elevation, height)
-    rms = ((found - seat) ** 2).mean(0).sqrt().tolist()
-    turn = torch.atan2(
-        found[:, 2] * seat[:, 3] - found[:, 3] * seat[:, 2], found[:, 2] * seat[:, 2] + found[:, 3] * seat[:, 3]
-    )
-    return PerceptionError(rms[0], rms[1], float(turn.abs().median()), rms[4], rms[5])
+    elevation = drawn.maps + net.config.noise * torch.randn(drawn.maps.shape, generator=noise)
+    found = net.perceive(elevation, drawn.root_height)
+    errors = net.goal.errors(found, net.goal.nearest(found, drawn.answers))
+    return {name: float(error.median()) for name, error in errors.items()}

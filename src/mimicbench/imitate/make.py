@@ -1,12 +1,12 @@
 """Stage `imitate`: what can be learned for a task, each in a folder with the tracker and the eyes that it uses.
 
 <imitate>/tracker/       the tracker, copied here so that the folder can be moved as a whole
-<imitate>/perception/    the network that finds the seat in a map
+<imitate>/perception/    the network that finds the goal in a map
 <imitate>/policy/        what was learned: the planner, by DAgger over the tracker, or a clone of demonstrations
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, make_dataclass
+from dataclasses import dataclass, field, make_dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar
@@ -105,20 +105,21 @@ def _imitation(learner: str) -> type[ImitateConfig]:
 
 def make_perception(
     folder: Path,
+    task: Task,
     robot: Robot,
     objects: Sequence[SceneObject],
     held_out: Sequence[SceneObject],
     config: PerceptionConfig,
     quiet: bool,
 ) -> dict[str, float]:
-    """Learn to find the seat of `objects` in elevation maps; `held_out` measures how well. Does nothing if that is
-    done.
+    """Learn to find a task's goal beside `objects` in elevation maps; `held_out` measures how well. Does nothing if
+    that is done.
     """
     if (folder / CONFIG).exists():
         return {}
-    with counter(config.steps, "seat perception", quiet) as tick:
-        network = train_perception(folder, config, objects, lambda batches, loss: tick(batches))
-    error = asdict(evaluate_perception(network, held_out))
+    with counter(config.steps, "perception", quiet) as tick:
+        network = train_perception(folder, config, task, objects, lambda batches, loss: tick(batches))
+    error = evaluate_perception(network, task, held_out)
     save_perception(folder, network, robot.name, error)
     return error
 

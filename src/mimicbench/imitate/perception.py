@@ -1,50 +1,44 @@
-"""Where is the seat? A small network that reads it off one elevation map, and the memory of it that a policy carries
-along.
+"""Where is what the task is done with? A small network that reads a task's goal off one elevation map, and the memory
+of it that a policy carries along.
 
-A seat is six numbers in the heading frame of the robot's root: x, y of its middle [m], sine and cosine of the direction
-that it faces, its height above the floor [m] and its depth, front to back [m].
+What a goal consists of, the task says (`tasks.goal`); it is found in the heading frame of the robot's root.
 
 The network looks at a window around whatever rises from the floor, with each cell's place in the robot's frame as two
-more channels (what is hidden depends on where one stands), and gives the seat relative to the window. It learns from
-maps as the cameras make them, with what they cannot see left out, and from complete ones. Chairs are symmetric and the
-four cameras too: turning a map by quarters and mirroring it makes eight of each.
+more channels (what is hidden depends on where one stands), and gives the goal relative to the window. It learns from
+maps as the cameras make them, with what they cannot see left out, and from complete ones.
 
-From behind, a back can hide the seat. So the network also says how far off it may be, and SeatMemory, which looks again
-while the robot walks, keeps the surest look.
+Part of what is to be found can be hidden. So the network also says how far off it may be, and GoalMemory, which looks
+again while the robot walks, keeps the surest look.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import torch
 from torch import Tensor, nn
 
-from mimicbench.core.checkpoint import load_checkpoint, save_checkpoint
-from mimicbench.core.errors import BadObject
+from mimicbench.core.checkpoint import BadCheckpoint, load_checkpoint, save_checkpoint
+from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.settings import Positive
-from mimicbench.objects.shape import SceneObject
-from mimicbench.sensors.heightmap import CELL, CELLS
+from mimicbench.sensors.heightmap import CELLS
+from mimicbench.tasks.registry import TASKS
+from mimicbench.tasks.seat import describe_seat
+from mimicbench.tasks.sit_chair import TASK as SIT_CHAIR
+from mimicbench.tasks.task import Task
 
-SEAT_SIZE = 6
-MEMORY_SIZE = 10
 SURE = 0.02
 """[m] Who expects to be off by less than this does not look again."""
 _RAISED = 0.12
 """[m] above the floor: what is higher belongs to an object; far above the noise."""
-_MIDDLE = (0.0, 0.0, 0.0, 0.0, 0.45, 0.45)
-_SPREAD = (0.1, 0.1, 0.4, 0.4, 0.05, 0.06)
-"""Middle and spread of the six outputs, so that the network's are near 1, and its loss weighs 2 cm, 0.1 rad and 1 cm of
-height about alike."""
 
 
 @dataclass(frozen=True)
 class PerceptionConfig:
     """The network, the maps that it learns from, and how long."""
 
-    window: int = 48
-    """Side of the window, in cells: 1.92 m, room for every chair at any angle."""
+    window: int | None = None
+    """Side of the window, in cells; None: as large as the task's goal says."""
     widths: tuple[int, ...] = (24, 48, 64)
     """Channels of the three strided convolutions."""
     hidden: int = 128
@@ -54,7 +48,7 @@ class PerceptionConfig:
     seen: float = 0.7
     """Share of them that show what the cameras see; the others are complete, or hide only what is behind something."""
     distance: tuple[float, float] = (0.5, 2.3)
-    """[m] From the object's middle to the robot in the training maps."""
+    """[m] From the object's middle to the robot in the training maps; from large objects farther, outside of them."""
     root_height: tuple[float, float] = (0.85, 1.1)
     """[m] Of the root above the floor in the training maps."""
     tilt: float = 0.03
@@ -78,13 +72,18 @@ class PerceptionConfig:
 
 
 class Perception(nn.Module):
-    """Windows of elevation maps -> seats; `perceive` takes whole maps."""
+    """Windows of elevation maps -> goals; `perceive` takes whole maps."""
 
-    def __init__(self, config: PerceptionConfig) -> None:
+    def __init__(self, config: PerceptionConfig, task: Task) -> None:
+        """Raises MimicbenchError if there is nothing to find in the task."""
         super().__init__()
-        self.config = config
+        if task.goal.given:
+            raise MimicbenchError(f"{task.name} tells the robot its goal; there is nothing to learn to see")
+        self.config, self.goal, self.task_name, self.cell = config, task.goal, task.name, task.map_cell
+        self.window = config.window or round(task.goal.window / task.map_cell)
+        """Side of the window, in cells."""
         layers: list[nn.Module] = []
-        width_in, side = 3, config.window
+        width_in, side = 3, self.window
         for index, width in enumerate(config.widths):
             kernel = 5 if index == 0 else 3
             layers += [nn.Conv2d(width_in, width, kernel, 2, kernel // 2, bias=False), nn.BatchNorm2d(width), nn.ReLU()]
@@ -93,53 +92,54 @@ class Perception(nn.Module):
             nn.Flatten(),
             nn.Linear(width_in * side * side, config.hidden),
             nn.ReLU(),
-            nn.Linear(config.hidden, SEAT_SIZE + 1),
+            nn.Linear(config.hidden, task.goal.size + 1),
         ]
         self.layers = nn.Sequential(*layers)
-        self.register_buffer("middle", torch.tensor(_MIDDLE), persistent=False)
-        self.register_buffer("spread", torch.tensor(_SPREAD), persistent=False)
+        middle, spread = task.goal.middle_and_spread()
+        self.register_buffer("middle", middle, persistent=False)
+        self.register_buffer("spread", spread, persistent=False)
 
     def forward(self, view: Tensor, center: Tensor) -> tuple[Tensor, Tensor]:
-        """Seats (N, 6), with directions of any length, and how far off (N,) [m] they are likely to be.
+        """Goals (N, G), with directions of any length, and how far off (N,) [m] they are likely to be.
 
         Args:
             view: (N, window, window) heights above the floor [m].
             center: (N, 2) where the windows' middles are [m].
         """
-        place = (torch.arange(view.shape[1], device=view.device) - (view.shape[1] - 1) / 2) * CELL
+        place = (torch.arange(view.shape[1], device=view.device) - (view.shape[1] - 1) / 2) * self.cell
         x = (center[:, 0, None] + place)[:, :, None].expand_as(view)
         y = (center[:, 1, None] + place)[:, None, :].expand_as(view)
         found = self.layers(torch.stack([view, 0.5 * x, 0.5 * y], 1))
-        seat = found[:, :SEAT_SIZE] * self.get_buffer("spread") + self.get_buffer("middle")
-        return torch.cat([seat[:, :2] + center, seat[:, 2:]], -1), 0.03 * found[:, SEAT_SIZE].clamp(-3, 3).exp()
+        goal = found[:, :-1] * self.get_buffer("spread") + self.get_buffer("middle")
+        return self.goal.shifted(goal, center), 0.03 * found[:, -1].clamp(-3, 3).exp()
 
     def perceive(self, elevation: Tensor, root_height: Tensor) -> Tensor:
-        """Seats (N, 6) as a policy remembers them: the direction has unit length.
+        """Goals (N, G) as a policy remembers them: directions have unit length.
 
         Args:
-            elevation: (N, 128, 128) heights relative to the root [m] (see sense.heightmap).
+            elevation: (N, 128, 128) heights relative to the root [m] (see sensors.heightmap).
             root_height: (N,) height of the root above the floor [m].
         """
         return self.look(elevation, root_height)[0]
 
     @torch.no_grad()
     def look(self, elevation: Tensor, root_height: Tensor) -> tuple[Tensor, Tensor]:
-        """As `perceive`, and how far off (N,) [m] each seat is likely to be."""
+        """As `perceive`, and the uncertainty (N,): how far off [m] each goal is likely to be."""
         self.eval()
-        seat, doubt = self(*window(elevation + root_height[:, None, None], self.config.window))
-        return unit_direction(seat), doubt
+        goal, uncertainty = self(*window(elevation + root_height[:, None, None], self.window, self.cell))
+        return self.goal.normalized(goal), uncertainty
 
 
-def window(height: Tensor, size: int) -> tuple[Tensor, Tensor]:
+def window(height: Tensor, size: int, cell: float) -> tuple[Tensor, Tensor]:
     """The part (N, size, size) of maps (N, 128, 128) of heights above the floor around what rises from it, and its
-    centers (N, 2) [m].
+    centers (N, 2) [m], of cells of side `cell` [m].
     """
     rows, columns = _window_cells(height, size)
     n = torch.arange(len(height), device=height.device)[:, None, None]
     inside = ((rows >= 0) & (rows < CELLS))[:, :, None] & ((columns >= 0) & (columns < CELLS))[:, None, :]
     view = height[n, rows.clamp(0, CELLS - 1)[:, :, None], columns.clamp(0, CELLS - 1)[:, None, :]]
     center = torch.stack([rows, columns], -1).float().mean(1) - (CELLS - 1) / 2
-    return torch.where(inside, view, 0.0), center * CELL
+    return torch.where(inside, view, 0.0), center * cell
 
 
 def _window_cells(height: Tensor, size: int) -> tuple[Tensor, Tensor]:
@@ -159,79 +159,21 @@ def _window_cells(height: Tensor, size: int) -> tuple[Tensor, Tensor]:
     return axes[0], axes[1]
 
 
-def unit_direction(seat: Tensor) -> Tensor:
-    """Seats (N, 6) with the sine and cosine scaled to one direction."""
-    length = seat[:, 2:4].norm(dim=-1, keepdim=True).clamp(min=1e-6)
-    return torch.cat([seat[:, :2], seat[:, 2:4] / length, seat[:, 4:]], -1)
-
-
-def seat_of(obj: SceneObject) -> np.ndarray:
-    """x, y of the middle of the seat, its height and its depth (4,) [m], in the object's frame, where it faces +x.
-
-    Raises BadObject.
-    """
-    height = obj.require_seat()
-    if not len(obj.seat_polygon):
-        raise BadObject(f"object {obj.id} has no outline of its seat; describe it in seat_polygon")
-    low, high = obj.seat_polygon.min(0), obj.seat_polygon.max(0)
-    return np.array([*(low + high) / 2, height, high[0] - low[0]])
-
-
-def seat_in_root(seat: Tensor, root_pos: Tensor, root_yaw: Tensor) -> Tensor:
-    """Seats (N, 6) in the heading frame, from seats (N, 4) of `seat_of`, root positions (N, 2+) [m] and headings
-    (N,) [rad].
-    """
-    cos, sin = root_yaw.cos(), root_yaw.sin()
-    dx, dy = seat[:, 0] - root_pos[:, 0], seat[:, 1] - root_pos[:, 1]
-    return torch.stack([cos * dx + sin * dy, cos * dy - sin * dx, -sin, cos, seat[:, 2], seat[:, 3]], -1)
-
-
-def disturb_seat(seat: Tensor, generator: torch.Generator | None = None) -> Tensor:
-    """Seats (N, 6) with errors as perception makes them: 3 cm in x and y, 0.05 rad, 1.2 cm of height, 3 cm of depth."""
-    noise = torch.randn(len(seat), 5, generator=generator, device=seat.device, dtype=seat.dtype)
-    turn = 0.05 * noise[:, 2]
-    sin = seat[:, 2] * turn.cos() + seat[:, 3] * turn.sin()
-    cos = seat[:, 3] * turn.cos() - seat[:, 2] * turn.sin()
-    xy = seat[:, :2] + 0.03 * noise[:, :2]
-    return torch.cat(
-        [xy, torch.stack([sin, cos, seat[:, 4] + 0.012 * noise[:, 3], seat[:, 5] + 0.03 * noise[:, 4]], -1)], -1
-    )
-
-
-def seat_memory(seat: Tensor, odometry_pos: Tensor, odometry_yaw: Tensor) -> Tensor:
-    """What is remembered (N, 10): the seat (N, 6) as seen at the start, and x, y, sine and cosine of where it is by
-    now.
-
-    Args:
-        seat: (N, 6) in the heading frame of the start.
-        odometry_pos: (N, 2) the root's position in the heading frame of the start, by its own reckoning [m].
-        odometry_yaw: (N,) its heading since then [rad].
-    """
-    cos, sin = odometry_yaw.cos(), odometry_yaw.sin()
-    dx, dy = seat[:, 0] - odometry_pos[:, 0], seat[:, 1] - odometry_pos[:, 1]
-    now = [
-        cos * dx + sin * dy,
-        cos * dy - sin * dx,
-        seat[:, 2] * cos - seat[:, 3] * sin,
-        seat[:, 3] * cos + seat[:, 2] * sin,
-    ]
-    return torch.cat([seat, torch.stack(now, -1)], -1)
-
-
-class SeatMemory:
-    """What N robots remember of the seat: their surest look at it so far, carried along by odometry."""
+class GoalMemory:
+    """What N robots remember of their goal: the surest look at it so far, carried along by odometry."""
 
     def __init__(self, perception: Perception, robots: int, device: torch.device | str = "cpu") -> None:
         """Nothing is remembered before the first `look` of each robot. `device` is where perception and senses are."""
         self.perception = perception
-        self.seat = torch.zeros(robots, SEAT_SIZE, device=device)
-        """(N, 6) in the heading frame of each robot's start."""
-        self.doubt = torch.full((robots,), torch.inf, device=device)
+        self.spec = perception.goal
+        self.goal = torch.zeros(robots, self.spec.size, device=device)
+        """(N, G) in the heading frame of each robot's start."""
+        self.uncertainty = torch.full((robots,), torch.inf, device=device)
         """(N,) how far off it may be [m]."""
 
     def forget(self, ids: Tensor) -> None:
         """Robots `ids` (M,) begin anew."""
-        self.doubt[ids] = torch.inf
+        self.uncertainty[ids] = torch.inf
 
     def look(
         self, ids: Tensor, elevation: Tensor, root_height: Tensor, odometry_pos: Tensor, odometry_yaw: Tensor
@@ -245,30 +187,27 @@ class SeatMemory:
             odometry_pos: (M, 2) their positions in the heading frame of their start [m].
             odometry_yaw: (M,) their headings since then [rad].
         """
-        seen, doubt = self.perception.look(elevation, root_height)
-        cos, sin = odometry_yaw.cos(), odometry_yaw.sin()
-        x = odometry_pos[:, 0] + cos * seen[:, 0] - sin * seen[:, 1]
-        y = odometry_pos[:, 1] + sin * seen[:, 0] + cos * seen[:, 1]
-        turned_by = [seen[:, 2] * cos + seen[:, 3] * sin, seen[:, 3] * cos - seen[:, 2] * sin]
-        found = torch.cat([torch.stack([x, y, *turned_by], -1), seen[:, 4:]], -1)
+        seen, uncertainty = self.perception.look(elevation, root_height)
+        found = self.spec.from_root(seen, odometry_pos, odometry_yaw)
         # a little surer is not enough: what is remembered should not jump about
-        surer = doubt < 0.7 * self.doubt[ids]
-        self.seat[ids] = torch.where(surer[:, None], found, self.seat[ids])
-        self.doubt[ids] = torch.where(surer, doubt, self.doubt[ids])
+        surer = uncertainty < 0.7 * self.uncertainty[ids]
+        self.goal[ids] = torch.where(surer[:, None], found, self.goal[ids])
+        self.uncertainty[ids] = torch.where(surer, uncertainty, self.uncertainty[ids])
 
-    def doubtful(self, odometry_pos: Tensor, odometry_yaw: Tensor) -> Tensor:
+    def unsure(self, odometry_pos: Tensor, odometry_yaw: Tensor) -> Tensor:
         """(M,) robots that should look again: unsure, and not so near yet that the map shows less than before."""
-        now = seat_memory(self.seat, odometry_pos, odometry_yaw)[:, SEAT_SIZE : SEAT_SIZE + 2]
-        return torch.nonzero((self.doubt > SURE) & (now.norm(dim=-1) > self.perception.config.distance[0] + 0.1))[:, 0]
+        now = self.spec.to_root(self.goal, odometry_pos, odometry_yaw)[:, self.spec.where]
+        near = self.perception.config.distance[0] + 0.1
+        return torch.nonzero((self.uncertainty > SURE) & (now.norm(dim=-1) > near))[:, 0]
 
     def recall(self, odometry_pos: Tensor, odometry_yaw: Tensor) -> Tensor:
-        """The memory (N, 10) of all robots, as `seat_memory`."""
-        return seat_memory(self.seat, odometry_pos, odometry_yaw)
+        """The memory (N, memory_size) of all robots, as `GoalSpec.carried`."""
+        return self.spec.carried(self.goal, odometry_pos, odometry_yaw)
 
 
 def save_perception(folder: Path, net: Perception, robot: str, error: Mapping[str, float] | None = None) -> None:
     """Write a checkpoint of kind `perception`, with its errors on unseen objects, if they were measured."""
-    notes = {} if error is None else {"error": dict(error)}
+    notes = {"task": net.task_name, **({} if error is None else {"error": dict(error)})}
     save_checkpoint(
         folder,
         "perception",
@@ -280,9 +219,34 @@ def save_perception(folder: Path, net: Perception, robot: str, error: Mapping[st
 
 
 def load_perception(folder: Path, robot: str) -> Perception:
-    """Read what `save_perception` wrote. Raises BadCheckpoint."""
+    """Read what `save_perception` wrote. Raises BadCheckpoint, or UnknownName if it is of a task that is not there."""
     checkpoint = load_checkpoint(folder, "perception", robot)
-    net = Perception(checkpoint.config_as(PerceptionConfig))
+    task = checkpoint.notes.get("task")
+    if not isinstance(task, str):
+        raise BadCheckpoint(f"{folder} does not say which task's goal it finds; learn it again")
+    net = Perception(checkpoint.config_as(PerceptionConfig), TASKS.get(task))
     arrays = checkpoint.matching({name: tuple(value.shape) for name, value in net.state_dict().items()})
     net.load_state_dict({name: torch.from_numpy(array.copy()) for name, array in arrays.items()})
     return net.eval()
+
+
+# What the planner and the cloners know of their goal, until they take any.
+SEAT = SIT_CHAIR.goal
+SEAT_SIZE, MEMORY_SIZE = SEAT.size, SEAT.memory_size
+seat_of, seat_in_root, seat_memory, disturb_seat = describe_seat, SEAT.to_root, SEAT.carried, SEAT.disturbed
+
+
+class SeatMemory(GoalMemory):
+    """A memory of a seat."""
+
+    @property
+    def seat(self) -> Tensor:
+        """(N, 6) in the heading frame of each robot's start."""
+        return self.goal
+
+    @property
+    def doubt(self) -> Tensor:
+        """(N,) how far off it may be [m]."""
+        return self.uncertainty
+
+    doubtful = GoalMemory.unsure

@@ -64,6 +64,24 @@ class Rig:
         yaw = rot.from_yaw(np.array([mount.bearing for mount in self.mounts]))
         return rot.multiply(yaw, rot.from_rotvec(np.array([(0.0, mount.pitch, 0.0) for mount in self.mounts])))
 
+    def views(self) -> np.ndarray:
+        """(C, 2) where a thing must be for each camera to be the one that looks at it most: between these bearings
+        [rad], as seen from above in the root frame. A camera among many shares its view with its neighbors.
+        """
+        half = min(self.field_of_view, 2 * np.pi / len(self.mounts)) / 2
+        return np.array([(mount.bearing - half, mount.bearing + half) for mount in self.mounts])
+
+    def quarters(self) -> int:
+        """4 if the cameras are the same after every quarter turn of the robot, else 1."""
+
+        def places(turn: float) -> set[tuple[float, ...]]:
+            return {
+                (round((mount.bearing + turn) % (2 * np.pi), 6) % 6.283185, mount.pitch, mount.height, mount.out)
+                for mount in self.mounts
+            }
+
+        return 4 if places(np.pi / 2) == places(0.0) else 1
+
     def rays(self, height: int = HEIGHT, width: int = WIDTH) -> np.ndarray:
         """(C, height, width, 3) lines of sight in the root frame, each one meter long along its camera's axis: a
         pixel of depth d shows origin + d * ray.

@@ -1,7 +1,11 @@
 """Lifting a box (L): approach a large, unseen box, clasp it with both arms and lift it from the floor."""
 
+import numpy as np
+
+from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.rigs import HEAD_RIG
-from mimicbench.tasks.task import Array, BodyPoints, ObjectInfo, Task
+from mimicbench.tasks.goal import Field, GoalSpec
+from mimicbench.tasks.task import Array, BodyPoints, ObjectInfo, Shortfall, Task
 
 LIFT = 0.2
 """[m] How high the box is to be above where it stood (appendix D.1)."""
@@ -14,6 +18,12 @@ def box_lifted_by_the_wrists(body: BodyPoints, obj: ObjectInfo) -> Array:
     return (obj.pos_w[:, 2] >= LIFT) & obj.within(body.wrist_pos_w, NEAR).all(-1)
 
 
+def describe_box(obj: SceneObject) -> np.ndarray:
+    """(7,) the middle of the box, its front, which is +x, and its half sizes, front to back, left to right, and up."""
+    low, high = obj.bounds()
+    return np.array([*(low + high)[:2] / 2, 0.0, 1.0, *(high - low) / 2])
+
+
 TASK = Task(
     name="lift-box",
     abbreviation="L",
@@ -23,6 +33,21 @@ TASK = Task(
     time_limit=10.0,
     hold_time=0.0,
     holds=box_lifted_by_the_wrists,
+    shortfalls=(
+        Shortfall("box {} too low", lambda _, obj: LIFT - obj.pos_w[:, 2]),
+        Shortfall("a wrist {} too far from the box", lambda body, obj: obj.away(body.wrist_pos_w).max(-1) - NEAR),
+    ),
+    goal=GoalSpec(
+        fields=(
+            Field("middle", "place", noise=0.03, spread=0.1),
+            Field("front", "direction", noise=0.05, spread=0.4),
+            Field("half depth", "scalar", noise=0.015, spread=0.04, middle=0.3),
+            Field("half width", "scalar", noise=0.015, spread=0.04, middle=0.22),
+            Field("half height", "scalar", noise=0.01, spread=0.05, middle=0.44),
+        ),
+        describe=describe_box,
+        window=1.28,
+    ),
     in_last_frame=True,
     requires_seat=False,
     upright=True,

@@ -1,7 +1,8 @@
 """Sitting on a sofa (SS): navigate, locate, and stably sit on a fixed, unseen sofa."""
 
 from mimicbench.robots.rigs import PELVIS_RIG
-from mimicbench.tasks.sit_chair import pelvis_above_seat
+from mimicbench.tasks.seat import seat
+from mimicbench.tasks.sit_chair import SHORTFALLS, pelvis_above_seat
 from mimicbench.tasks.task import Task
 
 TASK = Task(
@@ -13,6 +14,8 @@ TASK = Task(
     time_limit=20.0,
     hold_time=0.3,
     holds=pelvis_above_seat,  # "K is the same as that for SC" (appendix D.1)
+    shortfalls=SHORTFALLS,
+    goal=seat(window=2.4),
     in_last_frame=False,
     requires_seat=True,
     upright=True,

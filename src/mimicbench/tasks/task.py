@@ -12,6 +12,7 @@ from mimicbench.objects.shape import SLOTS, SceneObject
 from mimicbench.references.body.body import body_of
 from mimicbench.robots.description import Robot
 from mimicbench.robots.rigs import Rig
+from mimicbench.tasks.goal import GoalSpec
 
 _FAR = 1e6
 """[m] Where boxes are that an object does not have."""
@@ -82,6 +83,17 @@ class ObjectInfo:
         height = pos_w[:, 2] - self.seat_height
         return self.interior_xy(pos_w) & (height >= 0) & (height <= band)
 
+    def beside(self, pos_w: np.ndarray) -> np.ndarray:
+        """(N,) how far positions (N, 3) are outside of the interior in the bird-eye view [m]; 0 in it."""
+        out = np.maximum(np.maximum(self.low[:, :2] - pos_w[:, :2], pos_w[:, :2] - self.high[:, :2]), 0.0)
+        return np.linalg.norm(out, axis=-1)
+
+    def away(self, pos_w: np.ndarray) -> np.ndarray:
+        """(N, K) how far positions (N, K, 3) are from the object's surface [m]; 0 inside."""
+        local = rot.rotate_inverse(self.quat_w[:, None], pos_w - self.pos_w[:, None])
+        away = rot.rotate_inverse(self.box_quat[:, None], local[:, :, None] - self.box_pos[:, None])
+        return np.linalg.norm(np.maximum(np.abs(away) - self.box_half[:, None], 0.0), axis=-1).min(-1)
+
     def within(self, pos_w: Array, reach: float) -> Array:
         """(N, K) whether positions (N, K, 3) are no farther than `reach` [m] from the object's surface, or inside."""
         local = rot.rotate_inverse(self.quat_w[:, None], pos_w - self.pos_w[:, None])
@@ -122,6 +134,16 @@ def _constant(numbers: Sequence[float], like: Array) -> Array:
 
 
 @dataclass(frozen=True)
+class Shortfall:
+    """One thing that the condition of K asks for, and how much of it is missing."""
+
+    words: str
+    """What is wrong; `{}` stands for how much, such as `pelvis {} above the seat`."""
+    measure: Callable[[BodyPoints, ObjectInfo], np.ndarray]
+    """(N,) how much [m], of NumPy arrays; at most 0 where nothing is missing, NaN where nothing is asked for."""
+
+
+@dataclass(frozen=True)
 class Task:
     """One task of the benchmark."""
 
@@ -140,6 +162,10 @@ class Task:
     """[s] that the condition has to hold without a break."""
     holds: Callable[[BodyPoints, ObjectInfo], np.ndarray]
     """(N,) whether the condition of K holds in a frame."""
+    shortfalls: tuple[Shortfall, ...]
+    """The same condition in parts: it holds where none of them is above 0."""
+    goal: GoalSpec
+    """What the robot has to find, or is told."""
     in_last_frame: bool
     """K is judged in the last frame of the episode, not at any time in it."""
     requires_seat: bool
@@ -158,6 +184,18 @@ class Task:
     """Whether the object is to be moved."""
     height_weight: float = 10.0
     """lambda_height of the paper's tracking reward (appendix F.3)."""
+
+    def failure_reason(self, body: BodyPoints, obj: ObjectInfo) -> list[str]:
+        """(N,) what the condition of K lacks in each scene, of NumPy arrays, the most first; empty where it holds.
+
+        Such as `pelvis 3 cm beside the seat, pelvis 1 cm above it`.
+        """
+        missing = np.array([part.measure(body, obj) for part in self.shortfalls])
+        words = [part.words for part in self.shortfalls]
+        return [
+            ", ".join(words[i].format(_centimeters(row[i])) for i in np.argsort(-row, kind="stable") if row[i] > 0)
+            for row in missing.T
+        ]
 
     def hold_frames(self, fps: float) -> int:
         """Frames in a row that count as holding."""
@@ -204,6 +242,11 @@ class Task:
     def _judge(self, holds: np.ndarray, fps: float) -> bool:
         needed = self.hold_frames(fps)
         return bool(holds[-needed:].all()) if self.in_last_frame else longest_run(holds) >= needed
+
+
+def _centimeters(length: float) -> str:
+    """Such as `3 cm`."""
+    return f"{100 * length:.0f} cm" if length > 0.015 else f"{1000 * length:.1f} mm"
 
 
 def longest_run(values: np.ndarray) -> int:

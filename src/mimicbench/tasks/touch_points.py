@@ -2,8 +2,13 @@
 handled.
 """
 
+from functools import partial
+
+import numpy as np
+
 from mimicbench.robots.rigs import HEAD_RIG
-from mimicbench.tasks.task import Array, BodyPoints, ObjectInfo, Task
+from mimicbench.tasks.goal import Field, GoalSpec
+from mimicbench.tasks.task import Array, BodyPoints, ObjectInfo, Shortfall, Task
 
 REACHED = 0.1
 """[m] A wrist is at its target while it is no farther away than this (appendix D.1)."""
@@ -16,6 +21,11 @@ def wrists_at_targets(body: BodyPoints, obj: ObjectInfo) -> Array:
     return ((away <= REACHED * REACHED) | nowhere).all(-1) & ~nowhere.all(-1)
 
 
+def _away(side: int, body: BodyPoints, obj: ObjectInfo) -> np.ndarray:
+    """(N,) by how much a wrist is farther from its target than it may be [m]; NaN without a target."""
+    return np.linalg.norm(body.wrist_pos_w[:, side] - obj.wrist_goal_w[:, side], axis=-1) - REACHED
+
+
 TASK = Task(
     name="touch-points",
     abbreviation="T",
@@ -25,6 +35,17 @@ TASK = Task(
     time_limit=10.0,
     hold_time=1.0,
     holds=wrists_at_targets,
+    shortfalls=(
+        Shortfall("left wrist {} too far from its target", partial(_away, 0)),
+        Shortfall("right wrist {} too far from its target", partial(_away, 1)),
+    ),
+    goal=GoalSpec(
+        fields=(
+            Field("left wrist", "point", noise=0.0, spread=0.3),
+            Field("right wrist", "point", noise=0.0, spread=0.3),
+        ),
+        describe=None,
+    ),
     in_last_frame=False,
     requires_seat=False,
     upright=True,

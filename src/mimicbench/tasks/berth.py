@@ -1,0 +1,41 @@
+"""The goal of tasks that lie down: a place to lie on, as a robot finds it."""
+
+import numpy as np
+
+from mimicbench.core.errors import BadObject
+from mimicbench.objects.shape import SceneObject
+from mimicbench.tasks.goal import Field, GoalSpec
+
+
+def describe_berth(obj: SceneObject) -> np.ndarray:
+    """(9,) its middle, its front, which is +x, the direction from there to the end where the head goes, its height, how
+    long it is in that direction, and how wide. Raises BadObject.
+    """
+    height = obj.require_seat()
+    if not len(obj.seat_polygon):
+        raise BadObject(f"object {obj.id} has no outline of what one lies on; describe it in seat_polygon")
+    if not len(obj.head_xy):
+        raise BadObject(f"object {obj.id} does not say where the head goes; describe it in head_xy")
+    low, high = obj.seat_polygon.min(0), obj.seat_polygon.max(0)
+    middle, sides = (low + high) / 2, high - low
+    away = (obj.head_xy - middle) / sides
+    along = int(np.argmax(np.abs(away)))
+    head = np.zeros(2)
+    head[along] = np.sign(away[along])
+    return np.array([*middle, 0.0, 1.0, head[1], head[0], height, sides[along], sides[1 - along]])
+
+
+def berth(window: float) -> GoalSpec:
+    """Goals for what one lies on, of objects that fit into a window [m]."""
+    return GoalSpec(
+        fields=(
+            Field("middle", "place", noise=0.04, spread=0.2),
+            Field("front", "direction", noise=0.05, spread=0.4),
+            Field("head", "direction", noise=0.05, spread=0.4),
+            Field("height", "scalar", noise=0.012, spread=0.05, middle=0.45),
+            Field("length", "scalar", noise=0.05, spread=0.2, middle=1.9),
+            Field("width", "scalar", noise=0.05, spread=0.3, middle=1.0),
+        ),
+        describe=describe_berth,
+        window=window,
+    )

@@ -1,0 +1,30 @@
+"""The goal of tasks that sit down: a seat, as a robot finds it."""
+
+import numpy as np
+
+from mimicbench.core.errors import BadObject
+from mimicbench.objects.shape import SceneObject
+from mimicbench.tasks.goal import Field, GoalSpec
+
+
+def describe_seat(obj: SceneObject) -> np.ndarray:
+    """(6,) the middle of the seat, which faces +x, its height and its depth, front to back. Raises BadObject."""
+    height = obj.require_seat()
+    if not len(obj.seat_polygon):
+        raise BadObject(f"object {obj.id} has no outline of its seat; describe it in seat_polygon")
+    low, high = obj.seat_polygon.min(0), obj.seat_polygon.max(0)
+    return np.array([*(low + high) / 2, 0.0, 1.0, height, high[0] - low[0]])
+
+
+def seat(window: float) -> GoalSpec:
+    """Goals for seats on objects that fit into a window [m]."""
+    return GoalSpec(
+        fields=(
+            Field("middle", "place", noise=0.03, spread=0.1),
+            Field("front", "direction", noise=0.05, spread=0.4),
+            Field("height", "scalar", noise=0.012, spread=0.05, middle=0.45),
+            Field("depth", "scalar", noise=0.03, spread=0.06, middle=0.45),
+        ),
+        describe=describe_seat,
+        window=window,
+    )
