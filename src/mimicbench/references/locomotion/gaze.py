@@ -40,7 +40,7 @@ def gaze(
         begins = float(steps.lift_off[round_from]) - BEFORE
         share = minimum_jerk((time - begins) / 0.8) * (1.0 - minimum_jerk((np.abs(towards) - 1.4) / 1.2))
         look = look + share * (np.clip(towards, -FARTHEST, FARTHEST) - look)
-        nod = share * np.minimum(0.65 * down, 0.6)
+        nod = share * np.minimum(0.4 * down, 0.3)  # the eyes do the rest
     width = round(0.25 * fps)
     return smooth(look, width), smooth(nod, width)
 
