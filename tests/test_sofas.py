@@ -13,13 +13,8 @@ from mimicbench.core.errors import BadObject
 from mimicbench.objects.families.couch import COUCHES, make_couch
 from mimicbench.objects.families.joinery import GROOVE
 from mimicbench.objects.families.sofa import SOFAS, make_sofa
-from mimicbench.objects.families.upholstery import (
-    MIN_BETWEEN_ARMS,
-    MIN_LYING_DEPTH,
-    MIN_SEAT_DEPTH,
-    SofaShape,
-    build_sofa,
-)
+from mimicbench.objects.families.sofa_shape import MIN_BETWEEN_ARMS, MIN_LYING_DEPTH, MIN_SEAT_DEPTH, SofaShape
+from mimicbench.objects.families.upholstery import build_sofa
 from mimicbench.objects.registry import make_object
 from mimicbench.objects.shape import SceneObject
 

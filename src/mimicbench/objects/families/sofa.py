@@ -6,13 +6,14 @@ it faces +x: 131.1 +- 21.1 x 63.0 +- 21.7 x 57.3 +- 21.8 cm. A mean height of 57
 of the sofas are seats near the floor with a back that ends at the loins, a quarter have high backs, a fifth none.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mimicbench.core.seeds import rng
 from mimicbench.objects.families.draws import FABRICS, WOODS, Range, SizeDistribution, tint, truncated
-from mimicbench.objects.families.upholstery import MIN_BETWEEN_ARMS, SofaShape, build_sofa
+from mimicbench.objects.families.sofa_shape import MIN_BETWEEN_ARMS, SofaShape
+from mimicbench.objects.families.upholstery import build_sofa
 from mimicbench.objects.family import Family
 from mimicbench.objects.shape import SceneObject
 
@@ -47,6 +48,23 @@ SOFAS = {
 }
 """Sizes of sofas to sit on. Length is the long side (y), width from front to back (x)."""
 
+
+@dataclass(frozen=True)
+class _Details:
+    """What is drawn for every sofa, though not every kind uses it."""
+
+    arm: float
+    """Width of the arms [m]."""
+    rise: float
+    """Of the arms above the seat [m]."""
+    thickness: float
+    """Of the back [m]."""
+    fancy: float
+    """0 to 1, which back it has."""
+    side: float
+    """0 to 1, whether it has arms."""
+
+
 BACKLESS = ("bench", "ottoman", "divan")
 
 
@@ -75,7 +93,7 @@ def draw_sofa(
     recline, arm = random.uniform(0.08, 0.26), random.uniform(0.10, 0.19)
     rise, thickness = random.uniform(0.12, 0.22), random.uniform(0.09, 0.14)
     seats = int(np.clip(round(length / random.uniform(0.62, 0.85)), 1, 3))
-    fancy, side = random.uniform(), random.uniform()
+    details = _Details(arm, rise, thickness, random.uniform(), random.uniform())
     basis = SofaShape(
         kind,
         length,
@@ -98,46 +116,60 @@ def draw_sofa(
         seat = max(seat, height / 2 - 0.05)
     height = max(height, seat + {"settee": 0.2, "futon": 0.2, "lowback": 0.1}.get(kind, 0.14))
     basis = replace(basis, height=height, seat_height=seat)
-    between = (length - MIN_BETWEEN_ARMS) / 2
+    return _special(basis, details, lying) or _covered(random, basis, details, lying)
+
+
+def _special(basis: SofaShape, details: _Details, lying: bool) -> SofaShape | None:
+    """The sofa if it is of a kind whose parts follow from what was drawn already."""
+    kind, width = basis.kind, basis.width
+    between = (basis.length - MIN_BETWEEN_ARMS) / 2
     if kind == "daybed":
-        return replace(basis, seats=1, back="rails" if fancy < 0.3 and lying else "none", arm_width=0.055, cushion=0.14)
+        return replace(
+            basis, seats=1, back="rails" if details.fancy < 0.3 and lying else "none", arm_width=0.055, cushion=0.14
+        )
     if kind == "chesterfield":
-        arm = min(max(arm, 0.16) + 0.4 * max(width - 0.8, 0.0), between)
+        arm = min(max(details.arm, 0.16) + 0.4 * max(width - 0.8, 0.0), between)
         return replace(basis, seats=2, arm_width=arm, pillow=0.0)  # its boxes are all in use
     if kind == "chaise":
-        return replace(basis, back="panel" if fancy < 0.7 else "none", arm_width=0.13, cushion=0.12)
+        return replace(basis, back="panel" if details.fancy < 0.7 else "none", arm_width=0.13, cushion=0.12)
     if kind in ("settee", "futon"):
-        soft = kind == "futon" or fancy < 0.5
+        soft = kind == "futon" or details.fancy < 0.5
         padding = 0.0 if not soft else 0.12 if width > 0.66 else 0.05
         return replace(
             basis,
-            seats=1 if kind == "futon" else min(seats, 2),
+            seats=1 if kind == "futon" else min(basis.seats, 2),
             back="cushions" if soft else "rails",
             back_thickness=0.035,
             back_cushion=padding,
-            arms=(side < 0.8, side < 0.8),
+            arms=(details.side < 0.8, details.side < 0.8),
             arm_width=0.055,
-            arm_height=rise,
+            arm_height=details.rise,
             cushion=0.13 if kind == "futon" else 0.08,
         )
+    return None
+
+
+def _covered(random: np.random.Generator, basis: SofaShape, details: _Details, lying: bool) -> SofaShape:
+    """An upholstered sofa, perhaps with a chaise; its back is as thick as its depth asks for."""
+    kind, width, height, seat = basis.kind, basis.width, basis.height, basis.seat_height
     chaise = random.uniform(0.58, 0.72) if kind == "sectional" else 0.0
     run = min(random.uniform(0.78, 0.95), width - 0.3) if chaise else 0.0
-    loose = fancy < 0.65 and (run or width) > 0.66
-    thickness *= 0.6 if kind == "lowback" else 1.0
+    loose = details.fancy < 0.65 and (run or width) > 0.66
+    thickness = details.thickness * (0.6 if kind == "lowback" else 1.0)
     deepest, thickest = (MAX_LYING_DEPTH, 0.40) if lying else (MAX_SEAT_DEPTH, 0.55)
-    thick = float(np.clip((run or width) - deepest - (height - seat) * np.tan(recline), thickness, thickest))
+    thick = float(np.clip((run or width) - deepest - (height - seat) * np.tan(basis.recline), thickness, thickest))
     padding = 0.45 * thick if loose else 0.0
     # legs lie more easily over an end without arm
-    open_end = bool(chaise) or (lying and side < 0.35)
-    arms = (head < 0, head > 0) if open_end else (kind != "lowback" or side < 0.55,) * 2
+    open_end = bool(chaise) or (lying and details.side < 0.35)
+    arms = (basis.head < 0, basis.head > 0) if open_end else (kind != "lowback" or details.side < 0.55,) * 2
     return replace(
         basis,
         back="cushions" if loose else "panel",
         back_thickness=thick - padding,
         back_cushion=padding,
         arms=arms,
-        arm_width=min(arm, between),
-        arm_height=min(rise, height - seat - 0.02),
+        arm_width=min(details.arm, (basis.length - MIN_BETWEEN_ARMS) / 2),
+        arm_height=min(details.rise, height - seat - 0.02),
         chaise=chaise,
         run=run,
     )

@@ -9,7 +9,7 @@ import numpy as np
 
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
-from mimicbench.objects.families.upholstery import HEAD_ROOM
+from mimicbench.objects.families.sofa_shape import HEAD_ROOM
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.actions.berths import Berth, perch
 from mimicbench.references.actions.lying import lie_course, lie_down
