@@ -7,8 +7,6 @@ from mimicbench.objects.families.parts import Color
 
 MIN_MATTRESS = (1.70, 0.78)
 """Length and width [m]."""
-
-
 BEDDING: tuple[Color, ...] = (
     (0.55, 0.63, 0.72),
     (0.80, 0.76, 0.68),

@@ -6,11 +6,7 @@ from mimicbench.objects.families.draws import FABRICS, WOODS
 from mimicbench.objects.families.parts import Color
 
 MIN_SEAT_DEPTH = 0.34
-
-
 MIN_SEAT_WIDTH = 0.42
-
-
 MIN_BETWEEN_ARMS = 0.52
 """[m]; a robot's two thighs at +-0.2 m need this."""
 

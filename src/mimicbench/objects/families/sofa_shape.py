@@ -10,20 +10,12 @@ from mimicbench.objects.families.parts import Color, Parts
 
 MIN_SEAT_DEPTH = 0.38
 """[m]"""
-
-
 MIN_LYING_DEPTH = 0.48
 """Of the seat of a couch [m]."""
-
-
 MIN_BETWEEN_ARMS = 0.56
 """[m]"""
-
-
 HEAD_ROOM = 0.16
 """From the end of the couch's free length to the middle of the head [m]."""
-
-
 Area = tuple[float, float, float, float]
 """A rectangle seen from above: x from, x to, y from, y to [m]."""
 
