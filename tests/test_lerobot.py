@@ -8,7 +8,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from mimicbench.core.errors import BadFile, MimicbenchError
-from mimicbench.imitate.lerobot import Demonstration, DemoWriter, load_demos
+from mimicbench.imitate.demo_writer import Demonstration, DemoWriter
+from mimicbench.imitate.lerobot import load_demos
 from mimicbench.imitate.tables import read_tasks
 
 JOINTS = tuple(f"joint_{i}" for i in range(19))
