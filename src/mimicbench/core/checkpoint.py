@@ -47,13 +47,20 @@ class Checkpoint:
     """How it came to be: steps, seed, the fingerprint of its data, scores. Nothing depends on it."""
 
     def config_as(self, config_type: type[Config]) -> Config:
-        """The configuration as a dataclass. Raises BadCheckpoint if it does not fit."""
+        """The configuration as a dataclass, whose fields may be missing, but no others be there; no size is negative.
+
+        Raises BadCheckpoint if it does not fit.
+        """
         try:
-            return msgspec.convert(self.config, config_type, strict=False)
-        except (msgspec.ValidationError, TypeError, ValueError) as error:
+            found = msgspec.convert(self.config, config_type)
+            wrong = _unfit(self.config, msgspec.to_builtins(found))
+        except (msgspec.ValidationError, TypeError, ValueError, RecursionError) as error:
+            wrong = str(error)
+        if wrong:
             raise BadCheckpoint(
-                f"{self.folder / CONFIG} does not describe a {self.kind} ({error}); train it again with this version"
-            ) from None
+                f"{self.folder / CONFIG} does not describe a {self.kind} ({wrong}); train it again with this version"
+            )
+        return found
 
     def matching(self, shapes: Mapping[str, tuple[int, ...]]) -> dict[str, np.ndarray]:
         """The arrays, if they are exactly those of `shapes`. Raises BadCheckpoint with the first one that differs."""
@@ -174,6 +181,21 @@ def _read_header(folder: Path) -> dict[str, Any]:
             "the version that wrote it, or train again"
         )
     return header
+
+
+def _unfit(given: Any, known: Any, where: str = "") -> str:
+    """What of a configuration means nothing: keys that nobody knows, sizes below 0, NaN. Empty if all is well."""
+    if isinstance(given, dict) and isinstance(known, dict):
+        strange = sorted(set(given) - set(known))
+        if strange:
+            return f"unknown {where}{strange[0]!r}"
+        found = (_unfit(given[key], known[key], f"{where}{key}.") for key in given)
+    elif isinstance(given, list) and isinstance(known, list | tuple):
+        found = (_unfit(one, other, where) for one, other in zip(given, known, strict=True))
+    else:
+        negative = isinstance(given, int) and given < 0
+        return f"{where.rstrip('.')} is {given}" if negative or given != given else ""
+    return next((wrong for wrong in found if wrong), "")
 
 
 def _by(shape: tuple[int, ...]) -> str:

@@ -60,6 +60,11 @@ class ACTConfig:
     kl_weight: float = 10.0
     """Weight of the divergence in the loss."""
 
+    @property
+    def layers(self) -> tuple[int, ...]:
+        """How many of everything that is repeated."""
+        return self.posterior_layers, self.encoder_layers, self.decoder_layers, *self.encoder.layers
+
     @staticmethod
     def paper(inputs: InputConfig | None = None) -> "ACTConfig":
         """The original's sizes: about 84 million parameters."""

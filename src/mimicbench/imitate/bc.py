@@ -30,6 +30,11 @@ class BCConfig:
     hidden: int = 1024
     """Width of the MLP's two hidden layers."""
 
+    @property
+    def layers(self) -> tuple[int, ...]:
+        """How many of everything that is repeated."""
+        return len(self.reduce), *self.encoder.layers
+
     @staticmethod
     def paper(inputs: InputConfig | None = None) -> "BCConfig":
         """The original's sizes: about 15 million parameters."""

@@ -37,6 +37,11 @@ class EncoderConfig:
         return EncoderConfig(pool=2, widths=(16, 32, 48, 64), blocks=(1, 1, 1, 1), strides=(1, 2, 2, 1))
 
     @property
+    def layers(self) -> tuple[int, ...]:
+        """How many of everything that is repeated."""
+        return len(self.widths), len(self.blocks), *self.blocks
+
+    @property
     def side(self) -> int:
         """Side of the grid of features."""
         side = self.cells // self.pool

@@ -4,8 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import torch
-
+from mimicbench.core.building import built
 from mimicbench.core.checkpoint import load_checkpoint, save_checkpoint
 from mimicbench.core.errors import UnknownName
 from mimicbench.imitate.act import ACT, ACTConfig
@@ -44,7 +43,5 @@ def load_learner(folder: Path, robot: str) -> ACT | BC:
     checkpoint = load_checkpoint(folder, robot=robot)
     if checkpoint.kind not in LEARNERS:
         raise UnknownName("kind of learner", checkpoint.kind, list(LEARNERS))
-    learner = make_learner(checkpoint.config_as(LEARNERS[checkpoint.kind][0]))
-    arrays = checkpoint.matching({name: tuple(value.shape) for name, value in learner.state_dict().items()})
-    learner.load_state_dict({name: torch.from_numpy(array.copy()) for name, array in arrays.items()})
-    return learner.eval()
+    config = checkpoint.config_as(LEARNERS[checkpoint.kind][0])
+    return built(checkpoint, lambda: make_learner(config), config.layers)

@@ -18,6 +18,7 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
+from mimicbench.core.building import built
 from mimicbench.core.checkpoint import BadCheckpoint, load_checkpoint, save_checkpoint
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.settings import Positive
@@ -224,10 +225,8 @@ def load_perception(folder: Path, robot: str) -> Perception:
     task = checkpoint.notes.get("task")
     if not isinstance(task, str):
         raise BadCheckpoint(f"{folder} does not say which task's goal it finds; learn it again")
-    net = Perception(checkpoint.config_as(PerceptionConfig), TASKS.get(task))
-    arrays = checkpoint.matching({name: tuple(value.shape) for name, value in net.state_dict().items()})
-    net.load_state_dict({name: torch.from_numpy(array.copy()) for name, array in arrays.items()})
-    return net.eval()
+    config = checkpoint.config_as(PerceptionConfig)
+    return built(checkpoint, lambda: Perception(config, TASKS.get(task)), [len(config.widths)])
 
 
 # What the planner and the cloners know of their goal, until they take any.

@@ -14,10 +14,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
 import torch
 from torch import nn
 
+from mimicbench.core.building import built
 from mimicbench.core.checkpoint import load_checkpoint, save_checkpoint
 from mimicbench.core.motion import RobotMotion
 from mimicbench.core.settings import Positive
@@ -218,9 +218,9 @@ def load_planner(folder: Path, robot: Robot, task: Task) -> PlannerPolicy:
     config = checkpoint.config_as(PlannerConfig)
     tracker = load_tracker(folder.parent / "tracker", robot)
     perception = load_perception(folder.parent / "perception", robot.name)
-    style = checkpoint.tensors.get("style_mean", np.zeros(0)).shape[0]
+    style = checkpoint.tensors["style_mean"].size if "style_mean" in checkpoint.tensors else 0
     plan = sum(sizes(tracker.spec.plan(task), robot, task))
-    network = PlannerNetwork(len(robot.joints), plan, style, config.hidden)
-    arrays = checkpoint.matching({name: tuple(value.shape) for name, value in network.state_dict().items()})
-    network.load_state_dict({name: torch.from_numpy(array.copy()) for name, array in arrays.items()})
-    return PlannerPolicy(robot, task, network.eval(), tracker, perception)
+    network = built(
+        checkpoint, lambda: PlannerNetwork(len(robot.joints), plan, style, config.hidden), [len(config.hidden)]
+    )
+    return PlannerPolicy(robot, task, network, tracker, perception)
