@@ -19,7 +19,8 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion, BadObject, MimicbenchError, UnknownName
 from mimicbench.core.motion import RobotMotion
 from mimicbench.core.seeds import rng
-from mimicbench.envs.gym import TaskEnv, TaskVectorEnv
+from mimicbench.envs.gym import TaskEnv
+from mimicbench.envs.gym_vector import TaskVectorEnv
 from mimicbench.envs.initial_states import clipped, start_of
 from mimicbench.envs.reference import ReferenceBank
 from mimicbench.envs.rule_starts import Stance, Starts, draw_start
@@ -88,11 +89,12 @@ def test_the_contract_of_single_environments(name):
     _, info = env.reset(seed=0)
     assert {name: type(value) for name, value in info.items()} == {
         "success": bool,
+        "is_success": bool,
+        "stays": bool,
         "effort": float,
         "fell": bool,
         "diverged": bool,
-        "object_id": str,
-        "reference_id": str,
+        "start": int,
         "seed": int,
     }
 
@@ -136,7 +138,7 @@ def test_a_seed_is_an_episode():
 
 def test_a_fresh_object_at_every_reset():
     env = make(pool=60)
-    ids = [env.reset(seed=0 if i == 0 else None)[1]["object_id"] for i in range(12)]
+    ids = [env.reset(seed=0 if i == 0 else None) and env.object_ids()[0] for i in range(12)]
     assert len(set(ids)) > 3
     assert {split_of(object_id) for object_id in ids} == {"test"}
     assert [obj.id for obj in env.episodes.env.physics.objects] == ids[-1:]
@@ -344,9 +346,9 @@ def test_starts_from_motions_of_the_split_only():
     env = gymnasium.make(
         "mimicbench/SitChair-v0", split="test", starts=[clip(object_id=object_id) for object_id in ids]
     ).unwrapped
-    infos = [env.reset(seed=seed)[1] for seed in range(10)]
-    assert {info["object_id"] for info in infos} == {object_id for object_id in ids if split_of(object_id) == "test"}
-    assert all(info["reference_id"] == f"clip-{info['object_id']}" for info in infos)
+    met = [env.reset(seed=seed) and (env.object_ids()[0], env.reference_ids()[0]) for seed in range(10)]
+    assert {object_id for object_id, _ in met} == {object_id for object_id in ids if split_of(object_id) == "test"}
+    assert all(reference_id == f"clip-{object_id}" for object_id, reference_id in met)
 
 
 def test_starts_from_a_work_folder(tmp_path):
@@ -362,9 +364,10 @@ def test_starts_from_a_work_folder(tmp_path):
     with pytest.raises(BadMotion, match="split"):
         TaskEnv("sit-chair", split="train" if obj.split == "test" else "test", starts=tmp_path)
     env = TaskEnv("sit-chair", split=obj.split, starts=str(tmp_path))
-    info = env.reset(seed=0)[1]
-    assert (info["object_id"], info["reference_id"]) == ("own-chair", "clip-own-chair")
-    assert TaskEnv("sit-chair", split=obj.split, starts=folder).reset(seed=0)[1]["object_id"] == "own-chair"
+    env.reset(seed=0)
+    assert (env.object_ids(), env.reference_ids()) == (["own-chair"], ["clip-own-chair"])
+    env = TaskEnv("sit-chair", split=obj.split, starts=folder)
+    assert env.reset(seed=0) and env.object_ids() == ["own-chair"]
     with making.by_hand(folder.with_name("two"), "retarget", settings={"other": 1}):
         pass
     with pytest.raises(BadMotion, match="several stages"):
@@ -392,11 +395,141 @@ def test_mistakes_are_told():
     for bad in (np.full(19, np.nan), np.zeros(7)):
         with pytest.raises(MimicbenchError, match="finite numbers"):
             env.step(bad)
-    envs = TaskVectorEnv("sit-chair", 2)
+    for bad in (1 << 80, -1, 0.5, "one"):
+        with pytest.raises(MimicbenchError, match="is no seed"):
+            env.reset(seed=bad)
+    with pytest.raises(UnknownName, match="option of reset 'goal'"):
+        env.reset(options={"goal": 1})
+    with pytest.raises(MimicbenchError, match="there is no start 5000"):
+        env.reset(options={"start": 5000})
+    for arguments, told in (
+        ({"action": "wish"}, "unknown action"),
+        ({"action": "residual", "control": "torque"}, "torque control"),
+        ({"max_episode_steps": 0}, "1 or more"),
+    ):
+        with pytest.raises(MimicbenchError, match=told):
+            TaskEnv("sit-chair", **arguments)
+    envs = TaskVectorEnv("sit-chair", 2, render_mode="rgb_array")
+    for unbegun in (envs, TaskEnv("sit-chair", render_mode="rgb_array")):
+        with pytest.raises(MimicbenchError, match="call reset"):
+            unbegun.render()
+    for bad in (1 << 80, [1, -2]):
+        with pytest.raises(MimicbenchError, match="is no seed"):
+            envs.reset(seed=bad)
+    with pytest.raises(UnknownName, match="reset_mask"):
+        envs.reset(options={"mask": np.ones(2, bool)})
+    with pytest.raises(MimicbenchError, match="start must hold 2"):
+        envs.reset(options={"start": np.zeros(3, int)})
     with pytest.raises(MimicbenchError, match="seeds"):
         envs.reset(seed=[1])
     with pytest.raises(MimicbenchError, match="all environments"):
         envs.reset(options={"reset_mask": np.array([True, False])})
+
+
+def test_time_limits_are_gymnasiums_too():
+    for name, steps in mimicbench.EPISODE_STEPS.items():
+        assert steps == round(TASKS.get(mimicbench.ENVIRONMENTS[name]).time_limit / 0.02)
+        assert gymnasium.spec(f"mimicbench/{name}-v0").max_episode_steps == steps
+    env = gymnasium.make("mimicbench/SitChair-v0", pool=20)
+    assert env.spec.max_episode_steps == 1000
+    single = gymnasium.make("mimicbench/SitChair-v0", pool=20, max_episode_steps=3)
+    envs, shorter = make_vec(max_episode_steps=3), make_vec(max_episode_steps=30, time_limit=0.06)
+    loop = make_vec(vectorization_mode="sync", max_episode_steps=3)
+    for each in (single, envs, shorter, loop):
+        each.reset(seed=0)
+        action = np.broadcast_to(REST, each.action_space.shape)
+        ended = [bool(np.all(each.step(action)[3])) for _ in range(3)]
+        assert ended == [False, False, True]
+    assert envs.spec.max_episode_steps == 1000 and envs.spec.kwargs["max_episode_steps"] == 3
+
+
+def test_spaces_know_nothing_of_the_time_limit():
+    short, long = make(time_limit=0.1), make(time_limit=15.0)
+    assert short.observation_space == long.observation_space and short.action_space == long.action_space
+
+
+def test_one_observation_may_be_named_alone():
+    assert list(make(observe="proprio").reset(seed=0)[0]) == ["proprio"]
+
+
+def test_vector_infos_are_numbers():
+    envs = make_vec(autoreset_mode="SameStep", time_limit=0.02)
+    _, info = envs.reset(seed=0)
+    _, _, _, _, later = envs.step(np.tile(REST, (3, 1)))
+    for facts in (info, later["final_info"], {name: value for name, value in later.items() if "final" not in name}):
+        assert all(values.dtype.kind in "bif" and values.shape == (3,) for values in facts.values())
+
+
+def test_vectors_become_torch_tensors():
+    pytest.importorskip("array_api_compat", reason="Gymnasium's NumpyToTorch needs array-api-compat")
+    from gymnasium.wrappers.vector import NumpyToTorch
+
+    for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED):  # Gymnasium itself puts dicts into final_obs
+        envs = NumpyToTorch(make_vec(autoreset_mode=mode, time_limit=0.04))
+        _, info = envs.reset(seed=0)
+        assert isinstance(info["start"], torch.Tensor)
+        for _ in range(1 if mode is AutoresetMode.DISABLED else 3):
+            seen, reward, *_, info = envs.step(torch.tensor(REST).expand(3, -1))
+            assert isinstance(seen["proprio"], torch.Tensor) and isinstance(info["seed"], torch.Tensor)
+            assert isinstance(reward, torch.Tensor)
+
+
+def test_a_start_can_be_chosen():
+    ids = ["chair-0-00003", "chair-0-00001", "chair-0-00007"]
+    motions = [clip(object_id=object_id) for object_id in ids]
+    envs = TaskVectorEnv("sit-chair", 3, split="all", starts=motions)
+    _, info = envs.reset(seed=0, options={"start": np.array([2, 0, 2])})
+    assert info["start"].tolist() == [2, 0, 2]
+    assert envs.object_ids() == [ids[2], ids[0], ids[2]] and envs.reference_ids()[1] == motions[0].id
+    mask = np.array([False, True, False])
+    envs.reset(options={"start": np.array([0, 1, 1]), "reset_mask": mask})
+    assert envs.object_ids() == [ids[2], ids[1], ids[2]]
+    env = make(objects=[block(0.42), block(0.5)])
+    assert [env.reset(seed=4, options={"start": k})[1]["start"] for k in (1, 0)] == [1, 0]
+    assert env.object_ids() == [block(0.42).id]
+
+
+def test_residual_actions_are_around_the_rest_pose():
+    env, plain = make(action="residual"), make()
+    assert env.action_space == gymnasium.spaces.Box(-1.0, 1.0, (19,), np.float32)
+    action = np.linspace(-0.3, 0.3, 19, dtype=np.float32)
+    for each in (env, plain):
+        each.reset(seed=0)
+    np.testing.assert_array_equal(env.step(action)[0]["state"], plain.step(action + REST)[0]["state"])
+    assert torch.equal(env.episodes.env.last_action[0], torch.from_numpy(action))
+
+
+_DRAWN_THEN_FORKED = """
+import os
+import mimicbench
+from mimicbench.envs.gym import TaskEnv
+from mimicbench.sensors.opengl import NoPictures
+
+def look():
+    env = TaskEnv("sit-chair", observe="color", cameras=(20, 30), split="test", pool=20)
+    env.reset(seed=0)
+    env.close()
+
+try:
+    look()
+except NoPictures as error:
+    print("none", error)
+    raise SystemExit(0)
+if os.fork() == 0:
+    try:
+        look()
+    except NoPictures as error:
+        print(error, flush=True)
+    os._exit(0)
+os.wait()
+"""
+
+
+def test_a_fork_of_who_has_drawn_is_told():
+    told = in_python(_DRAWN_THEN_FORKED)
+    if told.startswith("none"):
+        pytest.skip(told)
+    assert "forked" in told and "spawn" in told
 
 
 def test_pictures():

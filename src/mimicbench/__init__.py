@@ -20,6 +20,8 @@ ENVIRONMENTS = {
     "LiftBox": "lift-box",
 }
 """Names of the environments, each with its task's; their ids are `mimicbench/<name>-v0`."""
+EPISODE_STEPS = {name: 500 if task in ("touch-points", "lift-box") else 1000 for name, task in ENVIRONMENTS.items()}
+"""Control steps of 0.02 s in the time limits of their tasks, known without importing these."""
 
 
 def register_environments(gymnasium: ModuleType) -> None:
@@ -28,7 +30,8 @@ def register_environments(gymnasium: ModuleType) -> None:
         gymnasium.register(
             f"mimicbench/{name}-v0",
             "mimicbench.envs.gym:TaskEnv",
-            vector_entry_point="mimicbench.envs.gym:TaskVectorEnv",
+            vector_entry_point="mimicbench.envs.gym_vector:TaskVectorEnv",
+            max_episode_steps=EPISODE_STEPS[name],
             kwargs={"task": task},
         )
 

@@ -16,7 +16,7 @@ from mujoco.batch import Batch
 from mimicbench.bench.memory import resident_bytes
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.seeds import rng
-from mimicbench.envs.gym import TaskVectorEnv
+from mimicbench.envs.gym_vector import TaskVectorEnv
 from mimicbench.envs.spaces import action_space
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.robots.description import Robot

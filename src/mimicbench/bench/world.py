@@ -19,7 +19,7 @@ import torch
 from mimicbench.bench.memory import resident_bytes
 from mimicbench.bench.sensors import bench_senses
 from mimicbench.core.seeds import rng
-from mimicbench.envs.gym import TaskVectorEnv
+from mimicbench.envs.gym_vector import TaskVectorEnv
 from mimicbench.objects.registry import make_object
 from mimicbench.robots.registry import ROBOTS
 from mimicbench.tasks.registry import TASKS

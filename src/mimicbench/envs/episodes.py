@@ -22,6 +22,10 @@ from mimicbench.sim.rows import Rows
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.task import Task
 
+MAX_SEED = 1 << 63
+"""Seeds are smaller."""
+ACTIONS = ("target", "residual")
+
 
 @dataclass(frozen=True)
 class GymConfig:
@@ -31,6 +35,11 @@ class GymConfig:
     """Which objects to meet: `train`, `test`, or `all`."""
     control: str = "position"
     """What actions are: `position`, `velocity` or `torque`."""
+    action: str = "target"
+    """How actions say it: `target`, as they are; or `residual`, of position control only: in -1 to 1, as angles [rad]
+    around the robot's rest pose."""
+    terminate_on_success: bool = True
+    """Whether an episode ends when K is fulfilled. Evaluation goes on to the time limit."""
     gains: str = "improved"
     """Which of the robot's gains drive position and velocity control: `improved`, or the paper's 100/5 on all joints,
     `paper`."""
@@ -41,6 +50,8 @@ class GymConfig:
     """Height and width of what one of the robot's cameras observes [px]; the paper's are 360 and 480."""
     time_limit: float | None = None
     """Seconds to a truncation; None: the task's, 20 s or 10 s (appendix C.1)."""
+    max_episode_steps: int | None = None
+    """Control steps to a truncation, if that comes earlier. Gymnasium gives the task's, unless it is told another."""
     starts: Sequence[RobotMotion] | Path | str | None = None
     """Motions in whose first frames episodes start, beside the motions' objects: as such, or the folder of a
     `--workdir`, whose
@@ -65,6 +76,17 @@ class GymConfig:
 
     def __post_init__(self) -> None:
         check_device(self.device)
+        if isinstance(self.observe, str):
+            object.__setattr__(self, "observe", (self.observe,))
+        if self.action not in ACTIONS:
+            raise UnknownName("action", self.action, list(ACTIONS))
+        if self.action == "residual" and self.control != "position":
+            raise MimicbenchError(
+                f'action="residual" is of angles around a pose, which {self.control} control does not take; choose '
+                'control="position"'
+            )
+        if self.max_episode_steps is not None and self.max_episode_steps < 1:
+            raise MimicbenchError(f"{self.max_episode_steps} steps are no episode; give max_episode_steps of 1 or more")
         for name in self.observe:
             if name not in TERMS:
                 raise UnknownName("observation", name, list(TERMS))
@@ -99,16 +121,18 @@ class Episodes:
             raise MimicbenchError(f"{num_envs} environments are none; give at least 1")
         self.task, self.num_envs, self.config = task, num_envs, config
         self.robot = ROBOTS.get(config.robot)
-        self.limit = round((config.time_limit or task.time_limit) / CONTROL_DT)
+        steps = round((config.time_limit or task.time_limit) / CONTROL_DT)
+        self.limit = min(steps, config.max_episode_steps or steps)
         """Control steps to a truncation."""
         given = ("targets", "target_elevation") if "elevation" in config.observe else ("targets",)
         self.terms = chosen_terms(tuple(dict.fromkeys((*config.observe, *given))), task)
         """What is observed; targets always, where the task has some."""
-        self._draw = Starts(task, self.robot, config.split, config.objects, config.pool, config.starts).draw
+        self._middle = np.array(self.robot.rest_pose if config.action == "residual" else 0.0, np.float32)
+        self._starts = Starts(task, self.robot, config.split, config.objects, config.pool, config.starts)
         self.starts: list[InitialState] = []
         """(N,) how each episode started."""
-        self.seeds = np.zeros(num_envs, np.int64)
-        """(N,) of each episode."""
+        self.seeds, self.numbers = np.zeros((2, num_envs), np.int64)
+        """(N,) of each episode; the place of its motion among `starts`, or of its object among those to meet."""
         self._env: VecEnv | None = None
 
     @property
@@ -124,15 +148,21 @@ class Episodes:
         assert self.env.metrics is not None
         return self.env.metrics
 
-    def begin(self, ids: np.ndarray, seeds: Sequence[int]) -> None:
-        """Begin the episodes `ids` (n,) anew, each from its seed. The first time, that must be all."""
-        starts = [self._draw(seed) for seed in seeds]
+    def begin(self, ids: np.ndarray, seeds: Sequence[int], numbers: Sequence[int] | None = None) -> None:
+        """Begin the episodes `ids` (n,) anew, each from its seed, or from the start with a number. First of all, all.
+
+        Raises MimicbenchError if there is no such seed or start.
+        """
+        drawn = [
+            self._starts.draw(check_seed(seed), None if numbers is None else numbers[i]) for i, seed in enumerate(seeds)
+        ]
+        starts = [start for start, _ in drawn]
         if self._env is None:
             if len(ids) != self.num_envs:
                 raise MimicbenchError("no episode has begun; call reset() for all environments first")
-            self._env, self.starts = self._make([start.obj for start in starts]), starts
-        for env, start, seed in zip(ids, starts, seeds, strict=True):
-            self.starts[env], self.seeds[env] = start, seed
+            self._env, self.starts = self._make([start.obj for start in starts]), list(starts)
+        for env, (start, number), seed in zip(ids, drawn, seeds, strict=True):
+            self.starts[env], self.seeds[env], self.numbers[env] = start, seed, number
         rows = Rows.of(ids.tolist(), self.num_envs, self._env.device)
         self._env.reset(rows, stacked(starts, self._env.physics))
 
@@ -143,20 +173,27 @@ class Episodes:
         env_config = EnvConfig(config.device, config.workers, physics, config.cameras)
         return VecEnv(self.task, self.robot, scenes, env_config)
 
-    def step(self, target: np.ndarray, running: np.ndarray) -> Outcome:
-        """One control step of the episodes `running` (N,) bool with joint targets (N, J); the others stay."""
-        target, shape = np.asarray(target, np.float32), (self.num_envs, len(self.robot.joints))
+    def step(self, action: np.ndarray, running: np.ndarray) -> Outcome:
+        """One control step of the episodes `running` (N,) bool with actions (N, J); the others stay."""
+        action, shape = (
+            np.array(action, np.float32),
+            (self.num_envs, len(self.robot.joints)),
+        )  # the caller keeps its own
         some = None if running.all() else running
-        if target.shape != shape or not np.isfinite(target if some is None else target[some]).all():
+        if action.shape != shape or not np.isfinite(action if some is None else action[some]).all():
             raise MimicbenchError(
                 f"actions must be {' x '.join(map(str, shape))} finite numbers, one for each joint of each robot"
             )
         env, metrics = self.env, self.metrics
-        target = target.copy() if some is None else np.where(running[:, None], target, env.last_target.cpu().numpy())
+        target = action + self._middle
+        if some is not None:
+            target = np.where(running[:, None], target, env.last_target.cpu().numpy())
+            action = np.where(running[:, None], action, env.last_action.cpu().numpy())
         if running.any():
             mask = None if some is None else torch.from_numpy(running).to(env.device)
-            env.step(torch.from_numpy(target).to(env.device), running=mask)
-        terminated = running & metrics.over().cpu().numpy()
+            env.step(*(torch.from_numpy(part).to(env.device) for part in (target, action)), running=mask)
+        over = metrics.over() if self.config.terminate_on_success else metrics.diverged
+        terminated = running & over.cpu().numpy()
         truncated = running & ~terminated & (metrics.steps.cpu().numpy() >= self.limit)
         reward = ((terminated | truncated) & self.success()).astype(float)
         return Outcome(reward, terminated, truncated)
@@ -187,13 +224,29 @@ class Episodes:
 
     def info(self) -> dict[str, np.ndarray]:
         """What is known of each episode now, one entry a robot. See gym.TaskEnv."""
-        metrics = self.metrics
+        metrics, success = self.metrics, self.success()
         return {
-            "success": self.success(),
+            "success": success,
+            "is_success": success.copy(),
+            "stays": metrics.stays.cpu().numpy(),
             "effort": metrics.effort().cpu().numpy().copy(),
             "fell": metrics.fell.cpu().numpy().copy(),
             "diverged": metrics.diverged.cpu().numpy().copy(),
-            "object_id": np.array([start.obj.id for start in self.starts], object),
-            "reference_id": np.array([start.reference_id for start in self.starts], object),
+            "start": self.numbers.copy(),
             "seed": self.seeds.copy(),
         }
+
+    def object_ids(self) -> list[str]:
+        """Of the object in each scene."""
+        return [start.obj.id for start in self.starts]
+
+    def reference_ids(self) -> list[str]:
+        """Of the motion that each episode started from; empty where the start was drawn by rule."""
+        return [start.reference_id for start in self.starts]
+
+
+def check_seed(seed: object) -> int:
+    """The seed as it is. Raises MimicbenchError if it is none."""
+    if not isinstance(seed, int | np.integer) or not 0 <= seed < MAX_SEED:
+        raise MimicbenchError(f"{seed!r} is no seed; give a whole number from 0 to {MAX_SEED - 1}")
+    return int(seed)

@@ -1,21 +1,15 @@
-"""The tasks as Gymnasium environments, single (`TaskEnv`) and batched (`TaskVectorEnv`).
+"""The tasks as Gymnasium environments: `gymnasium.make("mimicbench/SitChair-v0")`, once mimicbench is imported."""
 
-`gymnasium.make("mimicbench/SitChair-v0")` and `gymnasium.make_vec` find them once mimicbench is imported.
-"""
-
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import fields, replace
 from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.utils import seeding
-from gymnasium.vector import AutoresetMode, VectorEnv
-from gymnasium.vector.utils import batch_space
 
-from mimicbench.core.errors import MimicbenchError, UnknownName
-from mimicbench.envs.episodes import Episodes, GymConfig
-from mimicbench.envs.spaces import action_space, batched, observation_space
+from mimicbench.core.errors import UnknownName
+from mimicbench.envs.episodes import Episodes, GymConfig, check_seed
+from mimicbench.envs.spaces import action_space, observation_space
 from mimicbench.envs.view import View
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.registry import TASKS
@@ -48,7 +42,7 @@ class TaskEnv(gymnasium.Env[Observation, np.ndarray]):
     target angles [rad] that a PD controller with the gains `gains` drives to, target velocities [rad/s], or torques
     [N m]. Actions beyond
     the bounds are not clipped: joint stops and torque limits decide what becomes of them. Numbers that are not finite
-    are refused.
+    are refused. With `action="residual"` the bounds are -1 and 1, and actions are added to the robot's rest pose [rad].
 
     ## Observation space
 
@@ -97,26 +91,28 @@ class TaskEnv(gymnasium.Env[Observation, np.ndarray]):
     once, 0.1 m to the side and turned by 0.2 rad. TouchPoints draws a pair of points that two hands can reach.
 
     `reset(seed=n)` gives the episode n: the same object, start and goal every time. Later resets without a seed draw
-    the seeds of their
-    episodes from n; `info["seed"]` is the one of the present episode, with which it can be had again.
+    the seeds of their episodes from n; `info["seed"]` is the one of the present episode, with which it can be had
+    again. `options={"start": k}` begins with motion k of `starts`, or beside object k of those to meet, whatever the
+    seed; `info["start"]` is the present one.
 
     ## Episode end
 
-    Terminated when K is fulfilled (LiftBox: never, for K is judged in the last frame), or when the physics break down,
-    which
-    `info["diverged"]` says. Truncated at the time limit. Falling ends no episode.
+    Terminated when K is fulfilled (LiftBox: never, for K is judged in the last frame; with
+    `terminate_on_success=False`: never), or when the physics break down, which `info["diverged"]` says. Truncated at
+    the time limit, or after `max_episode_steps` if they are fewer; Gymnasium makes that the task's unless told
+    otherwise, so give both for episodes that are longer. Falling ends no episode.
 
     ## Information
 
-    `success` (K has been fulfilled; of LiftBox: holds in this frame), `effort` (the largest e_i of the episode [W^2],
-    which P is judged by,
-    appendix D.2), `fell`, `diverged`, `object_id`, `reference_id` (the motion that it started from, or empty), `seed`.
+    Numbers only. `success` and `is_success` (K has been fulfilled; of LiftBox: holds in this frame), `stays` (its
+    condition has held for 0.3 s and the robot has not fallen: what evaluation asks at the time limit), `effort` (the
+    largest e_i of the episode [W^2], which P is judged by, appendix D.2), `fell`, `diverged`, `start`, `seed`.
+    `env.unwrapped.object_ids()` and `reference_ids()` are the ids of the present object and of the motion that the
+    episode started from.
 
     ## Arguments
 
-    Those of `mimicbench.envs.episodes.GymConfig`: `split`, `control`, `gains`, `observe`, `cameras`, `time_limit`,
-    `starts`, `objects`, `pool`,
-    `robot`, `workers`, `device`, `height`, `width`; and `render_mode`, None or `"rgb_array"`, which needs OpenGL.
+    Those of `mimicbench.envs.episodes.GymConfig`; and `render_mode`, None or `"rgb_array"`, which needs OpenGL.
 
     ## Version history
 
@@ -127,20 +123,24 @@ class TaskEnv(gymnasium.Env[Observation, np.ndarray]):
 
     def __init__(self, task: str, render_mode: str | None = None, **arguments: Any) -> None:
         """Make the environment of a task by its name, such as `sit-chair`; see the class for the other arguments."""
-        config = _config(arguments)
-        _check_render_mode(render_mode)
+        config = config_of(arguments)
+        check_render_mode(render_mode)
         self.render_mode = render_mode
         self.episodes = Episodes(TASKS.get(task), 1, replace(config, workers=1))
-        self.action_space = action_space(self.episodes.robot, config.control)
+        self.action_space = action_space(self.episodes.robot, config.control, config.action)
         self.observation_space = observation_space(self.episodes)
         self._view: View | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin the episode `seed`, or without it the next one. There are no options."""
+        """Begin the episode `seed`, or without it the next one; with `options["start"]` from that start."""
+        given = known_options(options, ("start",)).get("start")
+        if seed is not None:
+            check_seed(seed)
         super().reset(seed=seed)
-        self.episodes.begin(np.zeros(1, int), [_next_seed(self.np_random) if seed is None else seed])
+        own = [next_seed(self.np_random) if seed is None else seed]
+        self.episodes.begin(np.zeros(1, int), own, None if given is None else [given])
         return self._observe(), self._info()
 
     def step(self, action: np.ndarray) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -158,15 +158,23 @@ class TaskEnv(gymnasium.Env[Observation, np.ndarray]):
         return {name: values[0] for name, values in self.episodes.observe().items()}
 
     def _info(self) -> dict[str, Any]:
-        return _row(self.episodes.info(), 0)
+        return row_of(self.episodes.info(), 0)
+
+    def object_ids(self) -> list[str]:
+        """The id of the present object."""
+        return self.episodes.object_ids()
+
+    def reference_ids(self) -> list[str]:
+        """The id of the motion that the episode started from; empty if it was drawn by rule."""
+        return self.episodes.reference_ids()
 
     def render(self) -> np.ndarray | None:  # type: ignore[override]
         """A picture (height, width, 3), uint8; None without a render mode."""
         if self.render_mode is None:
             gymnasium.logger.warn('render() gives pictures only with render_mode="rgb_array"')
             return None
-        self._view = self._view or _view(self.episodes)
-        return _draw(self._view, self.episodes, 0)
+        self._view = self._view or view_of(self.episodes)
+        return draw(self._view, self.episodes, 0)
 
     def close(self) -> None:
         """Give the OpenGL contexts back, if there are any."""
@@ -175,134 +183,8 @@ class TaskEnv(gymnasium.Env[Observation, np.ndarray]):
             self._view.close()
 
 
-class TaskVectorEnv(VectorEnv[Observation, np.ndarray, np.ndarray]):
-    """N environments like TaskEnv in one batched simulation.
-
-    Observations, actions, rewards and infos are those of TaskEnv, stacked.
-
-    Environment i of `reset(seed=n)` goes through the same episodes as a TaskEnv of `reset(seed=n + i)`, bit for bit,
-    with any number of workers.
-
-    Further arguments:
-        num_envs: N.
-        autoreset_mode: What happens to environments whose episode has ended. `NextStep` (default): the next step
-            begins another one, ignores the
-            action and has reward 0. `SameStep`: another one begins at once; `info["final_obs"]` and
-            `info["final_info"]` hold the
-            last frame of the one that ended. `Disabled`: nothing, until `reset(options={"reset_mask": mask})` with an
-            array (N,) of bool.
-    """
-
-    metadata: dict[str, Any] = {**TaskEnv.metadata, "autoreset_mode": AutoresetMode.NEXT_STEP}
-
-    def __init__(
-        self,
-        task: str,
-        num_envs: int = 1,
-        render_mode: str | None = None,
-        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
-        **arguments: Any,
-    ) -> None:
-        """Make `num_envs` environments of a task by its name, such as `sit-chair`.
-
-        See TaskEnv for the other arguments.
-        """
-        config = _config(arguments)
-        _check_render_mode(render_mode)
-        self.render_mode = render_mode
-        self.autoreset_mode = _mode(autoreset_mode)
-        self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
-        self.num_envs = num_envs
-        self.episodes = Episodes(TASKS.get(task), num_envs, config)
-        self.single_action_space = action_space(self.episodes.robot, config.control)
-        self.single_observation_space = observation_space(self.episodes)
-        self.action_space = batch_space(self.single_action_space, num_envs)
-        self.observation_space = batched(self.single_observation_space, num_envs)
-        self._randoms: list[np.random.Generator] = []
-        self._ended = np.zeros(num_envs, bool)
-        self._view: View | None = None
-
-    def reset(  # type: ignore[override]
-        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observation, dict[str, Any]]:
-        """Begin new episodes everywhere, or where `options["reset_mask"]` is true.
-
-        Args:
-            seed: n for the episodes n, n + 1, ...; or one seed, or None, for each environment.
-            options: nothing, or `reset_mask` (N,) bool.
-        """
-        if seed is None or isinstance(seed, int | np.integer):
-            seed = [None if seed is None else int(seed) + env for env in range(self.num_envs)]
-        if len(seed) != self.num_envs:
-            raise MimicbenchError(
-                f"{len(seed)} seeds are given for {self.num_envs} environments; give one for each, or a single number"
-            )
-        mask = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs, bool)))
-        if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
-            raise MimicbenchError(f"reset_mask must hold {self.num_envs} booleans, at least one of them true")
-        if not self._randoms:
-            self._randoms = [seeding.np_random()[0] for _ in range(self.num_envs)]
-        chosen = [(env, own) for env, own in enumerate(seed) if mask[env]]
-        for env, own in chosen:
-            if own is not None:
-                self._randoms[env] = seeding.np_random(own)[0]
-        self._begin(np.flatnonzero(mask), [own for _, own in chosen])
-        return self.episodes.observe(), _masked(self.episodes.info(), mask)
-
-    def step(self, actions: np.ndarray) -> tuple[Observation, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        """One control step of 0.02 s everywhere, but where an episode begins instead."""
-        waiting = self._ended.copy()
-        if self.autoreset_mode is AutoresetMode.DISABLED and waiting.any():
-            raise MimicbenchError("some episodes have ended; call reset() with their reset_mask first")
-        if waiting.any():
-            self._begin(np.flatnonzero(waiting))
-        outcome = self.episodes.step(actions, ~waiting)
-        self._ended = outcome.terminated | outcome.truncated
-        last: dict[str, Any] = {}
-        if self.autoreset_mode is AutoresetMode.SAME_STEP and self._ended.any():
-            last = self._last_frames(self._ended)
-            self._begin(np.flatnonzero(self._ended))
-        info = _masked(self.episodes.info(), np.ones(self.num_envs, bool)) | last
-        return self.episodes.observe(), outcome.reward, outcome.terminated, outcome.truncated, info
-
-    def _begin(self, ids: np.ndarray, seeds: Sequence[int | None] | None = None) -> None:
-        """Begin episodes in the environments `ids`, from seeds of their own where none is given."""
-        given = seeds or [None] * len(ids)
-        self.episodes.begin(
-            ids,
-            [_next_seed(self._randoms[env]) if seed is None else seed for env, seed in zip(ids, given, strict=True)],
-        )
-        self._ended[ids] = False
-
-    def _last_frames(self, ended: np.ndarray) -> dict[str, Any]:
-        """What SameStep says of the episodes `ended` (N,) before others take their places."""
-        seen = self.episodes.observe()
-        observations = np.full(self.num_envs, None, object)
-        for env in np.flatnonzero(ended).tolist():
-            observations[env] = _row(seen, env)
-        return {
-            "final_obs": observations,
-            "_final_obs": ended.copy(),
-            "final_info": _masked(self.episodes.info(), ended),
-            "_final_info": ended.copy(),
-        }
-
-    def render(self) -> tuple[np.ndarray, ...] | None:  # type: ignore[override]
-        """A picture (height, width, 3), uint8, of each environment; None without a render mode."""
-        if self.render_mode is None:
-            gymnasium.logger.warn('render() gives pictures only with render_mode="rgb_array"')
-            return None
-        self._view = self._view or _view(self.episodes)
-        return tuple(_draw(self._view, self.episodes, env) for env in range(self.num_envs))
-
-    def close_extras(self) -> None:
-        """Give the OpenGL contexts back, if there are any."""
-        self.episodes.close()
-        if self._view is not None:
-            self._view.close()
-
-
-def _config(arguments: dict[str, Any]) -> GymConfig:
+def config_of(arguments: dict[str, Any]) -> GymConfig:
+    """The configuration that an environment's arguments describe. Raises UnknownName, MimicbenchError."""
     known = [field.name for field in fields(GymConfig)]
     for name in arguments:
         if name not in known:
@@ -310,23 +192,26 @@ def _config(arguments: dict[str, Any]) -> GymConfig:
     return GymConfig(**arguments)
 
 
-def _check_render_mode(render_mode: str | None) -> None:
+def check_render_mode(render_mode: str | None) -> None:
+    """Raises UnknownName if there is no such mode."""
     if render_mode not in (None, *TaskEnv.metadata["render_modes"]):
         raise UnknownName("render mode", render_mode, TaskEnv.metadata["render_modes"])
 
 
-def _mode(mode: str | AutoresetMode) -> AutoresetMode:
-    known = [each.value for each in AutoresetMode]
-    if not isinstance(mode, AutoresetMode) and mode not in known:
-        raise UnknownName("autoreset mode", mode, known)
-    return AutoresetMode(mode)
+def known_options(options: Mapping[str, Any] | None, known: Collection[str]) -> Mapping[str, Any]:
+    """The options of a reset. Raises UnknownName if there is one that means nothing."""
+    for name in options or {}:
+        if name not in known:
+            raise UnknownName("option of reset", name, list(known))
+    return options or {}
 
 
-def _next_seed(random: np.random.Generator) -> int:
+def next_seed(random: np.random.Generator) -> int:
+    """The seed of the next episode."""
     return int(random.integers(2**31))
 
 
-def _row(values: Mapping[str, np.ndarray], env: int) -> dict[str, Any]:
+def row_of(values: Mapping[str, np.ndarray], env: int) -> dict[str, Any]:
     """One environment's part of stacked values, on its own."""
     rows = {name: array[env] for name, array in values.items()}
     return {
@@ -335,15 +220,12 @@ def _row(values: Mapping[str, np.ndarray], env: int) -> dict[str, Any]:
     }
 
 
-def _masked(info: Mapping[str, np.ndarray], mask: np.ndarray) -> dict[str, Any]:
-    """Facts as Gymnasium's vector environments give them, each with a mask `_name` of whom it is known of."""
-    return {**info, **{f"_{name}": mask.copy() for name in info}}
-
-
-def _view(episodes: Episodes) -> View:
+def view_of(episodes: Episodes) -> View:
+    """What draws these episodes."""
     return View(episodes.robot, episodes.config.height, episodes.config.width)
 
 
-def _draw(view: View, episodes: Episodes, env: int) -> np.ndarray:
-    start = episodes.starts[env]
-    return view.draw(env, start.obj, episodes.qpos()[env], start.wrist_goal_w)
+def draw(view: View, episodes: Episodes, env: int) -> np.ndarray:
+    """A picture of an episode. Raises MimicbenchError before it has begun, NoPictures."""
+    qpos, start = episodes.qpos()[env], episodes.starts[env]
+    return view.draw(env, start.obj, qpos, start.wrist_goal_w)

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.errors import BadMotion, BadObject, UnknownName
+from mimicbench.core.errors import BadMotion, BadObject, MimicbenchError, UnknownName
 from mimicbench.core.motion import RobotMotion
 from mimicbench.core.seeds import rng
 from mimicbench.core.stage import HEADER, read_stage
@@ -145,14 +145,24 @@ class Starts:
                 "objects or another split"
             )
 
-    def draw(self, seed: int) -> InitialState:
-        """The start of the episode `seed`."""
-        random = rng(seed, "episode", self.task.name)
+    def draw(self, seed: int, number: int | None = None) -> tuple[InitialState, int]:
+        """The start of the episode `seed`, and its number: the place of its motion, or of its object.
+
+        With `number`, that motion or object. Raises MimicbenchError if there is none.
+        """
+        random, count = rng(seed, "episode", self.task.name), len(self)
+        drawn = int(random.integers(count))
+        if number is not None and not 0 <= number < count:
+            raise MimicbenchError(f"there is no start {number}; give a number from 0 to {count - 1}")
+        chosen = drawn if number is None else int(number)
         if self._motions is not None:
-            motion = self._motions[int(random.integers(len(self._motions)))]
-            return start_of(motion, self._object(motion.object_id), self.robot, self.task)
-        obj = self._object(self._ids[int(random.integers(len(self._ids)))])
-        return draw_start(self.task, obj, self._stance, random)
+            motion = self._motions[chosen]
+            return start_of(motion, self._object(motion.object_id), self.robot, self.task), chosen
+        return draw_start(self.task, self._object(self._ids[chosen]), self._stance, random), chosen
+
+    def __len__(self) -> int:
+        """How many motions, or else objects, there are to start from."""
+        return len(self._ids) if self._motions is None else len(self._motions)
 
     def _object(self, object_id: str) -> SceneObject:
         obj = self._own.get(object_id) or _made(object_id)

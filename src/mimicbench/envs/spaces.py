@@ -10,8 +10,8 @@ from mimicbench.envs.episodes import Episodes
 from mimicbench.robots.description import Robot
 
 
-def action_space(robot: Robot, control: str) -> spaces.Box:
-    """The robot's limits for a control mode. Raises UnknownName."""
+def action_space(robot: Robot, control: str, action: str) -> spaces.Box:
+    """The robot's limits for a control mode; -1 to 1 [rad] for residuals. Raises UnknownName."""
     torque = np.array([joint.torque_limit for joint in robot.joints])
     limits = {
         "position": robot.joint_range.T,
@@ -21,6 +21,8 @@ def action_space(robot: Robot, control: str) -> spaces.Box:
     if control not in limits:
         raise UnknownName("control mode", control, list(limits))
     low, high = limits[control]
+    if action == "residual":
+        low, high = -np.ones(len(robot.joints)), np.ones(len(robot.joints))
     return spaces.Box(np.asarray(low, np.float32), np.asarray(high, np.float32))
 
 

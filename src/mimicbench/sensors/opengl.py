@@ -11,6 +11,8 @@ import mujoco
 from mimicbench.core.errors import MimicbenchError, WorkerDied
 from mimicbench.core.parallel import map_items
 
+_process: int | None = None
+"""The process that OpenGL was first used in; a fork of it inherits this number."""
 Item = TypeVar("Item")
 Drawn = TypeVar("Drawn")
 
@@ -47,6 +49,7 @@ class Canvas:
 
     def __init__(self, model: mujoco.MjModel, height: int, width: int) -> None:
         """Open it for `model`, whose `vis.global_.offwidth` and `offheight` must be no smaller. Raises NoPictures."""
+        _refuse_after_fork()
         context = None
         try:
             self._context = context = _context_class()(width, height)
@@ -78,6 +81,18 @@ class Canvas:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _refuse_after_fork() -> None:
+    """Raises NoPictures in a process that was forked from one that has drawn: there, drivers hang."""
+    global _process
+    if _process is None:
+        _process = os.getpid()
+    if _process != os.getpid():
+        raise NoPictures(
+            "this process was forked from one that has used OpenGL, where graphics drivers hang; start workers by "
+            'spawn, such as with vector_kwargs={"context": "spawn"}, or draw nothing before they are started'
+        )
 
 
 class SharedCanvas:
