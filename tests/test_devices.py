@@ -24,12 +24,13 @@ from mimicbench.core.errors import MimicbenchError, UnknownName
 from mimicbench.core.motion import RobotMotion
 from mimicbench.core.run import RunContext
 from mimicbench.envs.clips import ClipSet
-from mimicbench.envs.gym import TaskEnv, TaskVectorEnv
+from mimicbench.envs.gym import TaskEnv
+from mimicbench.envs.gym_vector import TaskVectorEnv
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.evaluate.rollout import run_policy
 from mimicbench.imitate.demos import observed_states
-from mimicbench.imitate.make import load_any
 from mimicbench.imitate.planner import PlannerConfig
+from mimicbench.policies.loading import load_policy
 from mimicbench.sensors import proprioception
 from mimicbench.sensors.proprioception import s_current
 from mimicbench.sim.backends import make_physics
@@ -206,7 +207,7 @@ def test_a_policy_is_judged_alike_on_both(device):
     clips = replace(CLIPS, task=replace(SIT_CHAIR, time_limit=0.4))
     planner = SHIPPED / "sit-chair" / "planner"
     ours, theirs = (
-        run_policy(load_any(planner, H1, SIT_CHAIR), clips, record=[0, 1], env_config=EnvConfig(name, 1))[0]
+        run_policy(load_policy(planner, H1, SIT_CHAIR), clips, record=[0, 1], env_config=EnvConfig(name, 1))[0]
         for name in ("cpu", device)
     )
     np.testing.assert_array_equal(ours.verdict.success, theirs.verdict.success)

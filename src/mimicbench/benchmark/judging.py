@@ -36,18 +36,25 @@ class Who:
     name: str
     """As in rows and tables."""
     folder: Path
-    """Of its checkpoint."""
+    """Of its checkpoint; or a Python file."""
+
+    @property
+    def is_program(self) -> bool:
+        """Whether it is a Python file, of which nobody knows what else it reads."""
+        return self.folder.suffix == ".py"
 
     @property
     def digests(self) -> dict[str, str]:
         """Digests of the networks that it runs on: its own, and those in the folders beside it that it may use."""
+        if self.is_program:
+            return {"program": digest_of(self.folder)}
         beside = {name: self.folder.parent / name for name in (keys.TRACKER, keys.PERCEPTION)}
         folders = {"checkpoint": self.folder, **{n: f for n, f in beside.items() if f != self.folder}}
         return {n: digest_of(f / MODEL) + digest_of(f / CONFIG) for n, f in folders.items() if (f / MODEL).exists()}
 
 
 def who_of(run: Run, name: str) -> Who:
-    """Whom the user means: `tracker`, `best`, a learner's name, or the path of a checkpoint.
+    """Whom the user means: `tracker`, `best`, a learner's name, the path of a checkpoint, or of a Python file.
 
     What this recipe has learned in this workdir comes before what is shipped. Nothing is made.
 
@@ -55,6 +62,10 @@ def who_of(run: Run, name: str) -> Who:
         UnknownName: There is no such learner.
         MimicbenchError: Nobody has learned that, here or for the package; the message has the command.
     """
+    if name.endswith(".py"):
+        if not Path(name).is_file():
+            raise BadFile(f"{name} does not exist; give the path of a Python file with a function make_policy()")
+        return Who(Path(name).stem, Path(name))
     if "/" in name or name.startswith("."):
         if not (Path(name) / CONFIG).exists():
             raise BadFile(f"{Path(name) / CONFIG} does not exist; give the folder of a checkpoint")
@@ -134,10 +145,12 @@ def judge(run: Run, name: str) -> list[EpisodeRow]:
     source = _source(run, who, clips)
     path = rows_path(run, who, source)
     there = rows_made_from(path).get("episodes", 0) if path.exists() else 0
-    if there == count:
+    if there == count and not who.is_program:
         return read_rows(path)
     rows = judge_tracker(run, who, clips.set) if name == keys.TRACKER else judge_policy(run, who, clips.set)[0]
-    if there < count:  # the last, smaller batch of fewer episodes may round differently: they are judged, but not kept
+    if (
+        there < count or who.is_program
+    ):  # the last, smaller batch of fewer episodes may round differently: they are judged, but not kept
         write_rows(path, rows, {**source, "episodes": count})
     return rows
 
@@ -185,13 +198,16 @@ def judge_policy(
     """One row per episode, from the first frames of the clips alone, and the states of the episodes in `record`."""
     from mimicbench.core.parallel import counter
     from mimicbench.evaluate.rollout import Judged, Protocol, policy_rows, run_policy
-    from mimicbench.imitate.make import load_any
+    from mimicbench.policies.loading import load_policy
 
     _one_thread()
-    policy = load_any(who.folder, run.robot, run.task)
+    policy = load_policy(who.folder, run.robot, run.task)
     with counter(len(clips), f"evaluating {who.name}", run.context.quiet) as tick:
         runs = run_policy(policy, clips, Protocol(), record, tick, env_config(run))
     rows = policy_rows(runs, clips, Judged("imitate", who.name, policy.gains, run.recipe.seed))
+    wrong = [row for row in rows if row.error]
+    if wrong:
+        run.context.say(f"{who.name} failed in {len(wrong)} of {len(rows)} episodes: {wrong[0].error}")
     recordings = {}
     for number, one in enumerate(runs):
         recordings |= {number * Protocol().batch + episode: track for episode, track in one.recordings.items()}

@@ -1,6 +1,6 @@
 """Run a policy on the protocol's episodes: unseen objects, unseen starts, nothing but the robot's own senses."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import mujoco
@@ -13,6 +13,7 @@ from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.initial_states import stacked, start_of
 from mimicbench.envs.metrics import PHASES, Verdict
 from mimicbench.envs.vec_env import EnvConfig, VecEnv
+from mimicbench.evaluate.guard import Guard
 from mimicbench.evaluate.rows import EpisodeRow
 from mimicbench.objects.shape import SceneObject
 from mimicbench.policies.policy import Policy
@@ -41,6 +42,8 @@ class PolicyRun:
     """(E,) of the root from the object's rectangle [m]."""
     end_distance: np.ndarray
     """(E,) the same when the episode ended."""
+    errors: dict[int, str] = field(default_factory=dict)
+    """What the policy did wrong, of the episodes that failed by it."""
     recordings: dict[int, np.ndarray] = field(default_factory=dict)
     """(T, nq) simulator positions of the episodes that were recorded."""
 
@@ -57,7 +60,8 @@ def run_policy(
 
     Everything else of the clips is withheld. Runs in batches of the protocol's size; returns one PolicyRun a batch.
     `tick(n)` is called when n more episodes are over. The policy's networks move to where the tensors of physics on the
-    device of `env_config` live. Raises MimicbenchError if the policy observes what no robot can sense.
+    device of `env_config` live. Episodes in which the policy raises, or gives targets that are none, have failed, and
+    `errors` says why; the others go on. Raises MimicbenchError if the policy observes what no robot can sense.
     """
     refuse_privileged(policy.observations, "this policy")
     protocol, env_config = protocol or Protocol(), env_config or EnvConfig()
@@ -82,19 +86,36 @@ def _run_batch(policy: Policy, clips: ClipSet, record: Sequence[int], env_config
     start_distance = env.root_distance()
     end_distance, running = start_distance, torch.ones(len(clips), dtype=torch.bool, device=env.device)
     tracks: dict[int, list[np.ndarray]] = {episode: [env.physics.qpos()[episode].copy()] for episode in record}
+    guard = Guard(policy, env.context.state.joint_pos)
     for step in range(round(task.time_limit / CONTROL_DT)):
         obs = env.observe(policy.observations)
         if step == 0:
-            policy.reset(torch.arange(len(clips), device=env.device), obs)
-        env.step(policy.act(obs))
+            guard.reset(torch.arange(len(clips), device=env.device), obs)
+        target = guard.act(obs)
+        if target is None:
+            break
+        env.step(target, running=guard.sound)
         # where the episode ends for the paper: K and P are judged there, though the robot goes on to the time limit
         end_distance = torch.where(running, env.root_distance(), end_distance)
         running = running & ~env.metrics.over()
         for episode, track in tracks.items():
             track.append(env.physics.qpos()[episode].copy())
     env.close()
-    found = env.metrics.verdict(), start_distance.cpu().numpy(), end_distance.cpu().numpy()
-    return PolicyRun(*found, {episode: np.array(track) for episode, track in tracks.items()})
+    errors = guard.errors()
+    found = _failed(env.metrics.verdict(), errors), start_distance.cpu().numpy(), end_distance.cpu().numpy()
+    return PolicyRun(*found, errors, {episode: np.array(track) for episode, track in tracks.items()})
+
+
+def _failed(verdict: Verdict, errors: Mapping[int, str]) -> Verdict:
+    """What episodes came to: nothing that a policy's error ended was done."""
+    done = torch.ones_like(verdict.success)
+    done[list(errors)] = False
+    return replace(
+        verdict,
+        success=verdict.success & done,
+        success_at_end=verdict.success_at_end & done,
+        stays=verdict.stays & done,
+    )
 
 
 @dataclass(frozen=True)
@@ -114,7 +135,8 @@ def policy_rows(runs: Sequence[PolicyRun], clips: ClipSet, who: Judged) -> list[
     for run in runs:
         for i, distances in enumerate(zip(run.start_distance.tolist(), run.end_distance.tolist(), strict=True)):
             episode = len(rows)
-            rows.append(_row(run.verdict, i, clips, episode, who, distances))
+            row = _row(run.verdict, i, clips, episode, who, distances)
+            rows.append(replace(row, error=run.errors.get(i, "")))
     return rows
 
 

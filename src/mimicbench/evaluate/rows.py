@@ -81,6 +81,8 @@ class EpisodeRow:
     """Version that ran the episode."""
     mujoco: str
     """Version that ran the episode."""
+    error: str = ""
+    """What the policy did wrong, if that ended the episode: raised, or gave targets that are none."""
 
     def __post_init__(self) -> None:
         if isnan(self.max_energy) or self.max_energy < 0:

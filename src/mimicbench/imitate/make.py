@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar
 
-from mimicbench.core.checkpoint import CONFIG, checkpoint_kind
+from mimicbench.core.checkpoint import CONFIG
 from mimicbench.core.errors import UnknownName
 from mimicbench.core.parallel import counter
 from mimicbench.core.run import RunContext
@@ -26,13 +26,11 @@ from mimicbench.imitate.learn_planner import train_planner
 from mimicbench.imitate.learners import LearnerConfig, save_learner
 from mimicbench.imitate.lerobot import load_demos
 from mimicbench.imitate.perception import PerceptionConfig, save_perception
-from mimicbench.imitate.planner import PlannerConfig, PlannerPolicy, load_planner, save_planner
-from mimicbench.imitate.policy import VisionPolicy, load_policy
+from mimicbench.imitate.planner import PlannerConfig, save_planner
 from mimicbench.imitate.train import TrainConfig, train
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.heightmap import ObjectMaps
-from mimicbench.tasks.task import Task
 from mimicbench.track.checkpoint import load_tracker
 
 PLANNER = "planner"
@@ -165,11 +163,3 @@ def make_clone(
 def _plain_maps(scene: Sequence[SceneObject]) -> MapMaker:
     """Maps as vertical rays make them (sense.elevation.down_map)."""
     return ObjectMaps(scene).sample
-
-
-def load_any(folder: Path, robot: Robot, task: Task) -> PlannerPolicy | VisionPolicy:
-    """The policy in a folder, whatever kind it is. Raises BadCheckpoint or UnknownName."""
-    kind = checkpoint_kind(folder)
-    if kind == "planner":
-        return load_planner(folder, robot, task)
-    return load_policy(folder, robot.name, folder.parent / "perception")

@@ -10,7 +10,9 @@ from mimicbench.core.errors import MimicbenchError
 from mimicbench.imitate.inputs import Learner
 from mimicbench.imitate.learners import load_learner
 from mimicbench.imitate.perception import Perception, SeatMemory, load_perception
+from mimicbench.robots.description import Robot
 from mimicbench.sensors.observations import Observations
+from mimicbench.tasks.task import Task
 
 BODY = ("proprio", "time", "odometry")
 """What every policy with a memory observes beside maps."""
@@ -108,3 +110,8 @@ def load_policy(folder: Path, robot: str, perception: Path | None = None) -> Vis
     eyes = load_perception(perception, robot) if perception is not None and learner.inputs.memory else None
     gains = str(load_checkpoint(folder, robot=robot).notes.get("gains", "improved"))
     return VisionPolicy(learner, eyes, gains)
+
+
+def load_beside(folder: Path, robot: Robot, task: Task) -> VisionPolicy:
+    """The policy of an ACT or BC checkpoint, with the perception in the folder beside it. Raises BadCheckpoint."""
+    return load_policy(folder, robot.name, folder.parent / "perception")

@@ -139,6 +139,8 @@ class NativePhysics:
     def step(self, target: torch.Tensor, measure_effort: bool = False, running: torch.Tensor | None = None) -> None:
         """Advance scenes `running` (N,) bool (None: all) one control step; see Physics.step."""
         ids = None if running is None or bool(running.all()) else np.flatnonzero(running.numpy())
+        if ids is not None and not len(ids):
+            return
         for before, now in zip(self._before, (self._qpos, self._qvel, self._warmstart), strict=True):
             before[:] = now
         self._ctrl[:] = target.numpy()

@@ -1,0 +1,56 @@
+"""A policy at arm's length: what it does wrong ends the episodes concerned, and no others."""
+
+from collections.abc import Callable
+from typing import TypeVar
+
+import torch
+from torch import Tensor
+
+from mimicbench.core.errors import MimicbenchError
+from mimicbench.policies.policy import Policy
+from mimicbench.sensors.observations import Observations
+
+T = TypeVar("T")
+
+
+class Guard:
+    """Asks a policy for the targets of N robots, and keeps in which episodes it gave none."""
+
+    def __init__(self, policy: Policy, target: Tensor) -> None:
+        """`target` (N, J): what joints are given until the policy says otherwise."""
+        self._policy, self._last = policy, target
+        self.sound = torch.ones(len(target), dtype=torch.bool, device=target.device)
+        """(N,) the episodes in which every target so far was finite."""
+        self._error = ""
+
+    def reset(self, ids: Tensor, obs: Observations) -> None:
+        """All episodes begin. Raises MimicbenchError, which is something that the user can mend."""
+        self._tried("reset", lambda: self._policy.reset(ids, obs))
+
+    def act(self, obs: Observations) -> Tensor | None:
+        """(N, J) targets, the last good ones of robots that are given no finite ones; None if there are none at all."""
+        target = None if self._error else self._tried("act", lambda: self._policy.act(obs))
+        if self._error:
+            return None
+        if not isinstance(target, Tensor) or target.shape != self._last.shape:
+            given = f"a tensor of {tuple(target.shape)}" if isinstance(target, Tensor) else type(target).__name__
+            self._error = f"act gave {given} instead of a tensor of {tuple(self._last.shape)}"
+            return None
+        # without asking the device whether there are any
+        self.sound = self.sound & target.isfinite().all(-1)
+        self._last = torch.where(self.sound[:, None], target, self._last)
+        return self._last
+
+    def errors(self) -> dict[int, str]:
+        """What was wrong, by episode."""
+        found = dict.fromkeys((~self.sound).nonzero()[:, 0].tolist(), "act gave targets that are not finite")
+        return {i: found.get(i, self._error) for i in range(len(self.sound))} if self._error else found
+
+    def _tried(self, what: str, call: Callable[[], T]) -> T | None:
+        try:
+            return call()
+        except MimicbenchError:
+            raise
+        except Exception as error:  # noqa: BLE001 somebody else's program may raise anything
+            self._error = f"{what} raised {type(error).__name__}" + (f": {error}" if str(error) else "")
+            return None

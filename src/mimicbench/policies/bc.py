@@ -1,0 +1,6 @@
+"""Cloners of kind `bc`, with the perception in the folder beside them."""
+
+from mimicbench.imitate.policy import load_beside
+from mimicbench.policies.loader import Loader
+
+LOADER = Loader("bc", load_beside)

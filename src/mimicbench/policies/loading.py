@@ -1,0 +1,75 @@
+"""Policies by where they are: the folder of a checkpoint, whose kind says who reads it, or a Python file.
+
+A Python file has a function `make_policy()` that returns a `Policy`: how anything that was trained elsewhere is judged.
+It is a program and may do whatever programs do; checkpoints are data, and nothing in them is executed.
+"""
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+from mimicbench.core.checkpoint import checkpoint_kind
+from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
+from mimicbench.policies.policy import Policy
+from mimicbench.policies.registry import LOADERS
+from mimicbench.robots.description import Robot
+from mimicbench.sensors.observations import chosen_terms, refuse_privileged
+from mimicbench.tasks.task import Task
+
+
+def load_policy(path: Path, robot: Robot, task: Task) -> Policy:
+    """The policy in a checkpoint's folder, or of a Python file.
+
+    Raises:
+        BadFile: There is neither, or the checkpoint cannot be read.
+        UnknownName: Nobody reads checkpoints of that kind, or the policy observes what does not exist.
+        MimicbenchError: The Python file fails, or makes something else than a policy.
+    """
+    if path.suffix == ".py":
+        return _of_file(path, robot, task)
+    return LOADERS.get(checkpoint_kind(path)).load(path, robot, task)
+
+
+def _of_file(path: Path, robot: Robot, task: Task) -> Policy:
+    if not path.is_file():
+        raise BadFile(f"{path} does not exist; give the path of a Python file with a function make_policy()")
+    try:
+        policy = getattr(_module(path), "make_policy", _missing)()
+    except MimicbenchError:
+        raise
+    except Exception as error:
+        raise MimicbenchError(
+            f"{path} makes no policy ({type(error).__name__}: {error}); mend its make_policy()"
+        ) from error
+    lacking = [name for name in ("observations", "gains", "to", "reset", "act") if not hasattr(policy, name)]
+    if lacking:
+        raise MimicbenchError(
+            f"make_policy() of {path} returns {type(policy).__name__} without {' and '.join(lacking)}; a policy has "
+            "observations, gains, to(device), reset(ids, obs) and act(obs)"
+        )
+    if isinstance(policy.observations, str):
+        raise MimicbenchError(f"the policy of {path} observes a string; give a tuple of names")
+    refuse_privileged(policy.observations, f"the policy of {path}")
+    chosen_terms(policy.observations, task)
+    if policy.gains not in robot.gains:
+        raise UnknownName("gains", policy.gains, list(robot.gains))
+    return policy
+
+
+def _module(path: Path) -> ModuleType:
+    """Run a Python file under a name that no other module has; its neighbors can be imported."""
+    spec = importlib.util.spec_from_file_location(f"_policy_{path.stem}", path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    sys.path.insert(0, str(path.parent.resolve()))
+    try:
+        spec.loader.exec_module(module)
+    finally:
+        sys.path.remove(str(path.parent.resolve()))
+    return module
+
+
+def _missing() -> Policy:
+    raise MimicbenchError("the file has no function make_policy(); write one that returns a policy")

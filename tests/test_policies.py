@@ -1,0 +1,197 @@
+"""Policies from anywhere: shipped ones in Gymnasium, foreign ones in evaluation, and those that do not work."""
+
+import textwrap
+from dataclasses import replace
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+import torch
+
+import mimicbench
+from mimicbench.core import rotations as rot
+from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
+from mimicbench.core.motion import RobotMotion
+from mimicbench.envs.clips import ClipSet
+from mimicbench.envs.vec_env import EnvConfig
+from mimicbench.evaluate.rollout import Judged, policy_rows, run_policy
+from mimicbench.objects.registry import make_object
+from mimicbench.policies.loading import load_policy
+from mimicbench.policies.registry import LOADERS
+from mimicbench.sensors.observations import Observations
+from mimicbench.tasks.registry import TASKS
+from stool import H1, standing
+
+SIT_CHAIR = TASKS.get("sit-chair")
+POS, JOINTS = standing()
+SHIPPED = Path(mimicbench.__path__[0]) / "checkpoints" / "sit-chair"
+
+
+def starts(count):
+    """Clips that begin at rest around chairs; what comes after their first frames is nobody's business."""
+    clips = []
+    for i in range(count):
+        bearing, obj = 2.0 * i, make_object(f"chair-0-{i:05d}")
+        pos = np.array([1.5 * np.cos(bearing), 1.5 * np.sin(bearing), POS[2]])
+        clips.append(
+            RobotMotion(
+                f"start-{i}",
+                "sit-chair",
+                "h1",
+                H1.joint_names,
+                50.0,
+                np.tile(pos, (5, 1)),
+                np.tile(rot.from_yaw(np.array(bearing + np.pi + 0.3 * i)), (5, 1)),
+                np.tile(JOINTS, (5, 1)),
+                obj.id,
+                f"start-{i}",
+            )
+        )
+    return clips
+
+
+def clip_set(count, seconds):
+    motions = starts(count)
+    objects = {motion.object_id: make_object(motion.object_id) for motion in motions}
+    return ClipSet(replace(SIT_CHAIR, time_limit=seconds), H1, motions, objects)
+
+
+def in_gymnasium(policy, clips):
+    """Run a policy in a vector environment from the first frames of clips; the arrays are all that it gets."""
+    envs = gymnasium.make_vec(
+        "mimicbench/SitChair-v0",
+        num_envs=len(clips),
+        split="all",
+        starts=clips.motions,
+        observe=policy.observations,
+        gains=policy.gains,
+        time_limit=clips.task.time_limit,
+        terminate_on_success=False,
+        autoreset_mode="Disabled",
+        workers=1,
+    )
+    seen, _ = envs.reset(seed=0, options={"start": np.arange(len(clips))})
+    policy.reset(torch.arange(len(clips)), Observations.from_arrays(seen))
+    ended = np.zeros(len(clips), bool)
+    while not ended.any():
+        target = policy.act(Observations.from_arrays(seen))
+        seen, _, terminated, truncated, info = envs.step(target.numpy())
+        ended = terminated | truncated
+    return envs, info
+
+
+@pytest.mark.parametrize(("name", "seconds"), [("planner", 2.4), ("bc-clock", 1.2)])
+def test_a_shipped_policy_in_gymnasium_gives_the_episodes_of_evaluation(name, seconds):
+
+    torch.set_num_threads(1)
+    clips = clip_set(3, seconds)
+    policy = load_policy(SHIPPED / name, H1, SIT_CHAIR)
+    run = run_policy(policy, clips, record=[0, 1, 2], env_config=EnvConfig(workers=1))[0]
+    envs, info = in_gymnasium(policy, clips)
+    found = envs.unwrapped.episodes.metrics.verdict()
+    for key, value in vars(run.verdict).items():
+        torch.testing.assert_close(getattr(found, key), value, rtol=0, atol=0, equal_nan=True)
+    last = np.stack([run.recordings[i][-1] for i in range(3)])
+    assert envs.unwrapped.episodes.qpos().tobytes() == last.tobytes()
+    assert run.verdict.steps.tolist() == [round(seconds * 50)] * 3 and not run.errors
+    np.testing.assert_array_equal(info["effort"], run.verdict.effort)
+
+
+POLICY = """
+    import torch
+
+    class Still:
+        observations = ("proprio",)
+        gains = "improved"
+
+        def to(self, device):
+            self.device = device
+
+        def reset(self, ids, obs):
+            self.steps = 0
+
+        def act(self, obs):
+            self.steps += 1
+            target = torch.zeros(obs.num_envs, 19, device=self.device)
+            BODY
+            return target
+
+    def make_policy():
+        return Still()
+"""
+
+
+def written(path, body="pass", text=POLICY):
+    path.write_text(textwrap.dedent(text).replace("BODY", body))
+    return path
+
+
+def judged(path, seconds=0.2):
+    clips = clip_set(3, seconds)
+    runs = run_policy(load_policy(path, H1, SIT_CHAIR), clips, env_config=EnvConfig(workers=1))
+    return policy_rows(runs, clips, Judged("imitate", path.stem, "improved", 0))
+
+
+def test_a_policy_of_a_python_file_is_judged(tmp_path):
+    rows = judged(written(tmp_path / "still.py"))
+    assert [(row.policy, row.steps, row.error) for row in rows] == [("still", 10, "")] * 3
+
+
+@pytest.mark.parametrize(
+    ("body", "told", "failed", "steps"),
+    [
+        ('assert self.steps < 4, "tired"', "act raised AssertionError: tired", [0, 1, 2], [3, 3, 3]),
+        ("target = target[:, :7]", "act gave a tensor of (3, 7) instead of a tensor of (3, 19)", [0, 1, 2], [0, 0, 0]),
+        ("return target.numpy()", "act gave ndarray instead of a tensor of (3, 19)", [0, 1, 2], [0, 0, 0]),
+        ("target[1, 4] = float('nan') if self.steps == 6 else 0.0", "not finite", [1], [10, 5, 10]),
+        ("target[:] = float('inf')", "not finite", [0, 1, 2], [0, 0, 0]),
+    ],
+)
+def test_a_policy_that_does_not_work_fails_its_episodes_alone(body, told, failed, steps, tmp_path):
+    sound, rows = judged(written(tmp_path / "still.py")), judged(written(tmp_path / "odd.py", body))
+    assert [row.episode for row in rows if row.error] == failed
+    assert all(told in rows[i].error and not (rows[i].success or rows[i].stays) for i in failed)
+    assert [row.steps for row in rows] == steps
+    for i in {0, 1, 2} - set(failed):
+        assert replace(rows[i], policy="still") == sound[i], "the others are as they would be without it"
+
+
+def test_a_failed_episode_is_no_success(tmp_path):
+    """Even if K was fulfilled before."""
+    from mimicbench.evaluate.rollout import _failed
+
+    run = run_policy(
+        load_policy(written(tmp_path / "still.py"), H1, SIT_CHAIR), clip_set(2, 0.1), env_config=EnvConfig(workers=1)
+    )[0]
+    done = replace(run.verdict, success=torch.tensor([True, True]), stays=torch.tensor([True, True]))
+    found = _failed(done, {1: "act raised ValueError"})
+    assert found.success.tolist() == found.stays.tolist() == [True, False]
+
+
+def test_files_that_make_no_policy(tmp_path):
+    def told(text, name="odd.py"):
+        with pytest.raises(MimicbenchError) as caught:
+            load_policy(written(tmp_path / name, text=text), H1, SIT_CHAIR)
+        return str(caught.value)
+
+    with pytest.raises(BadFile, match="does not exist"):
+        load_policy(tmp_path / "none.py", H1, SIT_CHAIR)
+    assert "make_policy()" in told("x = 1")
+    assert "SyntaxError" in told("def make_policy(:")
+    assert "ZeroDivisionError" in told("def make_policy():\n    return 1 / 0")
+    assert "without observations and gains" in told("def make_policy():\n    return 1")
+    assert "give a tuple" in told(POLICY.replace('("proprio",)', '"proprio"'))
+    assert "no robot can sense" in told(POLICY.replace("proprio", "root_pose"))
+    assert "smell" in told(POLICY.replace("proprio", "smell"))
+    assert "unknown gains 'none'" in told(POLICY.replace("improved", "none"))
+
+
+def test_kinds_of_checkpoints_are_a_registry(tmp_path):
+    assert LOADERS.names() == ("act", "bc", "planner")
+    for kind in LOADERS:
+        assert LOADERS.get(kind).name == kind
+    with pytest.raises(UnknownName, match="kind of policy 'tracker'"):
+        load_policy(SHIPPED / "tracker", H1, SIT_CHAIR)
+    with pytest.raises(BadFile):
+        load_policy(tmp_path, H1, SIT_CHAIR)
