@@ -141,7 +141,7 @@ def soak_task(
     env = TaskVectorEnv(task, envs, split="all", pool=pool, control=control, time_limit=config.episode, workers=threads)
     env.reset(seed=config.seed)
     physics, digest, random = env.episodes.env.physics, hashlib.sha256(), rng(config.seed, "soak", task, control)
-    space = action_space(env.episodes.robot, control)
+    space = action_space(env.episodes.robot, control, "target")
     low, high = space.low, space.high
     target = random.uniform(low, high, (envs, len(low))).astype(np.float32)
     rounds, episodes, unreported, met = -(-steps // envs), envs, 0, {start.obj.id for start in env.episodes.starts}

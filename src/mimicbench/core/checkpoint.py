@@ -53,14 +53,17 @@ class Checkpoint:
         """
         try:
             found = msgspec.convert(self.config, config_type)
-            wrong = _unfit(self.config, msgspec.to_builtins(found))
         except (msgspec.ValidationError, TypeError, ValueError, RecursionError) as error:
-            wrong = str(error)
+            raise self._unlike(str(error)) from None
+        wrong = _unfit(self.config, msgspec.to_builtins(found))
         if wrong:
-            raise BadCheckpoint(
-                f"{self.folder / CONFIG} does not describe a {self.kind} ({wrong}); train it again with this version"
-            )
+            raise self._unlike(wrong)
         return found
+
+    def _unlike(self, reason: str) -> BadCheckpoint:
+        return BadCheckpoint(
+            f"{self.folder / CONFIG} does not describe a {self.kind} ({reason}); train it again with this version"
+        )
 
     def matching(self, shapes: Mapping[str, tuple[int, ...]]) -> dict[str, np.ndarray]:
         """The arrays, if they are exactly those of `shapes`. Raises BadCheckpoint with the first one that differs."""
