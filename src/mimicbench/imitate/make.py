@@ -31,6 +31,7 @@ from mimicbench.imitate.train import TrainConfig, train
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.heightmap import ObjectMaps
+from mimicbench.tasks.task import Task
 from mimicbench.track.checkpoint import load_tracker
 
 PLANNER = "planner"
