@@ -403,6 +403,7 @@ def test_mistakes_are_told():
     with pytest.raises(MimicbenchError, match="there is no start 5000"):
         env.reset(options={"start": 5000})
     for arguments, told in (
+        ({"reward": "huge"}, "unknown reward"),
         ({"action": "wish"}, "unknown action"),
         ({"action": "residual", "control": "torque"}, "torque control"),
         ({"max_episode_steps": 0}, "1 or more"),
@@ -497,6 +498,36 @@ def test_residual_actions_are_around_the_rest_pose():
         each.reset(seed=0)
     np.testing.assert_array_equal(env.step(action)[0]["state"], plain.step(action + REST)[0]["state"])
     assert torch.equal(env.episodes.env.last_action[0], torch.from_numpy(action))
+
+
+def test_dense_reward_by_hand():
+    env = make(objects=[block(0.42)], reward="dense")
+    env.reset(seed=0)
+    pos, joints = seated(0.42)
+    steps = ((0.0, 1.0), (0.5, np.exp(-0.25)), (1.25, np.exp(-1.0)))  # the stool's edge is 0.25 m from its middle
+    for away, expected in steps:
+        stool.put(
+            env.episodes.env.physics, np.zeros(1, int), pos[None] + [away, 0, 0], rot.IDENTITY[None], joints[None]
+        )
+        env.episodes.env._context = env.episodes.env._look()
+        assert env.episodes.nearness()[0] == pytest.approx(expected, abs=1e-6)
+    env.episodes.metrics.fell[:] = True
+    assert env.episodes.nearness()[0] == 0.0
+
+
+@every_task
+def test_dense_rewards_are_from_0_to_1_and_episodes_go_on(name):
+    envs = make_vec(name, reward="dense", time_limit=0.2, autoreset_mode="Disabled")
+    envs.reset(seed=0)
+    envs.episodes.metrics.ever[:] = True  # as if K had been fulfilled
+    action = np.tile(REST, (3, 1))
+    rewards = []
+    for step in range(10):
+        _, reward, terminated, truncated, info = envs.step(action)
+        rewards.append(reward)
+        assert not terminated.any() and truncated.all() == (step == 9)
+        assert info["is_success"].tolist() == info["success"].tolist()
+    assert np.min(rewards) > 0 and np.max(rewards) <= 1
 
 
 _DRAWN_THEN_FORKED = """

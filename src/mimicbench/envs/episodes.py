@@ -20,11 +20,11 @@ from mimicbench.sim.backends import check_device
 from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.rows import Rows
 from mimicbench.sim.scene import CONTROL_DT
-from mimicbench.tasks.task import Task
+from mimicbench.tasks.task import BodyPoints, Task
 
 MAX_SEED = 1 << 63
 """Seeds are smaller."""
-ACTIONS = ("target", "residual")
+REWARDS, ACTIONS = ("sparse", "dense"), ("target", "residual")
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,12 @@ class GymConfig:
     action: str = "target"
     """How actions say it: `target`, as they are; or `residual`, of position control only: in -1 to 1, as angles [rad]
     around the robot's rest pose."""
-    terminate_on_success: bool = True
-    """Whether an episode ends when K is fulfilled. Evaluation goes on to the time limit."""
+    reward: str = "sparse"
+    """`sparse`: 1 in the step in which an episode ends with K fulfilled. `dense`: in every step from 0 to 1, by how
+    near the condition of K is to holding; 0 after a fall."""
+    terminate_on_success: bool | None = None
+    """Whether an episode ends when K is fulfilled; None: with the sparse reward only. Evaluation goes on to the time
+    limit."""
     gains: str = "improved"
     """Which of the robot's gains drive position and velocity control: `improved`, or the paper's 100/5 on all joints,
     `paper`."""
@@ -78,8 +82,9 @@ class GymConfig:
         check_device(self.device)
         if isinstance(self.observe, str):
             object.__setattr__(self, "observe", (self.observe,))
-        if self.action not in ACTIONS:
-            raise UnknownName("action", self.action, list(ACTIONS))
+        for what, name, known in (("reward", self.reward, REWARDS), ("action", self.action, ACTIONS)):
+            if name not in known:
+                raise UnknownName(what, name, list(known))
         if self.action == "residual" and self.control != "position":
             raise MimicbenchError(
                 f'action="residual" is of angles around a pose, which {self.control} control does not take; choose '
@@ -124,6 +129,8 @@ class Episodes:
         steps = round((config.time_limit or task.time_limit) / CONTROL_DT)
         self.limit = min(steps, config.max_episode_steps or steps)
         """Control steps to a truncation."""
+        ends = config.terminate_on_success
+        self.ends_with_success = config.reward == "sparse" if ends is None else ends
         given = ("targets", "target_elevation") if "elevation" in config.observe else ("targets",)
         self.terms = chosen_terms(tuple(dict.fromkeys((*config.observe, *given))), task)
         """What is observed; targets always, where the task has some."""
@@ -192,11 +199,28 @@ class Episodes:
         if running.any():
             mask = None if some is None else torch.from_numpy(running).to(env.device)
             env.step(*(torch.from_numpy(part).to(env.device) for part in (target, action)), running=mask)
-        over = metrics.over() if self.config.terminate_on_success else metrics.diverged
+        over = metrics.over() if self.ends_with_success else metrics.diverged
         terminated = running & over.cpu().numpy()
         truncated = running & ~terminated & (metrics.steps.cpu().numpy() >= self.limit)
+        if self.config.reward == "dense":
+            return Outcome(np.where(running, self.nearness(), 0.0), terminated, truncated)
         reward = ((terminated | truncated) & self.success()).astype(float)
         return Outcome(reward, terminated, truncated)
+
+    def nearness(self) -> np.ndarray:
+        """(N,) from 0 to 1 how near the condition of K is to holding: exp(-d) of the d [m] that are missing in all.
+
+        1 where it holds; 0 for robots that have fallen, and of physics that broke down.
+        """
+        env, metrics = self.env, self.metrics
+        links = env.context.links
+        body = BodyPoints.of(self.robot, links.pos_w.cpu().numpy(), links.quat_w.cpu().numpy())
+        info = metrics.info.map(lambda values: values.cpu().numpy())
+        if self.task.moves_object:
+            info = info.moved(*env.physics.object_pose())
+        missing = sum(np.nan_to_num(part.measure(body, info)).clip(0.0) for part in self.task.shortfalls)
+        lost = metrics.fell | metrics.diverged
+        return np.where(lost.cpu().numpy(), 0.0, np.exp(-np.asarray(missing, float)))
 
     def success(self) -> np.ndarray:
         """(N,) whether K is fulfilled: at some time, or for lift-box now."""

@@ -76,7 +76,9 @@ class TaskEnv(gymnasium.Env[Observation, np.ndarray]):
 
     ## Rewards
 
-    1 in the step in which an episode ends with K fulfilled, 0 in every other: the sum over an episode is its success.
+    `reward="sparse"`: 1 in the step in which an episode ends with K fulfilled, 0 in every other: the sum over an
+    episode is its success. `reward="dense"`: in every step exp(-d), d being what is missing of the condition of K in
+    all [m]: 1 while it holds, 0 after a fall. Episodes then go on to the time limit, so that holding on pays.
 
     ## Starting state
 
@@ -97,7 +99,7 @@ class TaskEnv(gymnasium.Env[Observation, np.ndarray]):
 
     ## Episode end
 
-    Terminated when K is fulfilled (LiftBox: never, for K is judged in the last frame; with
+    Terminated when K is fulfilled (LiftBox: never, for K is judged in the last frame; with the dense reward or
     `terminate_on_success=False`: never), or when the physics break down, which `info["diverged"]` says. Truncated at
     the time limit, or after `max_episode_steps` if they are fewer; Gymnasium makes that the task's unless told
     otherwise, so give both for episodes that are longer. Falling ends no episode.
