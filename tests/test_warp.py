@@ -25,7 +25,8 @@ from mimicbench.sim.broken import load_broken, replay
 from mimicbench.sim.native import NativePhysics
 from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.scene import FLOOR_GROUP, OBJECT_GROUP, ROBOT_GROUP, build_model
-from mimicbench.sim.warp import PER_WORLD, WarpPhysics
+from mimicbench.sim.warp import WarpPhysics
+from mimicbench.sim.warp_objects import PER_WORLD
 from stool import H1, block, place, seated, standing
 
 DEVICES = ["warp-cpu", *(["cuda"] if torch.cuda.is_available() else [])]

@@ -5,9 +5,7 @@ writing rows. Warp shares the types of geoms between worlds: objects are boxes h
 Numbers have 32 bits, and a GPU adds up in no fixed order: unlike the native backend, two runs need not be the same.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from copy import copy
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 import mujoco
 import mujoco_warp as mjw  # pyright: ignore[reportMissingImports]
@@ -15,33 +13,22 @@ import numpy as np
 import torch
 import warp as wp  # pyright: ignore[reportMissingImports]
 
-from mimicbench.core.errors import BadObject, MimicbenchError
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
 from mimicbench.sim.broken import BrokenLog, BrokenScene
-from mimicbench.sim.native import catalogued
 from mimicbench.sim.physics import LinkState, ObjectState, PhysicsConfig, RobotState
 from mimicbench.sim.rows import Rows
-from mimicbench.sim.scene import OBJECT_BODY, SUBSTEPS, build_model, build_object
-from mimicbench.sim.warp_kernels import BAD_POSITION, BAD_TARGET, BAD_VELOCITY, OVERFLOW, accumulate, guard
+from mimicbench.sim.scene import SUBSTEPS, build_model
+from mimicbench.sim.warp_breaks import Breaks
+from mimicbench.sim.warp_device import open_device, program
+from mimicbench.sim.warp_kernels import accumulate, guard
+from mimicbench.sim.warp_objects import PER_WORLD, ObjectRows, object_places
+from mimicbench.sim.warp_rays import cast_rays
 
 CONTACTS = 64
 """Contacts that a world has room for. Measured: 26 at most, of limp robots thrown onto furniture of every family."""
 _ROWS_PER_CONTACT = 4  # pyramidal friction cones
-_GEOM_FIELDS = ("geom_pos", "geom_quat", "geom_size", "geom_rbound", "geom_aabb", "geom_friction")
-_BODY_FIELDS = ("body_mass", "body_subtreemass", "body_inertia", "body_ipos", "body_iquat", "body_invweight0")
-_DOF_FIELDS = ("dof_invweight0",)
-PER_WORLD = (*_GEOM_FIELDS, *_BODY_FIELDS, *_DOF_FIELDS)
-"""Fields of the model that have a row per world: all that differ between objects and matter to physics."""
-_REASONS = {
-    BAD_POSITION: "positions are not finite, or too large",
-    BAD_VELOCITY: "velocities are not finite, or too large",
-    BAD_TARGET: "targets are not finite",
-    OVERFLOW: "there are more contacts than room for them",
-}
 _MODELS_KEPT = 64
-_cast: Any = mjw.rays  # its types say less than what Warp's arrays are
-_GROUP_MASK = wp.types.vector(length=6, dtype=float)
 _OVERFLOWS = sum(int(mjw.OverflowType[name]) for name in ("NEFC", "NJMAX_NNZ", "BROADPHASE", "NARROWPHASE", "CCD"))
 
 
@@ -65,29 +52,23 @@ class WarpPhysics:
         self._wp_device = open_device(device)
         self._models: dict[str, mujoco.MjModel] = {}
         base = build_model(robot, objects[0], self.config.gains, self.config.control)
-        joints, body = len(robot.joints), base.body(OBJECT_BODY).id
+        joints = len(robot.joints)
         self._joint_q, self._joint_v = slice(7, 7 + joints), slice(6, 6 + joints)
         self._object_q, self._object_v = slice(7 + joints, 14 + joints), slice(6 + joints, 12 + joints)
         self._movable = objects[0].movable
-        first = int(base.body_geomadr[body])
-        self._places = {
-            **dict.fromkeys(_GEOM_FIELDS, slice(first, first + int(base.body_geomnum[body]))),
-            **dict.fromkeys(_BODY_FIELDS, slice(body, body + 1)),
-            **dict.fromkeys(_DOF_FIELDS, slice(6 + joints, base.nv)),
-        }
+        self._places = object_places(base, joints)
         root = base.body(robot.link_names[0]).id
         self._link_rows = slice(root, root + len(robot.link_names))  # links are consecutive bodies, in order
         with wp.ScopedDevice(self._wp_device):
             self._make(base, contacts)
-        self.catalog: list[SceneObject] = []
-        self._catalog_places: dict[str, int] = {}
-        self._catalog_rows: dict[str, torch.Tensor] = {}
+        self._objects = ObjectRows(self._movable, device)
+        self.catalog = self._objects.catalog
         every = Rows.every(self.num_envs, device)
         self.object_index = torch.zeros(self.num_envs, dtype=torch.long, device=device)
         self.set_objects(every, torch.tensor(self.add_objects(objects), device=device))
         self._qpos0 = torch.from_numpy(base.qpos0.astype(np.float32)).to(device)
-        self._substeps = self._program(self._run_substeps)
-        self._kinematics = self._program(self._run_kinematics)
+        self._substeps = program(self._wp_device, self._run_substeps)
+        self._kinematics = program(self._wp_device, self._run_kinematics)
         self._clear(every)
         self._still = ObjectState.at_origin(self.num_envs, device)
 
@@ -104,52 +85,18 @@ class WarpPhysics:
         self._before = [array.clone() for array in self._state]
         self._ctrl = wp.to_torch(self._data.ctrl)
         self._wrench = wp.to_torch(self._data.xfrc_applied)[:, self._link_rows.start]
-        # of worlds that broke: the states before, and the targets of, the steps in which they did
-        self._last_good = [*(array.clone() for array in self._state), self._ctrl.clone()]
         self._broken_wp = wp.zeros(n, dtype=int)
         self._torque_wp, self._velocity_wp = wp.zeros((n, joints), dtype=float), wp.zeros((n, joints), dtype=float)
         self._broken, self._torque, self._velocity = (
             wp.to_torch(array) for array in (self._broken_wp, self._torque_wp, self._velocity_wp)
         )
-        self._noticed, self._untold = (
-            torch.zeros(n, dtype=torch.bool, device=self.device),
-            torch.zeros_like(self._broken),
-        )
+        self._breaks = Breaks(self._broken, [*self._state, self._ctrl])
         self._effort = torch.zeros(n, dtype=torch.float64, device=self.device)
-
-    def _program(self, run: Callable[[], None]) -> Callable[[], None]:
-        """What does `run`: on a GPU as one captured graph, since launching its kernels one by one costs more than
-        they do.
-        """
-        with wp.ScopedDevice(self._wp_device):
-            run()  # compiles
-            if not self._wp_device.is_cuda:
-                return self._on_device(run)
-            with wp.ScopedCapture() as capture:
-                run()
-        graph = capture.graph
-        assert graph is not None
-        return lambda: wp.capture_launch(graph)
-
-    def _on_device(self, run: Callable[[], None]) -> Callable[[], None]:
-        def there() -> None:
-            with wp.ScopedDevice(self._wp_device):
-                run()
-
-        return there
 
     def _run_substeps(self) -> None:
         model, data, joints = self._model, self._data, len(self.robot.joints)
-        check = [
-            model.qpos0,
-            _OVERFLOWS,
-            data.qpos,
-            data.qvel,
-            data.ctrl,
-            data.qacc_warmstart,
-            data.overflow,
-            self._broken_wp,
-        ]
+        broken = self._broken_wp
+        check = [model.qpos0, _OVERFLOWS, data.qpos, data.qvel, data.ctrl, data.qacc_warmstart, data.overflow, broken]
         self._torque_wp.zero_()
         self._velocity_wp.zero_()
         for _ in range(SUBSTEPS):
@@ -203,43 +150,16 @@ class WarpPhysics:
 
         Raises BadObject for convex pieces, and for movable among fixed ones.
         """
-        fresh = [obj for obj in {obj.id: obj for obj in objects}.values() if obj.id not in self._catalog_places]
-        rows = [self._rows(obj) for obj in fresh]
-        if rows:
-            for name in rows[0]:
-                new = torch.stack([row[name] for row in rows]).to(self.device)
-                old = self._catalog_rows.get(name)
-                self._catalog_rows[name] = new if old is None else torch.cat([old, new])
-        return catalogued(self.catalog, self._catalog_places, objects)
+        return self._objects.add(objects)
 
     def set_objects(self, rows: Rows, index: torch.Tensor) -> None:
         """Exchange the objects of scenes `rows` for those at `index` (n,) of the catalog."""
         rows.put(self.object_index, index)
         for name, place in self._places.items():
-            rows.put(wp.to_torch(getattr(self._model, name))[:, place], self._catalog_rows[name][index])
+            rows.put(wp.to_torch(getattr(self._model, name))[:, place], self._objects.rows[name][index])
         if not self._movable:  # Warp places what cannot move only once
             for there, name in ((self._data.geom_xpos, "geom_pos"), (self._data.geom_xmat, "geom_xmat")):
-                rows.put(wp.to_torch(there)[:, self._places["geom_pos"]], self._catalog_rows[name][index])
-
-    def _rows(self, obj: SceneObject) -> dict[str, torch.Tensor]:
-        """What an object has to write into its world."""
-        if obj.movable != self._movable:
-            raise BadObject(
-                f"object {obj.id} is {'movable' if obj.movable else 'fixed'} and others are not; simulate them apart"
-            )
-        alone = build_object(obj)
-        if (alone.geom_type != mujoco.mjtGeom.mjGEOM_BOX).any():
-            raise BadObject(
-                f"object {obj.id} has convex pieces, which Warp cannot exchange between scenes; use --device cpu for it"
-            )
-        rows = {name: torch.from_numpy(np.asarray(getattr(alone, name), np.float32)) for name in _GEOM_FIELDS}
-        rows |= {name: torch.from_numpy(np.asarray(getattr(alone, name)[1:], np.float32)) for name in _BODY_FIELDS}
-        rows |= {name: torch.from_numpy(np.asarray(getattr(alone, name), np.float32)) for name in _DOF_FIELDS}
-        rows["geom_aabb"] = rows["geom_aabb"].reshape(-1, 2, 3)
-        data = mujoco.MjData(alone)
-        mujoco.mj_kinematics(alone, data)
-        rows["geom_xmat"] = torch.from_numpy(data.geom_xmat.astype(np.float32)).reshape(-1, 3, 3)
-        return rows
+                rows.put(wp.to_torch(there)[:, self._places["geom_pos"]], self._objects.rows[name][index])
 
     def reset(self, rows: Rows, robot: RobotState, obj: ObjectState | None = None) -> None:
         """Put scenes `rows` into a state of n robots and objects; objects go to the origin if None."""
@@ -263,7 +183,7 @@ class WarpPhysics:
         for there in (self._qvel, self._warmstart, self._ctrl, self._wrench):
             rows.put(there, 0.0)
         rows.put(self._broken, 0)
-        rows.put(self._noticed, False)
+        self._breaks.forget(rows)
 
     def step(self, target: torch.Tensor, measure_effort: bool = False, running: torch.Tensor | None = None) -> None:
         """Advance scenes `running` (N,) bool (None: all) one control step; see Physics.step."""
@@ -279,38 +199,15 @@ class WarpPhysics:
         if measure_effort:
             effort = ((self._torque.double() / SUBSTEPS * self._velocity.double() / SUBSTEPS) ** 2).sum(-1)
             self._effort = effort if running is None else torch.where(running, effort, self._effort)
-        self._notice(target)
-
-    def _notice(self, target: torch.Tensor) -> None:
-        """Keep what it takes to tell of worlds that broke in this step, once each."""
-        fresh = (self._broken != 0) & ~self._noticed
-        self._noticed |= fresh
-        keep = Rows(fresh, torch.empty(0), whole=True)
-        for there, value in zip(self._last_good, [*self._before, target], strict=True):
-            keep.put(there, value.to(self.device))
-        keep.put(self._untold, self._broken)
+        self._breaks.notice(self._broken, [*self._before, target])
 
     def report(self) -> None:
         """Tell of scenes that broke since the last report; of one that did so twice, the last time."""
-        for env in (self._untold != 0).nonzero()[:, 0].tolist():
-            found = int(self._untold[env])
-            qpos, qvel, warmstart, target = (array[env].double().cpu().numpy().copy() for array in self._last_good)
+        for env, reason, state in self._breaks.taken():
+            config, obj = self.config, self.catalog[int(self.object_index[env])]
             self._broken_log.add(
-                BrokenScene(
-                    " and ".join(told for bit, told in _REASONS.items() if found & bit),
-                    env,
-                    "warp",
-                    self.robot.name,
-                    self.config.gains,
-                    self.config.control,
-                    self.catalog[int(self.object_index[env])],
-                    qpos,
-                    qvel,
-                    warmstart,
-                    target,
-                )
+                BrokenScene(reason, env, "warp", self.robot.name, config.gains, config.control, obj, *state)
             )
-        self._untold.zero_()
 
     def advance(self, target: torch.Tensor) -> None:
         """One control step of all scenes and nothing else; see Physics.advance."""
@@ -355,44 +252,11 @@ class WarpPhysics:
         self, starts: np.ndarray, rays: np.ndarray, groups: Sequence[int], ids: np.ndarray | None = None
     ) -> np.ndarray:
         """For scenes `ids`, how many lengths of each ray it is to a geom; see Physics.ray."""
-        index = (
-            torch.arange(self.num_envs, device=self.device)
-            if ids is None
-            else torch.from_numpy(np.asarray(ids)).to(self.device)
-        )
-        shape = (len(index), rays.shape[1])
-        start, ray = (
-            torch.from_numpy(np.asarray(given, np.float32)).to(self.device).expand(*shape, 3).contiguous()
-            for given in (starts, rays)
-        )
+        worlds = np.arange(self.num_envs) if ids is None else np.asarray(ids)
+        index = torch.from_numpy(worlds).to(self.device)
         self._kinematics()
-        # all that rays meet in those worlds alone: others need not cast any
-        model, data = copy(self._model), copy(self._data)
-        data.nworld = len(index)
         with wp.ScopedDevice(self._wp_device):
-            for owner, name in ((model, "geom_size"), (data, "geom_xpos"), (data, "geom_xmat")):
-                rows = getattr(owner, name)
-                setattr(owner, name, wp.from_torch(wp.to_torch(rows)[index], dtype=rows.dtype))
-            seen = _GROUP_MASK(*(float(group in groups) for group in range(6)))
-            nobody = wp.full(rays.shape[1], -1, dtype=int)
-            distance, geom, normal = (
-                wp.empty(shape, dtype=float),
-                wp.empty(shape, dtype=int),
-                wp.empty(shape, dtype=wp.vec3),
-            )  # pyright: ignore[reportArgumentType]
-            _cast(
-                model,
-                data,
-                wp.from_torch(start, dtype=wp.vec3),
-                wp.from_torch(ray, dtype=wp.vec3),
-                seen,
-                True,
-                nobody,
-                distance,
-                geom,
-                normal,
-            )
-        return wp.to_torch(distance).double().cpu().numpy()
+            return cast_rays(self._model, self._data, index, starts, rays, groups)
 
     def push(self, lin_vel_w: torch.Tensor) -> None:
         """Add (N, 3) [m/s] to the roots' velocities."""
@@ -427,17 +291,6 @@ class WarpPhysics:
     def diverged(self) -> torch.Tensor:
         """(N,) whether a scene broke since its reset; see Physics.diverged."""
         return self._broken != 0
-
-
-def open_device(device: str) -> "wp.Device":
-    """Warp's device, after a clear word if there is none."""
-    wp.config.log_level = wp.LOG_WARNING
-    if device != "cpu" and not torch.cuda.is_available():
-        raise MimicbenchError(f"device {device} needs an NVIDIA GPU and the CUDA build of torch; use --device cpu")
-    try:
-        return wp.get_device(f"cuda:{torch.cuda.current_device()}" if device == "cuda" else device)
-    except (ValueError, RuntimeError) as error:
-        raise MimicbenchError(f"Warp has no device {device} ({error}); use --device cpu") from None
 
 
 def _read_only(values: torch.Tensor) -> np.ndarray:
