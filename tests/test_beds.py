@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from furniture_checks import ball_at_rest, check_plane, check_stands_in_one_piece, sizes
 from mimicbench.core.errors import BadObject
 from mimicbench.objects.families.bed import BEDS, PILLOW_DEPTH, build_bed, make_bed
-from mimicbench.objects.families.bed_shape import MIN_MATTRESS, BedShape
+from mimicbench.objects.families.bed_frames import MIN_MATTRESS, BedShape
 from mimicbench.objects.registry import make_object
 from mimicbench.objects.shape import SceneObject
 

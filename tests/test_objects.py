@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadObject, UnknownName
 from mimicbench.objects.families.chair import KINDS, build_chair, make_chair
-from mimicbench.objects.families.chair_shape import MIN_BETWEEN_ARMS, MIN_SEAT_DEPTH, MIN_SEAT_WIDTH, ChairShape
+from mimicbench.objects.families.chair_parts import MIN_BETWEEN_ARMS, MIN_SEAT_DEPTH, MIN_SEAT_WIDTH, ChairShape
 from mimicbench.objects.registry import make_object
 from mimicbench.objects.shape import SLOTS, SceneObject, load_object, save_object
 

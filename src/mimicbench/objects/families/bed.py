@@ -11,8 +11,7 @@ import numpy as np
 
 from mimicbench.core.errors import BadObject
 from mimicbench.core.seeds import rng
-from mimicbench.objects.families.bed_frames import build_frame
-from mimicbench.objects.families.bed_shape import BEDDING, MIN_MATTRESS, BedShape
+from mimicbench.objects.families.bed_frames import BEDDING, MIN_MATTRESS, BedShape, build_frame
 from mimicbench.objects.families.draws import WOODS, Range, SizeDistribution, shade, tint, truncated
 from mimicbench.objects.families.parts import Color, Parts
 from mimicbench.objects.family import Family

@@ -1,11 +1,57 @@
-"""Everything of a bed but mattress and bedding, for each kind."""
+"""What a bed is built from, and all of it but mattress and bedding, for each kind."""
+
+from dataclasses import dataclass
 
 import numpy as np
 
-from mimicbench.objects.families.bed_shape import MIN_MATTRESS, BedShape
-from mimicbench.objects.families.draws import shade
+from mimicbench.objects.families.draws import WOODS, shade
 from mimicbench.objects.families.joinery import feet, lean, roll
-from mimicbench.objects.families.parts import Parts
+from mimicbench.objects.families.parts import Color, Parts
+
+MIN_MATTRESS = (1.70, 0.78)
+"""Length and width [m]."""
+BEDDING: tuple[Color, ...] = (
+    (0.55, 0.63, 0.72),
+    (0.80, 0.76, 0.68),
+    (0.62, 0.68, 0.58),
+    (0.78, 0.62, 0.56),
+    (0.38, 0.44, 0.55),
+    (0.86, 0.84, 0.80),
+    (0.58, 0.52, 0.60),
+)
+
+
+@dataclass(frozen=True)
+class BedShape:
+    """What a bed is built from. Lengths in metres."""
+
+    kind: str
+    length: float
+    """Head to foot, over everything (x)."""
+    width: float
+    height: float
+    """Over everything but pillows."""
+    seat_height: float
+    """Of the plane to lie on."""
+    mattress: float = 0.22
+    """Its thickness."""
+    margin: float = 0.04
+    """From the edge of the bed to the mattress, at the sides."""
+    headboard: float = 0.05
+    """Its thickness."""
+    foot_height: float = 0.15
+    """Of the footboard, above the plane to lie on."""
+    bench: float = 0.0
+    """Depth of the bench at the foot."""
+    table: float = 0.0
+    """Width of a table at each side of the head."""
+    canopy: bool = False
+    pillow: float = 0.04
+    """How high the pillows rise above the plane, 0 for none."""
+    side: int = 1
+    """In a bed for two, who lies on it does so at the left (+1) or the right (-1)."""
+    wood: Color = WOODS[0]
+    fabric: Color = BEDDING[0]
 
 
 def build_frame(parts: Parts, shape: BedShape, half_width: float) -> tuple[float, float]:

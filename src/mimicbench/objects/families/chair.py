@@ -11,8 +11,15 @@ import numpy as np
 
 from mimicbench.core.errors import BadObject
 from mimicbench.core.seeds import rng
-from mimicbench.objects.families.chair_parts import easy, framed, stool
-from mimicbench.objects.families.chair_shape import MIN_BETWEEN_ARMS, MIN_SEAT_DEPTH, MIN_SEAT_WIDTH, ChairShape
+from mimicbench.objects.families.chair_parts import (
+    MIN_BETWEEN_ARMS,
+    MIN_SEAT_DEPTH,
+    MIN_SEAT_WIDTH,
+    ChairShape,
+    easy,
+    framed,
+    stool,
+)
 from mimicbench.objects.families.draws import FABRICS, WOODS, SizeDistribution, tint, truncated
 from mimicbench.objects.families.parts import Parts
 from mimicbench.objects.family import Family
