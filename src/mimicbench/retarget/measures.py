@@ -58,6 +58,16 @@ def measure(
         bend while a foot stands and the pelvis moves faster than 0.3 m/s, that is in walking [rad] (0 where there is no
         walking).
     """
+    return {
+        "frames": float(len(pose.joints)),
+        **_distances(links, bound, human_pos_w, human_quat_w),
+        **_efforts(pose, robot, fps),
+        **_steps(links, pose, bound, robot, standing, fps, human_pos_w),
+    }
+
+
+def _distances(links: Links, bound: Bound, human_pos_w: np.ndarray, human_quat_w: np.ndarray) -> dict[str, float]:
+    """How far links are from what they follow."""
     targets = followed_points(bound, human_pos_w, human_quat_w)
     errors = np.linalg.norm(links.pos[:, bound.links] - targets, axis=-1)
     is_foot = np.isin(bound.links, [link for _, link in bound.feet])
@@ -68,10 +78,33 @@ def measure(
     turns = rot.angle_between(
         links.quat[:, bound.turn_links], rot.multiply(human_quat_w[:, bound.turn_joints], bound.turn_offsets)
     )
+    pelvis = np.linalg.norm(links.pos[:, bound.links[0]] - human_pos_w[:, bound.joints[0]], axis=-1)
+    return {
+        "position_error": float(errors.mean()),
+        "ankle_error": float(errors[:, is_foot].mean()),
+        "wrist_error": float(np.mean(wrists)),
+        "pelvis_error": float(pelvis.mean()),
+        "orientation_error": float(turns.mean()),
+    }
+
+
+def _efforts(pose: Pose, robot: Robot, fps: float) -> dict[str, float]:
+    """What is asked of the joints."""
     limits = robot.joint_range
     excess = np.maximum(pose.joints - limits[:, 1], limits[:, 0] - pose.joints)
     velocity = np.abs(np.diff(pose.joints, axis=0)) * fps
     acceleration = np.abs(np.diff(pose.joints, 2, axis=0)) * fps**2
+    return {
+        "limit_violation": float(max(0.0, excess.max())),
+        "velocity_ratio": float((velocity / robot.velocity_limit).max()),
+        "acceleration": float(acceleration.mean()) if acceleration.size else 0.0,
+    }
+
+
+def _steps(
+    links: Links, pose: Pose, bound: Bound, robot: Robot, standing: np.ndarray, fps: float, human_pos_w: np.ndarray
+) -> dict[str, float]:
+    """How feet stand, and knees bend in walking."""
     feet = [link for _, link in bound.feet]
     heights = sole_heights(links, bound)
     up = rot.rotate(links.quat[:, feet], np.array([0.0, 0.0, 1.0]))[..., 2]
@@ -81,17 +114,6 @@ def measure(
     ]  # the joint that drives a foot's parent is its knee
     bend = pose.joints[:, knees][walking[:, None] & standing]
     return {
-        "frames": float(len(pose.joints)),
-        "position_error": float(errors.mean()),
-        "ankle_error": float(errors[:, is_foot].mean()),
-        "wrist_error": float(np.mean(wrists)),
-        "pelvis_error": float(
-            np.linalg.norm(links.pos[:, bound.links[0]] - human_pos_w[:, bound.joints[0]], axis=-1).mean()
-        ),
-        "orientation_error": float(turns.mean()),
-        "limit_violation": float(max(0.0, excess.max())),
-        "velocity_ratio": float((velocity / robot.velocity_limit).max()),
-        "acceleration": float(acceleration.mean()) if acceleration.size else 0.0,
         "skate": _skate(links.pos[:, feet], standing, fps),
         "human_skate": _skate(human_pos_w[:, [joint for joint, _ in bound.feet]], standing, fps),
         "sole_height": _mean(np.abs(heights[standing])),
@@ -140,6 +162,21 @@ def measure_scene(
     centers = balls.place(links)
     distance, _ = scene.clearance(balls, centers)
     depth = -distance.min(-1)
+    return {
+        "penetration": float((depth > DEEP).mean()),
+        "depth": float(max(0.0, depth.max())),
+        "goal_error": _goal_error(links, bound, motion.wrist_goal_w),
+        "contact_kept": _contact_kept(robot, mapping, motion, balls, distance),
+        "step_skate": _step_skate(links, bound, standing),
+        "balance": _balance(links, robot, bound, motion, standing),
+        "self_collision": float((_self_depth(robot, links, balls, centers) > DEEP).mean()),
+        "support_lost": _support_lost(robot, mapping, motion, obj, balls, distance),
+        "lean_error": _lean_error(robot, mapping, links, motion),
+    }
+
+
+def _contact_kept(robot: Robot, mapping: Mapping, motion: HumanMotion, balls: Balls, distance: np.ndarray) -> float:
+    """Share of the labeled contacts in which the robot's part is near enough; `distance` (T, S) is of the balls [m]."""
     kept, labeled = 0, 0
     for column, name in enumerate(motion.contact_names):
         when = motion.contacts[:, column].astype(bool)
@@ -147,6 +184,11 @@ def measure_scene(
         if which.any():
             labeled += int(when.sum())
             kept += int((distance[when][:, which].min(-1) < CLOSE).sum())
+    return kept / labeled if labeled else 1.0
+
+
+def _step_skate(links: Links, bound: Bound, standing: np.ndarray) -> float:
+    """Farthest that a sole moves while it stands, mean over steps [m]."""
     feet = [link for _, link in bound.feet]
     soles = links.pos[:, feet] + rot.rotate(links.quat[:, feet], bound.sole.mean(0))
     moved = [
@@ -154,17 +196,7 @@ def measure_scene(
         for foot in range(len(feet))
         for a, b in runs(standing[:, foot])
     ]
-    return {
-        "penetration": float((depth > DEEP).mean()),
-        "depth": float(max(0.0, depth.max())),
-        "goal_error": _goal_error(links, bound, motion.wrist_goal_w),
-        "contact_kept": kept / labeled if labeled else 1.0,
-        "step_skate": float(np.mean(moved)) if moved else 0.0,
-        "balance": _balance(links, robot, bound, motion, standing),
-        "self_collision": float((_self_depth(robot, links, balls, centers) > DEEP).mean()),
-        "support_lost": _support_lost(robot, mapping, motion, obj, balls, distance),
-        "lean_error": _lean_error(robot, mapping, links, motion),
-    }
+    return float(np.mean(moved)) if moved else 0.0
 
 
 def wrist_points(links: Links, bound: Bound) -> list[np.ndarray]:

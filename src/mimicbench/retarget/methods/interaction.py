@@ -26,13 +26,13 @@ from mimicbench.core.motion import RobotMotion
 from mimicbench.retarget.acceptance import PROMISED
 from mimicbench.retarget.clip import Clip, storable
 from mimicbench.retarget.kinematics import Pose, Tree, tree_of
-from mimicbench.retarget.mapping import followed_points
+from mimicbench.retarget.mapping import Bound, Mapping, followed_points
 from mimicbench.retarget.mappings import find_mapping
 from mimicbench.retarget.method import Method
 from mimicbench.retarget.methods.anchors import Anchors, anchors_of
 from mimicbench.retarget.methods.copy_rotation import copy_rotations
 from mimicbench.retarget.methods.interaction_loss import InteractionConfig, Problem
-from mimicbench.retarget.samples import FAR, Masses, Scene, balls_of
+from mimicbench.retarget.samples import FAR, Balls, Masses, Scene, balls_of
 from mimicbench.retarget.self_contact import SelfContact
 from mimicbench.retarget.solver import solve
 from mimicbench.retarget.trunk import bears, swung, trunk_rests, trunk_up
@@ -120,41 +120,14 @@ def make_problem(
     pos_w, quat_w = motion.forward_kinematics()
     anchors = anchors_of(clip, mapping, bound, pos_w, quat_w, heels)
     frames, feet = motion.frames, [link for _, link in bound.feet]
-
-    targets = followed_points(bound, pos_w, quat_w)
-    tolerance = np.full(targets.shape[:2], config.position)
-    is_foot = np.isin(bound.links, feet)
-    targets[:, ~is_foot, 2] -= anchors.lowering[:, None]
-    wrist_links, wrist_points = (
-        np.array([link for _, link, _ in bound.wrists]),
-        np.array([point for *_, point in bound.wrists]),
-    )
-    for foot, link in enumerate(feet):
-        column = bound.links.tolist().index(link)
-        targets[:, column] = anchors.foot_pos_w[:, foot]
-        rests = np.where(anchors.standing[:, foot], config.foot_rest, config.foot[1])
-        tolerance[:, column] = np.where(anchors.on_floor[:, foot], config.foot[0], rests)
+    wrist_links = np.array([link for _, link, _ in bound.wrists])
+    wrist_points = np.array([point for *_, point in bound.wrists])
+    targets, tolerance = _points(bound, config, anchors, followed_points(bound, pos_w, quat_w))
     near, far = config.hand
     hand = far * (near / far) ** anchors.nearness  # from far to near by equal ratios
-
-    turns, first = np.unique(np.stack([bound.turn_joints, bound.turn_links], -1), axis=0, return_index=True)
-    turn_targets = rot.multiply(quat_w[:, turns[:, 0]], bound.turn_offsets[first])
-    turn_tolerance = np.full(turn_targets.shape[:2], config.orientation)
-    for foot, link in enumerate(feet):
-        column = turns[:, 1].tolist().index(link)
-        turn_targets[:, column] = anchors.foot_quat_w[:, foot]
-        turn_tolerance[:, column] = np.where(anchors.on_floor[:, foot], *config.foot_turn)
-
-    _keep_lean(clip, config, turns[:, 1], turn_targets, turn_tolerance)
+    turn_links, turn_targets, turn_tolerance = _turns(clip, bound, config, anchors, quat_w)
     balls = balls_of(robot)
-    margins = np.where(np.isin(balls.link, feet), 0.0, config.margin) * np.ones((frames, 1))
-    bearing = []
-    for column, name in enumerate(motion.contact_names):
-        links = [robot.link_names.index(link) for link in mapping.bearers.get(name, ())]
-        when, which = motion.contacts[:, column].astype(bool), np.isin(balls.link, links)
-        margins[np.ix_(when, which)] = 0.0
-        if not set(links) & {*feet, *wrist_links}:  # feet and hands have their anchors
-            bearing.append((when, which))
+    margins, bearing = _bearing(clip, mapping, balls, config, feet, wrist_links)
     rests = np.any([when & which[balls.link == 0].any() for when, which in bearing] or [np.zeros(frames, bool)], 0)
     seated, lies = rests & anchors.on_floor.all(-1), rests & ~anchors.on_floor.any(-1)
     balanced, heading, ankles = _balance(motion.fps, anchors, bearing, config)
@@ -165,7 +138,7 @@ def make_problem(
     start = copy_rotations(bound, tree, limits, pos_w, quat_w)
     start = start._replace(root_pos=start.root_pos - anchors.lowering[:, None] * np.array([0.0, 0.0, 1.0]))
     forward += _to_back(clip, tree, start, seated & bears(motion, "back"))
-    targets[:, ~is_foot] += forward[:, None]
+    targets[:, ~np.isin(bound.links, feet)] += forward[:, None]
     start = start._replace(root_pos=start.root_pos + forward)
     return Problem(
         tree,
@@ -176,7 +149,7 @@ def make_problem(
         np.concatenate([np.zeros((len(bound.links), 3)), wrist_points]),
         np.concatenate([targets, anchors.hand_pos_w], 1),
         np.concatenate([tolerance, hand], 1) ** -2,
-        turns[:, 1],
+        turn_links,
         turn_targets,
         turn_tolerance**-2,
         balls,
@@ -193,6 +166,54 @@ def make_problem(
         config.velocity_share * robot.velocity_limit,
         _legs(robot, feet),
     ), start
+
+
+def _points(
+    bound: Bound, config: InteractionConfig, anchors: Anchors, targets: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Followed points (T, P, 3) [m], the feet's at their anchors and the others lowered, and tolerances (T, P) [m]."""
+    targets = targets.copy()
+    feet = [link for _, link in bound.feet]
+    tolerance = np.full(targets.shape[:2], config.position)
+    targets[:, ~np.isin(bound.links, feet), 2] -= anchors.lowering[:, None]
+    for foot, link in enumerate(feet):
+        column = bound.links.tolist().index(link)
+        targets[:, column] = anchors.foot_pos_w[:, foot]
+        rests = np.where(anchors.standing[:, foot], config.foot_rest, config.foot[1])
+        tolerance[:, column] = np.where(anchors.on_floor[:, foot], config.foot[0], rests)
+    return targets, tolerance
+
+
+def _turns(
+    clip: Clip, bound: Bound, config: InteractionConfig, anchors: Anchors, quat_w: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Links (Q,) that turn as the joints (T, J, 4) do, their targets (T, Q, 4) and tolerances (T, Q) [rad]."""
+    feet = [link for _, link in bound.feet]
+    turns, first = np.unique(np.stack([bound.turn_joints, bound.turn_links], -1), axis=0, return_index=True)
+    turn_targets = rot.multiply(quat_w[:, turns[:, 0]], bound.turn_offsets[first])
+    turn_tolerance = np.full(turn_targets.shape[:2], config.orientation)
+    for foot, link in enumerate(feet):
+        column = turns[:, 1].tolist().index(link)
+        turn_targets[:, column] = anchors.foot_quat_w[:, foot]
+        turn_tolerance[:, column] = np.where(anchors.on_floor[:, foot], *config.foot_turn)
+    _keep_lean(clip, config, turns[:, 1], turn_targets, turn_tolerance)
+    return turns[:, 1], turn_targets, turn_tolerance
+
+
+def _bearing(
+    clip: Clip, mapping: Mapping, balls: Balls, config: InteractionConfig, feet: list[int], wrists: np.ndarray
+) -> tuple[np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
+    """Distances (T, S) [m] that balls keep, and what bears beside feet and hands: when (T,) and which balls (S,)."""
+    motion, robot = clip.motion, clip.robot
+    margins = np.where(np.isin(balls.link, feet), 0.0, config.margin) * np.ones((motion.frames, 1))
+    bearing = []
+    for column, name in enumerate(motion.contact_names):
+        links = [robot.link_names.index(link) for link in mapping.bearers.get(name, ())]
+        when, which = motion.contacts[:, column].astype(bool), np.isin(balls.link, links)
+        margins[np.ix_(when, which)] = 0.0
+        if not set(links) & {*feet, *wrists}:  # feet and hands have their anchors
+            bearing.append((when, which))
+    return margins, bearing
 
 
 def _keep_lean(
