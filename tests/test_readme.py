@@ -27,7 +27,7 @@ def test_rows_are_of_unseen_objects():
         assert {row.split for row in read_rows(path)} == {"test"}, path
 
 
-@pytest.mark.parametrize("script", sorted(path.stem for path in (ROOT / "docs").glob("*.py")))
+@pytest.mark.parametrize("script", sorted(path.stem for path in (ROOT / "scripts").glob("*.py")))
 def test_scripts_of_the_docs_find_what_they_import(script, monkeypatch):
-    monkeypatch.syspath_prepend(str(ROOT / "docs"))
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
     assert importlib.import_module(script).main

@@ -42,7 +42,7 @@ class View:
         scene = mujoco.MjvScene(model, _MAX_SHAPES)
         scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0  # it would draw everything twice
         mujoco.mjv_updateScene(model, data, self._option, None, self._camera, mujoco.mjtCatBit.mjCAT_ALL, scene)
-        for place in goal_w:
+        for place in goal_w[np.isfinite(goal_w).all(-1)]:
             ball = scene.geoms[scene.ngeom]
             red = np.array([0.85, 0.1, 0.1, 1.0], np.float32)
             mujoco.mjv_initGeom(ball, mujoco.mjtGeom.mjGEOM_SPHERE, np.full(3, 0.03), place, np.eye(3).ravel(), red)

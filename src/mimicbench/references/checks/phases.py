@@ -105,7 +105,7 @@ def _phase(signals: Signals, start: int, states: _States, rules: PhaseRules) -> 
     if signals.carried[part][-1] - signals.carried[part][0] > rules.lifting:
         return "lift"
     if height[-1] < rules.low * LEG and states.rests[soon].any():
-        if tilt[-1] - tilt[0] > rules.reclining and states.lies[soon].any():
+        if height[0] < rules.low * LEG and tilt[-1] - tilt[0] > rules.reclining and states.lies[soon].any():
             return "lie down"
         if height[0] - height[-1] > rules.sinking:
             return "sit down"

@@ -1,7 +1,7 @@
-"""Measures the tables of docs/people.md: `python docs/measure_people.py [folder of real recordings]`.
+"""Measures the tables of docs/people.md: `python scripts/measure_people.py [folder of real recordings ...]`.
 
-Synthetic clips are made on the spot. Real recordings are UniHSI's `motion_clips`; without them their columns stay as
-they are in the file.
+Synthetic clips are made on the spot. The first folder is UniHSI's `motion_clips`; people of further ones are told from
+ours, too. Without recordings their columns and tables stay as they are in the file.
 """
 
 import sys
@@ -12,18 +12,22 @@ import numpy as np
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.references.body.body import body_of
+from mimicbench.references.checks.beside_real import judge, person_of, read_recordings
 from mimicbench.references.checks.gait_measures import measure_gait, summarize, walking_model
 from mimicbench.references.checks.quality import gate
 from mimicbench.references.importers.unihsi import import_skeleton_motion
 from mimicbench.references.paper import PAPER_SETS
 from mimicbench.references.recordings.real_clips import sitting_clips
 from mimicbench.references.synthesis.registry import synthesize
+from mimicbench.report.beside_real import judgement_table, measures_table, tells_table
 from mimicbench.report.tables import Cell, Table, to_markdown
 from mimicbench.tasks.registry import TASKS
 
-PAGE = Path(__file__).parent / "people.md"
+PAGE = Path(__file__).parents[1] / "docs" / "people.md"
 CLIPS = 100
 """Synthetic clips per task."""
+JUDGED = 40
+"""Of these told from real people."""
 SITTING = ("armchair", "armchair002", "chair_mo001", "chair_mo012")
 WALKING = (*SITTING, "lie_down", "lie_down_2", "lie_down_10")
 
@@ -100,9 +104,20 @@ def main() -> None:
         ("", *columns, "people at our speed", "published"),
         tuple(rows),
     )
+    put("measured", to_markdown(table))
+    if len(sys.argv) > 1:
+        real = [person_of(motion) for folder in sys.argv[1:] for motion in read_recordings(Path(folder), print)]
+        people = {task: [person_of(motion) for motion in found[:JUDGED]] for task, found in clips.items()}
+        judged = judge(real, [person for found in people.values() for person in found])
+        tables = judgement_table(judged), measures_table(real, people), tells_table(judged)
+        put("judge", "\n".join(map(to_markdown, tables)))
+
+
+def put(name: str, words: str) -> None:
+    """Write between two marks of the page."""
     text = PAGE.read_text()
-    begin, end = "<!-- measured: begin -->\n", "<!-- measured: end -->"
-    PAGE.write_text(text[: text.index(begin) + len(begin)] + "\n" + to_markdown(table) + "\n" + text[text.index(end) :])
+    begin, end = f"<!-- {name}: begin -->\n", f"<!-- {name}: end -->"
+    PAGE.write_text(text[: text.index(begin) + len(begin)] + "\n" + words + "\n" + text[text.index(end) :])
 
 
 def synthetic(task: str) -> list[HumanMotion]:

@@ -1,4 +1,4 @@
-"""Measures the tables of docs/retargeting.md and draws its pictures: `python docs/measure_retargeting.py [workdir
+"""Measures the tables of docs/retargeting.md: `python scripts/measure_retargeting.py [workdir
 [workdir of real clips]]`.
 
 Objects and clips are made in the workdir unless they are there. Real clips are those that `mimicbench import` made;
@@ -7,7 +7,6 @@ as they are in the file. Pictures need OpenGL.
 """
 
 import re
-import shutil
 import sys
 from pathlib import Path
 
@@ -23,7 +22,7 @@ from mimicbench.report.tables import Table, to_markdown
 from mimicbench.retarget.baselines.speed import RetargetBenchConfig
 from mimicbench.tasks.registry import TASKS
 
-PAGE = Path(__file__).parent / "retargeting.md"
+PAGE = Path(__file__).parents[1] / "docs" / "retargeting.md"
 OBJECTS, CLIPS = 32, 16
 """Of each task."""
 RECORDED = "recorded"
@@ -44,18 +43,12 @@ def main() -> None:
             renamed(without(table, "Frames/s of a core"), variant)
             for table in found.tables()[: 3 if variant == "paper" else 2]
         ]
-    pictures = [(picture, picture.name) for picture in (workdir / "retarget-paper").glob("*.jpg")]
     if len(sys.argv) > 2:
         real = Path(sys.argv[2])
         tasks = [task for task in TASKS if stages_of(real, task, "references")]
         recipes = [Recipe(task, references=ReferencesConfig(source=RECORDED)) for task in tasks]
         found = compare_methods(recipes, "paper", real, real / "retarget-paper", True, context)
         tables += [renamed(without(table, "Frames/s of a core"), "real") for table in found.tables()[:2]]
-        pictures += [
-            (picture, picture.name.replace("-", "-real-", 1)) for picture in (real / "retarget-paper").glob("*.jpg")
-        ]
-    for picture, name in pictures:
-        shutil.copyfile(picture, PAGE.parent / "images" / name)
     measured = bench(ClipsConfig(tuple(TASKS)), RetargetBenchConfig(), say)
     tables.append(speed_table(measured, tuple(TASKS)))
     text = PAGE.read_text()

@@ -1,4 +1,4 @@
-"""Writes the table of the paper's full set into docs/retargeting.md: `python docs/full_set.py WORKDIR`.
+"""Writes the table of the paper's full set into docs/retargeting.md: `python scripts/full_set.py WORKDIR`.
 
 WORKDIR holds what this made, the retargeting in some 80 minutes on two cores:
 
@@ -9,7 +9,6 @@ import sys
 from pathlib import Path
 
 from measure_retargeting import PAGE, put
-
 from mimicbench.benchmark.finding import largest
 from mimicbench.evaluate.intervals import Rate
 from mimicbench.report.tables import Table, to_markdown

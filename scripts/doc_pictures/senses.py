@@ -1,6 +1,6 @@
-"""Draws the pictures of docs/senses.md: `python docs/draw_senses.py`. Needs OpenGL."""
+"""Pictures of docs/senses.md: what the cameras see, and the maps made of it."""
 
-from pathlib import Path
+from dataclasses import dataclass
 
 import matplotlib
 import numpy as np
@@ -11,6 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
+from doc_pictures.objects import pixels
+from doc_pictures.picture import DocPicture, of_objects
 from mimicbench.core import rotations as rot
 from mimicbench.core.seeds import rng
 from mimicbench.objects.registry import FAMILIES
@@ -26,7 +28,6 @@ from mimicbench.sim.native import NativePhysics
 from mimicbench.sim.physics import PhysicsConfig, RobotState
 from mimicbench.sim.rows import Rows
 
-IMAGES = Path(__file__).parent / "images"
 H1 = ROBOTS.get("h1")
 COLORS = np.array([(225, 232, 240), (196, 190, 180), (222, 128, 48), (70, 100, 160)], np.uint8)
 """Of nothing, floor, object and robot."""
@@ -66,12 +67,6 @@ def panels(rows: int, columns: int, width: float, height: float) -> tuple[Figure
     return figure, axes
 
 
-def save(figure: Figure, name: str) -> None:
-    """Write a figure."""
-    figure.savefig(IMAGES / name, dpi=90)
-    plt.close(figure)
-
-
 def draw_map(ax: Axes, heights: np.ndarray, title: str, top: float, half: float = 2.56) -> None:
     """A map as the paper draws it: the robot in the middle, facing down; its left is on the right."""
     ax.imshow(
@@ -81,29 +76,61 @@ def draw_map(ax: Axes, heights: np.ndarray, title: str, top: float, half: float 
     ax.set_title(title, fontsize=9)
 
 
-def main() -> None:
-    """All pictures."""
-    walk = scene(FAMILIES.get("chair").make(3, 0), 1.05, 0.35, np.pi + 0.35)
-    views = look(walk, PELVIS_RIG)
+@dataclass(frozen=True)
+class Scenes:
+    """A chair that is walked to, a thing that is touched, and a box that is lifted."""
+
+    chair: SceneObject
+    thing: SceneObject
+    box: SceneObject
+    targets: np.ndarray
+    """(2, 3) on the thing [m]."""
+
+
+def make() -> Scenes:
+    """What all pictures of the senses show."""
     thing = FAMILIES.get("household").make(9, 0)
     targets = np.array(touch_pair(thing, rng(0, "pictures")))
-    near = scene(thing, *stance_before(thing, *targets))
-    root_pos, root_quat = near.qpos()[0, :3], near.qpos()[0, 3:7]
-    hands = look(near, HEAD_RIG)
+    return Scenes(FAMILIES.get("chair").make(3, 0), thing, FAMILIES.get("box").make(0, 0), targets)
 
+
+def arrays(scenes: Scenes) -> list[np.ndarray]:
+    """They as numbers."""
+    return [*of_objects([scenes.chair, scenes.thing, scenes.box]), scenes.targets]
+
+
+def walk_of(scenes: Scenes) -> NativePhysics:
+    """The robot before the chair."""
+    return scene(scenes.chair, 1.05, 0.35, np.pi + 0.35)
+
+
+def near_of(scenes: Scenes) -> NativePhysics:
+    """The robot before the thing."""
+    return scene(scenes.thing, *stance_before(scenes.thing, *scenes.targets))
+
+
+def cameras(scenes: Scenes) -> np.ndarray:
+    """What every camera sees."""
+    views, near = look(walk_of(scenes), PELVIS_RIG), near_of(scenes)
+    root_pos, root_quat = near.qpos()[0, :3], near.qpos()[0, 3:7]
     figure, axes = panels(2, 3, 12, 6.2)
     for ax, picture, mount in zip(
         (axes[0, 1], axes[0, 0], axes[1, 0], axes[1, 1]), views.color, PELVIS_RIG.mounts, strict=True
     ):
         ax.imshow(picture)
         ax.set_title(f"pelvis: {mount.name}", fontsize=9)
-    axes[0, 2].imshow(mark_targets(hands.color, HEAD_RIG, root_pos, root_quat, targets, radius=4)[0])
+    color = look(near, HEAD_RIG).color
+    axes[0, 2].imshow(mark_targets(color, HEAD_RIG, root_pos, root_quat, scenes.targets, radius=4)[0])
     axes[0, 2].set_title("head: the targets of touch-points in red (here 9 x 9 pixels)", fontsize=9)
-    box = FAMILIES.get("box").make(0, 0)
-    axes[1, 2].imshow(look(scene(box, box.bounds()[1][0] + 0.4, 0.0, np.pi), HEAD_RIG).color[0])
+    before = scene(scenes.box, scenes.box.bounds()[1][0] + 0.4, 0.0, np.pi)
+    axes[1, 2].imshow(look(before, HEAD_RIG).color[0])
     axes[1, 2].set_title("head: lift-box", fontsize=9)
-    save(figure, "cameras.png")
+    return pixels(figure)
 
+
+def modalities(scenes: Scenes) -> np.ndarray:
+    """Color, depth and segmentation of one camera."""
+    views = look(walk_of(scenes), PELVIS_RIG)
     figure, axes = panels(1, 3, 12, 3.3)
     axes[0, 0].imshow(views.color[1])
     axes[0, 0].set_title("color", fontsize=9)
@@ -112,8 +139,12 @@ def main() -> None:
     figure.colorbar(shown, ax=axes[0, 1], ticks=[0.05, 0.2, 0.5, 1, 2, 6, 20, 50], format="%g", shrink=0.8)
     axes[0, 2].imshow(COLORS[np.minimum(views.labels[1], ROBOT)])
     axes[0, 2].set_title("segmentation: nothing, floor, object, robot", fontsize=9)
-    save(figure, "modalities.png")
+    return pixels(figure)
 
+
+def elevation(scenes: Scenes) -> np.ndarray:
+    """Maps of both scenes."""
+    walk, near = walk_of(scenes), near_of(scenes)
     figure, axes = panels(2, 3, 12, 8.2)
     axes[0, 0].imshow(outside(walk, Camera((0.45, 0.1, 0.7), 4.2, 150.0, -20.0)))
     axes[0, 0].set_title("sit-chair", fontsize=9)
@@ -127,10 +158,11 @@ def main() -> None:
     depth = look(near, HEAD_RIG, robot=False).depth[None]
     fine = map_from_depth(depth, near.qpos()[:, :3], near.qpos()[:, 3:7], HEAD_RIG, 0.01)[0].numpy()
     draw_map(axes[1, 1], fine, "one depth image of 360 x 480, cells of 1 cm", float(fine.max()) + 0.1, 0.64)
-    goal = target_map(near.qpos()[:, :3], near.qpos()[:, 3:7], targets[None])[0].numpy()
+    goal = target_map(near.qpos()[:, :3], near.qpos()[:, 3:7], scenes.targets[None])[0].numpy()
     draw_map(axes[1, 2], goal, "target map", float(fine.max()) + 0.1, 0.64)
-    save(figure, "elevation.png")
+    return pixels(figure)
 
 
-if __name__ == "__main__":
-    main()
+def pictures() -> list[DocPicture]:
+    """All."""
+    return [DocPicture(f"{draw.__name__}.png", make, arrays, draw) for draw in (cameras, modalities, elevation)]
