@@ -8,8 +8,10 @@ from pathlib import Path
 import pytest
 
 import mimicbench
-from mimicbench.core.checkpoint import BadCheckpoint
-from mimicbench.imitate.learners import load_learner
+from mimicbench.core.checkpoint import BadCheckpoint, checkpoint_kind
+from mimicbench.imitate.learned import load_learner
+from mimicbench.imitate.learners.act import ACTConfig
+from mimicbench.imitate.learners.bc import BCConfig
 from mimicbench.imitate.perception import load_perception
 from mimicbench.policies.loading import load_policy
 from mimicbench.tasks.registry import TASKS
@@ -51,7 +53,7 @@ LIES = [
 
 def load(folder, kind):
     if kind in ("act", "bc"):
-        return load_learner(folder, "h1")
+        return load_learner(folder, "h1", {"act": ACTConfig, "bc": BCConfig}[checkpoint_kind(folder)])
     if kind == "perception":
         return load_perception(folder, "h1")
     if kind == "tracker":

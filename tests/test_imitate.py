@@ -11,23 +11,26 @@ import torch
 from mimicbench.core import rotations as rot
 from mimicbench.core.checkpoint import BadCheckpoint
 from mimicbench.core.errors import BadFile, MimicbenchError
-from mimicbench.imitate.act import ACTConfig
-from mimicbench.imitate.bc import BCConfig
 from mimicbench.imitate.clock import clock_features
 from mimicbench.imitate.dataset import DemoFrames, proprioception
 from mimicbench.imitate.encoder import Encoder, EncoderConfig
 from mimicbench.imitate.inputs import LAST_ACTION, Batch, InputConfig
 from mimicbench.imitate.learn_perception import draw_maps
-from mimicbench.imitate.learners import load_learner, make_learner, save_learner
+from mimicbench.imitate.learned import load_learner, save_learner
+from mimicbench.imitate.learners.act import ACTConfig
+from mimicbench.imitate.learners.bc import BCConfig
 from mimicbench.imitate.lerobot import Demos
 from mimicbench.imitate.perception import (
     Perception,
     PerceptionConfig,
     save_perception,
 )
-from mimicbench.imitate.policy import VisionPolicy, load_policy
+from mimicbench.imitate.policy import VisionPolicy
+from mimicbench.imitate.registry import LEARNERS
 from mimicbench.imitate.train import TrainConfig, train
 from mimicbench.objects.families.chair import make_chair
+from mimicbench.policies.loading import load_policy
+from mimicbench.robots.registry import ROBOTS
 from mimicbench.sensors.observations import Observations
 from mimicbench.tasks.sit_chair import TASK as SIT_CHAIR
 
@@ -94,7 +97,7 @@ CASES = [(kind, name) for kind in ("act", "bc") for name in INPUTS]
 def test_learner_contract(kind, inputs, demos, chairs, tmp_path):
     config = tiny(kind, INPUTS[inputs])
     torch.manual_seed(0)
-    learner = make_learner(config)
+    learner = config.build()
     data = DemoFrames(demos, chairs, config.inputs, learner.chunk)
     batch = data.batch(torch.arange(10), torch.Generator().manual_seed(0))
     assert batch.vector.shape == (10, config.inputs.size) and batch.actions.shape == (10, learner.chunk, 19)
@@ -123,16 +126,16 @@ def test_learner_contract(kind, inputs, demos, chairs, tmp_path):
     # saved and loaded, it is the same
     save_learner(tmp_path, learner, "h1")
     with torch.no_grad():
-        assert (load_learner(tmp_path, "h1").predict(batch.vector, batch.elevation) == first).all()
+        assert (load_learner(tmp_path, "h1", type(config))[0].predict(batch.vector, batch.elevation) == first).all()
     with pytest.raises(BadCheckpoint, match="another robot"):
-        load_learner(tmp_path, "g1")
+        load_learner(tmp_path, "g1", type(config))
 
 
 def test_presets_have_the_published_sizes():
     with torch.device("meta"):
         act, bc, resnet = (
-            make_learner(ACTConfig.paper()),
-            make_learner(BCConfig.paper()),
+            ACTConfig.paper().build(),
+            BCConfig.paper().build(),
             Encoder(EncoderConfig(channels=3)),
         )
     assert (len(act.decoder_layers), len(act.encoder_layers), act.chunk, act.config.latent) == (7, 4, 100, 32)
@@ -144,7 +147,7 @@ def test_presets_have_the_published_sizes():
 
 def test_loss_ignores_what_comes_after_the_end(demos, chairs):
     config = tiny("act", INPUTS["blind"])
-    learner = make_learner(config).eval()
+    learner = config.build().eval()
     data = DemoFrames(demos, chairs, config.inputs, learner.chunk)
     batch = data.batch(torch.tensor([18, 19]))
     assert batch.pad.tolist() == [[False, False, True, True, True], [False, True, True, True, True]]
@@ -156,7 +159,7 @@ def test_loss_ignores_what_comes_after_the_end(demos, chairs):
 def test_all_decoder_layers_learn(demos, chairs):
     # the original reads the first layer's output only
     config = replace(tiny("act", INPUTS["blind"]), decoder_layers=3)
-    learner = make_learner(config)
+    learner = config.build()
     learner.loss(DemoFrames(demos, chairs, config.inputs, 5).batch(torch.arange(4)))["l1"].backward()
     assert all(float(layer.feedforward[0].weight.grad.abs().sum()) > 0 for layer in learner.decoder_layers)
 
@@ -201,7 +204,7 @@ def test_training_is_deterministic_and_survives_a_kill(demos, chairs, tmp_path):
     with open(tmp_path / "constant/metrics.jsonl", "a") as stream:
         stream.write('{"step": 4, "loss": 0}\n{"st')
     resumed = train(config, data, replace(SHORT, schedule="constant"), tmp_path / "constant", quiet=True).state_dict()
-    once = load_learner(tmp_path / "once", "h1").state_dict()
+    once = load_learner(tmp_path / "once", "h1", type(config))[0].state_dict()
     assert all((once[name] == resumed[name]).all() for name in once)
     steps = [json.loads(line)["step"] for line in (tmp_path / "constant/metrics.jsonl").read_text().splitlines()]
     assert steps == [2, 3, 4, 6, 6]
@@ -233,11 +236,12 @@ SIGHT = PerceptionConfig(
 
 def test_policy_sees_the_shape_and_nothing_else(demos, chairs, tmp_path):
     config = tiny("act", INPUTS["timed"])
-    save_learner(tmp_path / "act", make_learner(config), "h1")
-    save_perception(tmp_path / "eyes", Perception(SIGHT, SIT_CHAIR), "h1")
-    with pytest.raises(MimicbenchError, match="perception checkpoint"):
-        load_policy(tmp_path / "act", "h1")
-    policy = load_policy(tmp_path / "act", "h1", tmp_path / "eyes")
+    save_learner(tmp_path / "act", config.build(), "h1")
+    robot, task = ROBOTS.get("h1"), SIT_CHAIR
+    with pytest.raises(BadFile, match="perception"):
+        load_policy(tmp_path / "act", robot, task)
+    save_perception(tmp_path / "perception", Perception(SIGHT, SIT_CHAIR), "h1")
+    policy = load_policy(tmp_path / "act", robot, task)
     drawn = draw_maps(SIGHT, SIT_CHAIR, list(chairs.values()), 4, "policy", seen=0.0)
     maps, height = drawn.maps, drawn.root_height
     proprio = torch.randn(4, 48)
@@ -263,3 +267,12 @@ def test_policy_sees_the_shape_and_nothing_else(demos, chairs, tmp_path):
     second = policy.act(senses(maps))
     assert [bool((first[i] == second[i]).all()) for i in range(4)] == [True, True, False, True]
     assert isinstance(policy, VisionPolicy)
+
+
+@pytest.mark.parametrize("name", LEARNERS.names())
+def test_every_learner_is_whole(name):
+    """Its configuration names it, is a recipe's part with defaults of its own, and says what it needs."""
+    spec = LEARNERS.get(name)
+    config = spec.config()
+    assert config.learner == name and type(config).chosen({"learner": name}) is spec.config
+    assert spec.config.tracker in (None, "residual") and isinstance(spec.config.clones, bool)

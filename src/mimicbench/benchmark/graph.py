@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from mimicbench.benchmark import keys
 from mimicbench.benchmark.keys import Run
@@ -22,7 +22,7 @@ from mimicbench.retarget import make as retargeting
 
 if TYPE_CHECKING:
     from mimicbench.envs.vec_env import EnvConfig
-    from mimicbench.imitate.make import ImitateConfig
+    from mimicbench.imitate.spec import ImitateConfig
 
 
 def run_stage(stage: str, recipe: Recipe, workdir: Path | str, context: RunContext | None = None) -> Stage:
@@ -204,6 +204,10 @@ def make_perception_stage(run: Run) -> Stage:
 
 def make_imitate_stage(run: Run) -> Stage:
     """Learn the recipe's policy: its folder holds copies of the tracker and of the eyes that it uses."""
+    from mimicbench.imitate.registry import LEARNERS
+    from mimicbench.imitate.spec import Given
+    from mimicbench.track.checkpoint import load_tracker
+
     config: ImitateConfig = run.part("imitate")
     clips, tracker, eyes = retargeted(run), tracker_for_learning(run), make_perception_stage(run)
     demos = make_demo_stage(run) if config.clones else None
@@ -212,30 +216,11 @@ def make_imitate_stage(run: Run) -> Stage:
             return stage
         copy_checkpoint(tracker, stage.folder / keys.TRACKER)
         copy_checkpoint(eyes.folder, stage.folder / keys.PERCEPTION)
-        summary = _learn(run, stage, clips) if demos is None else _clone(run, stage, clips, demos)
+        gains = config.gains or load_tracker(tracker, run.robot).spec.gains
+        dataset = None if demos is None else demos.folder / "dataset"
+        given = Given(clips.split("train"), dataset, run.recipe.seed, gains, run.context)
+        summary = LEARNERS.get(config.learner).learn(stage.folder / keys.POLICY, given, config)
         return stage.finish(**summary, device=run.context.device)
-
-
-def _learn(run: Run, stage: Stage, clips: Clips) -> dict[str, Any]:
-    from mimicbench.imitate.make import make_planner
-
-    config, train = run.part("imitate").planner, clips.split("train")
-    make_planner(stage.folder / keys.POLICY, train, config, run.recipe.seed, run.context)
-    return {"clips": len(train), "samples": config.samples}
-
-
-def _clone(run: Run, stage: Stage, clips: Clips, demos: Stage) -> dict[str, Any]:
-    from mimicbench.imitate.make import make_clone
-    from mimicbench.sim.devices import tensor_device
-    from mimicbench.track.checkpoint import load_tracker
-
-    config = run.part("imitate")
-    train = replace(config.train, seed=run.recipe.seed, device=tensor_device(run.context.device))
-    gains = config.gains or load_tracker(stage.folder / keys.TRACKER, run.robot).spec.gains
-    notes = {"seed": run.recipe.seed, "task": run.recipe.task, "gains": gains}
-    folder, dataset = stage.folder / keys.POLICY, demos.folder / "dataset"
-    make_clone(folder, run.robot, dataset, clips.set.objects, replace(config, train=train), notes, run.context.quiet)
-    return {"demonstrations": demos.summary["demonstrations"], "batches": config.train.steps}
 
 
 PARTS = ("objects", "references", "retarget", "track", "demos", "imitate")

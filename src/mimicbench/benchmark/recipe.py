@@ -15,7 +15,7 @@ from mimicbench.core.settings import BadSetting, Count, Seed, check, merge, read
 
 if TYPE_CHECKING:  # some of these bring torch, which the earlier stages do without
     from mimicbench.imitate.demos import DemosConfig
-    from mimicbench.imitate.make import ImitateConfig
+    from mimicbench.imitate.spec import ImitateConfig
     from mimicbench.objects.make import ObjectsConfig
     from mimicbench.references.make import ReferencesConfig
     from mimicbench.retarget.make import RetargetConfig
@@ -82,7 +82,7 @@ _TYPES = {
     "retarget": "mimicbench.retarget.make:RetargetConfig",
     "track": "mimicbench.track.train:TrackConfig",
     "demos": "mimicbench.imitate.demos:DemosConfig",
-    "imitate": "mimicbench.imitate.make:ImitateConfig",
+    "imitate": "mimicbench.imitate.spec:ImitateConfig",
     "evaluate": "mimicbench.benchmark.recipe:EvaluateConfig",
 }
 

@@ -47,7 +47,7 @@ def learner_has_its_tracker(recipe: Recipe) -> None:
     """A learner that speaks to the tracker needs the one that understands it."""
     if recipe.imitate is None and recipe.track is None:
         return
-    from mimicbench.imitate.make import ImitateConfig
+    from mimicbench.imitate.spec import ImitateConfig
     from mimicbench.track.train import TrackConfig
 
     tracker = (recipe.track or TrackConfig()).tracker

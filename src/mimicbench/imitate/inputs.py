@@ -1,7 +1,7 @@
 """What learners see and give, the same for all of them: a vector, a map, and a chunk of actions."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, ClassVar, Literal
 
 import torch
 from torch import Tensor, nn
@@ -90,6 +90,11 @@ class Learner(nn.Module):
 
     Inputs and actions are normalized inside, by statistics that are part of it.
     """
+
+    kind: ClassVar[str]
+    """What its checkpoints are called."""
+    config: Any
+    """What it was built from."""
 
     def __init__(self, inputs: InputConfig, chunk: int, action_size: int) -> None:
         super().__init__()

@@ -1,18 +1,12 @@
 """Learners in their closed loop: what they look at, when they look again, and what they do."""
 
-from pathlib import Path
-
 import torch
 from torch import Tensor
 
-from mimicbench.core.checkpoint import load_checkpoint
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.imitate.inputs import Learner
-from mimicbench.imitate.learners import load_learner
-from mimicbench.imitate.perception import Perception, SeatMemory, load_perception
-from mimicbench.robots.description import Robot
+from mimicbench.imitate.perception import Perception, SeatMemory
 from mimicbench.sensors.observations import Observations
-from mimicbench.tasks.task import Task
 
 BODY = ("proprio", "time", "odometry")
 """What every policy with a memory observes beside maps."""
@@ -99,19 +93,3 @@ class VisionPolicy:
         state = obs["state"] if inputs.body == "state" else obs["proprio"]
         vector = inputs.vector(state, obs["proprio"], obs["time"][:, 0], memory)
         return self.learner.predict(vector, obs["heightmap"][:, None] if inputs.elevation else None)
-
-
-def load_policy(folder: Path, robot: str, perception: Path | None = None) -> VisionPolicy:
-    """The policy of an ACT or BC checkpoint; `perception` is the folder of the seat's.
-
-    Raises BadCheckpoint or UnknownName.
-    """
-    learner = load_learner(folder, robot)
-    eyes = load_perception(perception, robot) if perception is not None and learner.inputs.memory else None
-    gains = str(load_checkpoint(folder, robot=robot).notes.get("gains", "improved"))
-    return VisionPolicy(learner, eyes, gains)
-
-
-def load_beside(folder: Path, robot: Robot, task: Task) -> VisionPolicy:
-    """The policy of an ACT or BC checkpoint, with the perception in the folder beside it. Raises BadCheckpoint."""
-    return load_policy(folder, robot.name, folder.parent / "perception")

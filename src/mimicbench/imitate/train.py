@@ -16,11 +16,9 @@ from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.seeds import digest
 from mimicbench.core.settings import Positive
 from mimicbench.core.training import NetworkState, OptimizerState, append_metrics, resume_training, save_training
-from mimicbench.imitate.act import ACT
-from mimicbench.imitate.bc import BC
 from mimicbench.imitate.dataset import DemoFrames
-from mimicbench.imitate.inputs import Batch
-from mimicbench.imitate.learners import LearnerConfig, make_learner, save_learner
+from mimicbench.imitate.inputs import Batch, Learner
+from mimicbench.imitate.learned import save_learner
 
 _VALIDATION_FRAMES = 512
 
@@ -62,7 +60,7 @@ class TrainConfig:
         )
 
 
-def train(learner: LearnerConfig, data: DemoFrames, config: TrainConfig, folder: Path, quiet: bool = False) -> ACT | BC:
+def train(learner: Any, data: DemoFrames, config: TrainConfig, folder: Path, quiet: bool = False) -> Learner:
     """Learn, or go on learning, and leave a checkpoint in `folder`.
 
     Args:
@@ -124,11 +122,11 @@ class _Average:
 class _Run:
     """One training run: everything that has to survive a kill is in `save` and `resume`."""
 
-    def __init__(self, learner: LearnerConfig, data: DemoFrames, config: TrainConfig, folder: Path) -> None:
+    def __init__(self, learner: Any, data: DemoFrames, config: TrainConfig, folder: Path) -> None:
         self.data, self.config, self.folder = data, config, folder
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(self._seed("weights"))
-            self.learner = make_learner(learner)
+            self.learner = learner.build()
         frames = data.train_frames[:: max(1, len(data.train_frames) // 20_000)]
         self.learner.normalize_by(data.vector(frames), data.action[frames])
         self.learner.to(config.device)
@@ -205,14 +203,14 @@ class _Run:
         progress = resume_training(self.folder, self.identity, self.parts, {"step": 0, "seconds": 0.0})
         self.steps, self.seconds = int(progress["step"]), float(progress["seconds"])
 
-    def result(self) -> ACT | BC:
+    def result(self) -> Learner:
         """The network to keep, on the CPU."""
-        learner = make_learner(self.learner.config)
+        learner = self.learner.config.build()
         learner.load_state_dict({**self.learner.state_dict(), **self.average.values})
         return learner.eval()
 
     @torch.no_grad()
-    def validation_error(self, learner: ACT | BC) -> float | None:
+    def validation_error(self, learner: Learner) -> float | None:
         """Mean absolute error [rad] of the predicted action on frames of episodes that were kept apart.
 
         None if there are none.

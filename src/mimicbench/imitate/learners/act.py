@@ -25,8 +25,10 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from mimicbench.imitate.cloning import CloneImitation, cloner
 from mimicbench.imitate.encoder import Encoder, EncoderConfig
 from mimicbench.imitate.inputs import Batch, InputConfig, Learner
+from mimicbench.imitate.train import TrainConfig
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,10 @@ class ACTConfig:
         """How many of everything that is repeated."""
         return self.posterior_layers, self.encoder_layers, self.decoder_layers, *self.encoder.layers
 
+    def build(self) -> "ACT":
+        """A new network, with weights from torch's random numbers."""
+        return ACT(self)
+
     @staticmethod
     def paper(inputs: InputConfig | None = None) -> "ACTConfig":
         """The original's sizes: about 84 million parameters."""
@@ -98,6 +104,8 @@ class ACTConfig:
 
 class ACT(Learner):
     """The whole of it: variational encoder, map encoder, transformer, action head."""
+
+    kind = "act"
 
     def __init__(self, config: ACTConfig) -> None:
         super().__init__(config.inputs, config.chunk, config.action_size)
@@ -256,3 +264,15 @@ def _sine_positions_2d(side: int, width: int) -> Tensor:
     return torch.cat([line[:, None].expand(-1, side, -1), line[None].expand(side, -1, -1)], -1).reshape(
         1, side * side, width
     )
+
+
+@dataclass(frozen=True)
+class ACTImitation(CloneImitation):
+    """ACT as the paper has it: S_current and the map of every frame."""
+
+    learner: str = "act"
+    network: ACTConfig = field(default_factory=ACTConfig.small)
+    train: TrainConfig = field(default_factory=lambda: TrainConfig(steps=1500))
+
+
+LEARNER = cloner("act", ACTImitation)

@@ -11,8 +11,10 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from mimicbench.imitate.cloning import CloneImitation, cloner
 from mimicbench.imitate.encoder import Encoder, EncoderConfig
 from mimicbench.imitate.inputs import Batch, InputConfig, Learner
+from mimicbench.imitate.train import TrainConfig
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,15 @@ class BCConfig:
         """How many of everything that is repeated."""
         return len(self.reduce), *self.encoder.layers
 
+    @property
+    def chunk(self) -> int:
+        """Frames of action that it predicts."""
+        return 1
+
+    def build(self) -> "BC":
+        """A new network, with weights from torch's random numbers."""
+        return BC(self)
+
     @staticmethod
     def paper(inputs: InputConfig | None = None) -> "BCConfig":
         """The original's sizes: about 15 million parameters."""
@@ -48,6 +59,8 @@ class BCConfig:
 
 class BC(Learner):
     """Map and state -> the action of the present frame."""
+
+    kind = "bc"
 
     def __init__(self, config: BCConfig) -> None:
         super().__init__(config.inputs, 1, config.action_size)
@@ -86,3 +99,15 @@ class BC(Learner):
                 raise ValueError("this learner sees elevation maps; give it one")
             x = torch.cat([self.reduce(self.map_encoder(self.normalized_map(elevation))).flatten(1), x], -1)
         return self.mlp(x)
+
+
+@dataclass(frozen=True)
+class BCImitation(CloneImitation):
+    """BC as the paper has it: S_current and the map of every frame."""
+
+    learner: str = "bc"
+    network: BCConfig = field(default_factory=BCConfig.small)
+    train: TrainConfig = field(default_factory=lambda: TrainConfig(steps=3000))
+
+
+LEARNER = cloner("bc", BCImitation)

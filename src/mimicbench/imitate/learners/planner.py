@@ -1,0 +1,41 @@
+"""The planner over the tracker, by DAgger: imitate.planner is what it is, imitate.learn_planner how it learns."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+from mimicbench.envs.vec_env import EnvConfig
+from mimicbench.imitate.learn_planner import train_planner
+from mimicbench.imitate.planner import PlannerConfig, save_planner
+from mimicbench.imitate.spec import Given, ImitateConfig, LearnerSpec
+from mimicbench.track.checkpoint import load_tracker
+
+
+@dataclass(frozen=True)
+class PlannerImitation(ImitateConfig):
+    """A planner over the tracker, by DAgger."""
+
+    planner: PlannerConfig = field(default_factory=PlannerConfig)
+
+    tracker: ClassVar[str | None] = "residual"
+
+
+def learn(folder: Path, given: Given, config: PlannerImitation) -> dict[str, Any]:
+    """Learn the planner over the tracker beside it."""
+    clips, context = given.clips, given.context
+    tracker = load_tracker(folder.parent / "tracker", clips.robot)
+
+    def report(row: dict) -> None:
+        context.say(
+            f"{row['samples'] / 1e6:6.2f} M frames  {row['samples'] / row['seconds']:6.0f}/s  loss {row['loss']:.4f}  "
+            f"failed {row['failed']:.2f}"
+        )
+
+    env_config = EnvConfig(device=context.device, workers=context.workers)
+    network = train_planner(folder, tracker, clips, config.planner, given.seed, env_config, report)
+    told = {"clips": len(clips), "samples": config.planner.samples}
+    save_planner(folder, clips.robot, network, config.planner, {"seed": given.seed, "task": clips.task.name, **told})
+    return told
+
+
+LEARNER = LearnerSpec("planner", PlannerImitation, learn)
