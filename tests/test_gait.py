@@ -16,7 +16,7 @@ from mimicbench.references.locomotion.feet import rolled
 from mimicbench.references.locomotion.gait import Gait, Route, around_box
 from mimicbench.references.locomotion.replan import in_stride, walk_from
 from mimicbench.references.locomotion.states import BodyState, state_of_motion, state_of_walk
-from mimicbench.references.locomotion.walking import FPS, Walk, walk
+from mimicbench.references.locomotion.walking import FPS, Excerpt, Walk, walk
 
 BODIES = (unihsi_body(1.08), roam_body(1.0), core4d_body(1.0))
 LOW, HIGH, MARGIN = np.array([-0.3, -0.35]), np.array([0.3, 0.35]), 0.4
@@ -175,11 +175,11 @@ def test_a_walk_begins_in_its_midst():
     whole, cut = around(BODIES[2], 0.8, 1.6, 2.0, Gait()), None
     start = 1.6 * np.array([np.cos(0.8), np.sin(0.8)])
     route = around_box(start, GOAL, LOW, HIGH, MARGIN, start_yaw=2.0)
-    cut = walk(BODIES[2], route, 2.0, STOP, 0.0, Gait(), 1.0, lead=3.0)
+    cut = walk(BODIES[2], route, 2.0, STOP, 0.0, Gait(), 1.0, Excerpt(lead=3.0))
     assert len(cut.time) == len(whole.time) - 90 and cut.time[0] == 0 and cut.end == pytest.approx(whole.end - 3.0)
     assert (cut.pelvis_pos_w == whole.pelvis_pos_w[90:]).all() and (cut.feet.pos_w == whole.feet.pos_w[90:]).all()
     assert np.linalg.norm(cut.pelvis_pos_w[1] - cut.pelvis_pos_w[0]) * FPS > 0.1
-    long = walk(BODIES[2], route, 2.0, STOP, 0.0, Gait(), 1.0, duration=20.0, lead=1.5)
+    long = walk(BODIES[2], route, 2.0, STOP, 0.0, Gait(), 1.0, Excerpt(duration=20.0, lead=1.5))
     assert len(long.time) == 601
 
 

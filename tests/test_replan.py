@@ -17,7 +17,7 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.references.actions.reaching import cut
 from mimicbench.references.body.body import body_of
 from mimicbench.references.checks.quality import Limits, check_clip, faults
-from mimicbench.references.locomotion.states import BodyState, BoxState, state_of_motion, state_of_points
+from mimicbench.references.locomotion.states import BodyState, FootPoints, RigidState, state_of_motion, state_of_points
 from mimicbench.references.synthesis.planning import plan
 from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.tasks.registry import TASKS
@@ -120,18 +120,8 @@ def seen(motion: HumanMotion, frame: int) -> BodyState:
     _, quat = motion.forward_kinematics()
     assert full.pose is not None
     foot, feet = quat[frame, [leg.end for leg in body.legs]], full.feet
-    return state_of_points(
-        body,
-        full.pelvis_pos_w,
-        full.pose.local_quat[0],
-        full.pelvis_vel_w,
-        full.pose.rate[0],
-        feet.pos_w,
-        feet.vel_w,
-        foot,
-        feet.bears,
-        box=full.box,
-    )
+    pelvis = RigidState(full.pelvis_pos_w, full.pose.local_quat[0], full.pelvis_vel_w, full.pose.rate[0])
+    return state_of_points(body, pelvis, FootPoints(feet.pos_w, feet.vel_w, foot, feet.bears), full.box)
 
 
 @pytest.mark.parametrize("task", list(TASKS))
@@ -171,7 +161,7 @@ def test_a_box_that_stands_elsewhere_is_lifted_there():
     state = state_of_motion(motion, 2)
     there = replace(
         state.moved(state.place + [0.5, -0.2], state.yaw),
-        box=BoxState(np.array([0.5, -0.2, 0.0]), rot.IDENTITY, np.zeros(3), np.zeros(3)),
+        box=RigidState(np.array([0.5, -0.2, 0.0]), rot.IDENTITY, np.zeros(3), np.zeros(3)),
     )
     made, here = replanned(motion, obj, there), replanned(motion, obj, state)
     assert made.object_pos_w[0] == pytest.approx([0.5, -0.2, 0.0]) and made.object_pos_w[-1, 2] > 0.25

@@ -26,7 +26,7 @@ from mimicbench.references.body.liveliness import Rest, enliven
 from mimicbench.references.body.posing import Trunk, pose
 from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait, Route, last_turn
-from mimicbench.references.locomotion.walking import FPS, Walk, walk
+from mimicbench.references.locomotion.walking import FPS, Excerpt, Walk, walk
 
 CONTACT_NAMES = ("left_foot", "right_foot", "pelvis", "back", "left_hand", "right_hand")
 SETTLES = 1.6
@@ -37,23 +37,12 @@ RECLINED = np.pi / 2 - 0.05
 """How far a lying trunk is tilted: the chest rests a little higher than the pelvis [rad]."""
 
 
-def lie_down(
-    clip_id: str,
-    task: str,
-    obj: SceneObject,
-    body: Body,
-    berth: Berth,
-    route: Route,
-    start_yaw: float,
-    gait: Gait,
-    style: LieStyle,
-) -> HumanMotion:
+def lie_down(clip_id: str, course: Course, route: Route, start_yaw: float, style: LieStyle) -> HumanMotion:
     """The whole clip: walk along the route from heading `start_yaw` [rad], sit down on the berth's edge, lie down,
     rest.
     """
-    course = lie_course(task, obj, body, berth, lambda _: route, gait, style)
-    way = walk(body, route, start_yaw, course.stop_xy, course.stop_yaw, gait, course.after, style.duration, style.lead)
-    return course.act(clip_id, way)
+    excerpt, stop = Excerpt(style.duration, style.lead), (course.stop_xy, course.stop_yaw)
+    return course.act(clip_id, walk(course.body, route, start_yaw, *stop, course.gait, course.after, excerpt))
 
 
 def lie_course(

@@ -3,7 +3,7 @@ from outside.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -148,15 +148,25 @@ def hands_from_outside(
     return goal_w + (1 - onto) * before + (1 - towards) * (swinging_w - goal_w - before) + bulge
 
 
+@dataclass(frozen=True)
+class Grasp:
+    """Where both hands go, and how."""
+
+    goal_w: np.ndarray
+    """(2, 3) goals of the wrists [m]."""
+    normals: np.ndarray
+    """(2, 3) of the surface there, out of the object."""
+    elbow: float
+    """How far the elbows are swung out [rad]."""
+
+
 def reach_past(
     body: Body,
     obj: SceneObject,
     trunk: Trunk,
     legs: Legs,
     swinging: Arms,
-    goal_w: np.ndarray,
-    normals: np.ndarray,
-    elbow: float,
+    grasp: Grasp,
     progress: np.ndarray,
     found: list[int],
 ) -> Arms:
@@ -168,7 +178,8 @@ def reach_past(
     swinging = hanging(trunk, swinging)
     back = rot.rotate(rot.from_yaw(rot.yaw_of(trunk.chest_quat_w[-1])), np.array([-1.0, 0.0, 0.0]))
     left = np.array([-back[1], back[0], 0.0]) * -1.0
-    hands, elbows, leave = wrists_of(body, trunk, swinging), np.full(len(progress), elbow), minimum_jerk(2.5 * progress)
+    hands, elbows = wrists_of(body, trunk, swinging), np.full(len(progress), grasp.elbow)
+    leave = minimum_jerk(2.5 * progress)
     detours = np.array(DETOURS)
     detours = (
         detours[:, :1, None] * back
@@ -179,7 +190,8 @@ def reach_past(
     def follow(detour: np.ndarray, some: np.ndarray | slice) -> tuple[Trunk, Arms]:
         """Trunk and arms in some of the frames."""
         part = frames(trunk, some)
-        wrists = within_reach(body, part, hands_from_outside(hands[some], goal_w, normals, progress[some], detour))
+        outside = hands_from_outside(hands[some], grasp.goal_w, grasp.normals, progress[some], detour)
+        wrists = within_reach(body, part, outside)
         return part, blend(
             frames(swinging, some), reach(body, part, wrists, elbow_axes(part.chest_quat_w, elbows[some])), leave[some]
         )

@@ -31,7 +31,7 @@ from mimicbench.references.body.liveliness import Rest, enliven, unrest
 from mimicbench.references.body.posing import Legs, Trunk, pose, shoulders
 from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait, Route, around_box, last_turn
-from mimicbench.references.locomotion.walking import FPS, Walk, walk
+from mimicbench.references.locomotion.walking import FPS, Excerpt, Walk, walk
 
 CONTACTS = ("left_foot", "right_foot", "pelvis", "back", "left_hand", "right_hand")
 BEARS = 0.84
@@ -98,9 +98,8 @@ def sit_down(
     reach is not used, and the style that is stored with the clip says so.
     """
     course = sit_course(task, body, obj, style, gait)
-    way = walk(
-        body, course.route(start_xy), start_yaw, course.stop_xy, 0.0, gait, course.after, style.duration, style.lead
-    )
+    excerpt = Excerpt(style.duration, style.lead)
+    way = walk(body, course.route(start_xy), start_yaw, course.stop_xy, 0.0, gait, course.after, excerpt)
     return course.act(clip_id, way)
 
 

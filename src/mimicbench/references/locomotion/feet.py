@@ -82,6 +82,22 @@ class FeetStart:
     """(2,) bool."""
 
 
+@dataclass(frozen=True)
+class _Flat:
+    """Flat feet as they are planned, before they are rolled."""
+
+    base: np.ndarray
+    """(T, 2, 3) their ankles [m]."""
+    yaw: np.ndarray
+    """(T, 2) [rad]"""
+    pitch: np.ndarray
+    """(T, 2) by which they are to be rolled [rad]."""
+    pivot: np.ndarray
+    """(T, 2) and about what: 0 the front of the sole, 1 the heel's end."""
+    contact: np.ndarray
+    """(T, 2) bool, whether they bear."""
+
+
 def swing_feet(steps: Footsteps, time: np.ndarray, gait: Gait, body: Body, start: FeetStart | None = None) -> Feet:
     """Both feet at times (T,): what bears is exactly still, or rolls; what swings goes on an arc, heel off first.
 
@@ -123,7 +139,7 @@ def swing_feet(steps: Footsteps, time: np.ndarray, gait: Gait, body: Body, start
         foot_xy[side], foot_yaw[side], landed[side] = xy, heading, land
         cycles[side] = cycle
     if start is not None:
-        _go_on(start, steps, time, fps, body, base, yaw, pitch, pivot, contact)
+        _go_on(start, steps, fps, body, _Flat(base, yaw, pitch, pivot, contact))
     pivot = np.where(contact, pitch < 0, pivot)
     bend = np.maximum(pitch, 0.0) * (1.0 - np.where(contact, 0.0, loose))
     return Feet(base + rolled(body, pitch, yaw, pivot), yaw, pitch, contact, bend)
@@ -216,18 +232,14 @@ def _pivot(u: np.ndarray, pitch: np.ndarray, roll: float) -> np.ndarray:
 def _go_on(
     start: FeetStart,
     steps: Footsteps,
-    time: np.ndarray,
     fps: float,
     body: Body,
-    base: np.ndarray,
-    yaw: np.ndarray,
-    pitch: np.ndarray,
-    pivot: np.ndarray,
-    contact: np.ndarray,
+    plan: _Flat,
 ) -> None:
     """Make the planned feet begin as they are: in place, what does not bear until it lands, the pitch of what bears
     within a moment.
     """
+    base, yaw, pitch, pivot, contact = plan.base, plan.yaw, plan.pitch, plan.pivot, plan.contact
     for side in (0, 1):
         landing = steps.touch_down[(steps.side == side) & (steps.touch_down > 0)]
         lasts = float(landing[0]) if len(landing) and not start.bears[side] else 0.15
@@ -239,7 +251,7 @@ def _go_on(
         now = start.pos_w[side] - rolled(body, start.pitch[side], start.yaw[side], pivot[0, side])
         later = start.pos_w[side] + start.vel_w[side] / fps - rolled(body, pitch[1, side], yaw[1, side], pivot[1, side])
         base[:, side] = ease(base[:, side], now, (later - now) * fps, fps, lasts, forward=True)
-        contact[:, side] = contact[:, side] & (np.arange(len(time)) > 0)
+        contact[:, side] = contact[:, side] & (np.arange(len(contact)) > 0)
 
 
 def _bump(u: np.ndarray) -> np.ndarray:

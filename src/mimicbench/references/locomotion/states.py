@@ -32,8 +32,8 @@ class Pose:
 
 
 @dataclass(frozen=True)
-class BoxState:
-    """Where a movable object is and how it moves."""
+class RigidState:
+    """Where a rigid body is, such as a movable object or a pelvis, and how it moves."""
 
     pos_w: np.ndarray
     """(3,) of its origin [m]."""
@@ -43,6 +43,23 @@ class BoxState:
     """(3,) [m/s]"""
     rate: np.ndarray
     """(3,) how fast it turns, in its own frame [rad/s]."""
+
+
+@dataclass(frozen=True)
+class FootPoints:
+    """What is known of feet whose plan is not; axis 0 is left, right."""
+
+    pos_w: np.ndarray
+    """(2, 3) ankles [m]."""
+    vel_w: np.ndarray
+    """(2, 3) [m/s]"""
+    quat_w: np.ndarray
+    """(2, 4), level on the floor at yaw 0 when it is the identity."""
+    bears: np.ndarray
+    """(2,) whether each foot bears."""
+    since: np.ndarray | None = None
+    """(2,) for how long it has borne or swung [s]; if not given, long ago, and what swings has done so as its height
+    tells."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +91,7 @@ class BodyState:
     """[rad/s]"""
     pose: Pose | None = None
     """All joints; walks and plans begin upright and calm where it is not given."""
-    box: BoxState | None = None
+    box: RigidState | None = None
     """The movable object, if the task has one; it stands at the origin where it is not given."""
 
     @property
@@ -169,58 +186,37 @@ def state_of_motion(motion: HumanMotion, frame: int) -> BodyState:
     return replace(_state(tracks, bears[frame], since), pose=_pose(motion, frame), box=_box(motion, frame))
 
 
-def state_of_points(
-    body: Body,
-    pelvis_pos_w: np.ndarray,
-    pelvis_quat_w: np.ndarray,
-    pelvis_vel_w: np.ndarray,
-    pelvis_rate: np.ndarray,
-    ankle_pos_w: np.ndarray,
-    ankle_vel_w: np.ndarray,
-    foot_quat_w: np.ndarray,
-    bears: np.ndarray,
-    since: np.ndarray | None = None,
-    box: BoxState | None = None,
-) -> BodyState:
+def state_of_points(body: Body, pelvis: RigidState, feet: FootPoints, box: RigidState | None = None) -> BodyState:
     """The state of who is only known by pelvis and feet, such as a robot; trunk, head and arms begin as a plan does.
 
     Args:
         body: The person who stands for it, whose legs must be as long.
-        pelvis_pos_w: (3,) [m].
-        pelvis_quat_w: (4,).
-        pelvis_vel_w: (3,) [m/s].
-        pelvis_rate: (3,) in the pelvis's own frame [rad/s].
-        ankle_pos_w: (2, 3) left, right [m].
-        ankle_vel_w: (2, 3) [m/s].
-        foot_quat_w: (2, 4), level on the floor at yaw 0 when it is the identity.
-        bears: (2,) whether each foot bears.
-        since: (2,) for how long it has borne or swung [s]; if not given, long ago, and what swings has done so as
-            its height tells.
+        pelvis: Its pelvis.
+        feet: Its feet.
         box: The movable object, if there is one.
     """
-    yaw = float(rot.yaw_of(pelvis_quat_w))
-    _, heading, pitch = _headings(pelvis_quat_w[None], foot_quat_w[None])
-    feet = FeetStart(
-        ankle_pos_w, np.where(bears[:, None], 0.0, ankle_vel_w), heading[0], np.zeros(2), pitch[0], np.zeros(2), bears
-    )
+    yaw = float(rot.yaw_of(pelvis.quat_w))
+    _, heading, pitch = _headings(pelvis.quat_w[None], feet.quat_w[None])
+    vel, still = np.where(feet.bears[:, None], 0.0, feet.vel_w), np.zeros(2)
+    start = FeetStart(feet.pos_w, vel, heading[0], still, pitch[0], still, feet.bears)
     joints = len(body.skeleton.joint_names)
     quat, rate = np.tile(rot.IDENTITY, (joints, 1)), np.zeros((joints, 3))
-    quat[body.pelvis], rate[body.pelvis] = pelvis_quat_w, pelvis_rate
-    turning = float(rot.rotate(pelvis_quat_w, pelvis_rate)[2])
-    since = np.full(2, LONG_AGO) if since is None else since
+    quat[body.pelvis], rate[body.pelvis] = pelvis.quat_w, pelvis.rate
+    turning = float(rot.rotate(pelvis.quat_w, pelvis.rate)[2])
+    since = np.full(2, LONG_AGO) if feet.since is None else feet.since
     pose = Pose(quat, rate, np.arange(joints) == body.pelvis)
     return BodyState(
-        feet,
+        start,
         since,
-        pelvis_pos_w,
-        pelvis_vel_w,
+        pelvis.pos_w,
+        pelvis.vel_w,
         yaw,
         turning,
-        float(_roll(pelvis_quat_w)),
+        float(_roll(pelvis.quat_w)),
         0.0,
         0.0,
         0.0,
-        float(_pitch(pelvis_quat_w)),
+        float(_pitch(pelvis.quat_w)),
         0.0,
         pose,
         box,
@@ -256,11 +252,11 @@ def _pose(motion: HumanMotion, frame: int) -> Pose:
     return Pose(motion.local_quat[frame], _turning(motion.local_quat, frame, motion.fps), np.ones(joints, bool))
 
 
-def _box(motion: HumanMotion, frame: int) -> BoxState | None:
+def _box(motion: HumanMotion, frame: int) -> RigidState | None:
     if not len(motion.object_pos_w):
         return None
     ((pos, velocity),) = _rates((motion.object_pos_w,), frame, motion.fps)
-    return BoxState(pos, motion.object_quat_w[frame], velocity, _turning(motion.object_quat_w, frame, motion.fps))
+    return RigidState(pos, motion.object_quat_w[frame], velocity, _turning(motion.object_quat_w, frame, motion.fps))
 
 
 def _rates(tracks: tuple[np.ndarray, ...], frame: int, fps: float) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -119,6 +119,19 @@ def draw_start(random: np.random.Generator, obj: SceneObject) -> tuple[np.ndarra
     return distance * ray, float(random.uniform(-np.pi, np.pi))
 
 
+@dataclass(frozen=True)
+class Excerpt:
+    """What is kept of a walk, so that it begins in the midst of the motion."""
+
+    duration: float = 0.0
+    """It has at least so many seconds, those that are left out not counted."""
+    lead: float = 0.0
+    """So many seconds at its beginning are left out."""
+
+
+WHOLE = Excerpt()
+
+
 def walk(
     body: Body,
     route: Route,
@@ -127,23 +140,20 @@ def walk(
     stop_yaw: float,
     gait: Gait,
     after: float,
-    duration: float = 0.0,
-    lead: float = 0.0,
+    excerpt: Excerpt = WHOLE,
 ) -> Walk:
     """Walk along a route, turn and back up to the stop, and stand there at least `after` seconds after the last foot
     has landed.
 
-    The whole has at least `duration` seconds. The first `lead` seconds are left out, so that it begins in the midst of
-    the motion;
-    a person stands for `gait.stand` seconds before the first foot lifts.
+    The beginning that `excerpt` leaves out is not there; a person stands for `gait.stand` seconds before the first
+    foot lifts.
 
     The point between the ankles starts at the route's first point with heading `start_yaw` [rad] and ends at `stop_xy`
-    (2,) [m]
-    with heading `stop_yaw` [rad].
+    (2,) [m] with heading `stop_yaw` [rad].
     """
     steps = plan_footsteps(start_yaw, route, stop_xy, stop_yaw, gait, body.size)
-    skip = round(min(max(lead, 0.0), max(0.0, steps.end - 0.1)) * FPS)
-    way = follow(body, steps, gait, after, duration + skip / FPS if skip else duration)
+    skip = round(min(max(excerpt.lead, 0.0), max(0.0, steps.end - 0.1)) * FPS)
+    way = follow(body, steps, gait, after, excerpt.duration + skip / FPS if skip else excerpt.duration)
     return way if skip == 0 else _begin_at(way, skip)
 
 

@@ -48,9 +48,9 @@ def make_lie_bed(
     """
     body = unihsi_body(style.body_scale)
     berth = find_berth(obj, body, start_xy)
-    return lie_down(
-        clip_id, "lie-bed", obj, body, berth, _route(obj, berth, start_xy), start_yaw, gait_of(style), style
-    )
+    route = _route(obj, berth, start_xy)
+    course = lie_course("lie-bed", obj, body, berth, lambda _: route, gait_of(style), style)
+    return lie_down(clip_id, course, route, start_yaw, style)
 
 
 def gait_of(style: LieStyle) -> Gait:

@@ -57,7 +57,8 @@ def synthesize_lie_sofa(clip_id: str, obj: SceneObject, seed: int) -> HumanMotio
         if ends[-1] <= duration:
             break
     body, berth, route, start_yaw = plans[int(np.argmin(ends))]
-    return lie_down(clip_id, "lie-sofa", obj, body, berth, route, start_yaw, gait_of(style), style)
+    course = lie_course("lie-sofa", obj, body, berth, lambda _: route, gait_of(style), style)
+    return lie_down(clip_id, course, route, start_yaw, style)
 
 
 def make_lie_sofa(
@@ -68,7 +69,8 @@ def make_lie_sofa(
     The point between the ankles starts at `start_xy` (2,) [m] with heading `start_yaw` [rad].
     """
     body, berth, route = _plan(obj, start_xy, style)
-    return lie_down(clip_id, "lie-sofa", obj, body, berth, route, start_yaw, gait_of(style), style)
+    course = lie_course("lie-sofa", obj, body, berth, lambda _: route, gait_of(style), style)
+    return lie_down(clip_id, course, route, start_yaw, style)
 
 
 def lie_sofa_courses(obj: SceneObject, style: LieStyle) -> tuple[Course, ...]:

@@ -17,7 +17,16 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.actions.postures import Ground, Manner, Posture, depth, elbow_axes, find_posture, placed
-from mimicbench.references.actions.reaching import SIZES, cut, draw_approach, lay_hands, reach_past, settle, steps_up_to
+from mimicbench.references.actions.reaching import (
+    SIZES,
+    Grasp,
+    cut,
+    draw_approach,
+    lay_hands,
+    reach_past,
+    settle,
+    steps_up_to,
+)
 from mimicbench.references.body.body import Body, core4d_body
 from mimicbench.references.body.limbs import about_y
 from mimicbench.references.body.posing import blend, pose, reach
@@ -203,9 +212,8 @@ def _lift(
     # the eyes leave the box when it is up
     look = axis + [0.0, 0.0, 0.15] + np.stack([up, up, up], -1) * (carried + [-0.8, 0.0, 0.45] * near[:, None])
     trunk = settle(way, body.size, [(grip, minimum_jerk(progress / 0.92)), (stand, up)], look, style.sway)
-    reaching = reach_past(
-        body, obj, trunk, way.legs(), way.arms(body, style.arm_swing), clasp, SIDES, float(grip.elbow), progress, detour
-    )
+    grasp = Grasp(clasp, SIDES, float(grip.elbow))
+    reaching = reach_past(body, obj, trunk, way.legs(), way.arms(body, style.arm_swing), grasp, progress, detour)
     hands = box_pos[:, None] + rot.rotate(box_quat[:, None], clasp)
     # the elbows go round the upper edges
     elbows = grip.elbow + up * (stand.elbow - grip.elbow) + 4.0 * AROUND * up * (1.0 - up)

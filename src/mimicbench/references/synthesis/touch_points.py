@@ -13,7 +13,16 @@ from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.touch import stance_before, touch_pair
 from mimicbench.references.actions.postures import Ground, Manner, Posture, chest_turn, find_posture
-from mimicbench.references.actions.reaching import SIZES, cut, draw_approach, lay_hands, reach_past, settle, steps_up_to
+from mimicbench.references.actions.reaching import (
+    SIZES,
+    Grasp,
+    cut,
+    draw_approach,
+    lay_hands,
+    reach_past,
+    settle,
+    steps_up_to,
+)
 from mimicbench.references.body.body import Body, core4d_body
 from mimicbench.references.body.hands import keep_off
 from mimicbench.references.body.limbs import about_y, glide
@@ -165,7 +174,8 @@ def _touch(
     trunk = settle(way, body.size, [(posture, share)], np.broadcast_to(goal.mean(0), (len(share), 3)), style.sway)
     swinging = way.arms(body, style.arm_swing)
     normals = obj.touch_normals[[int(np.argmin(((obj.touch_points - wrist) ** 2).sum(-1))) for wrist in goal]]
-    arms = reach_past(body, obj, trunk, way.legs(), swinging, goal, normals, float(posture.elbow), progress, detour)
+    grasp = Grasp(goal, normals, float(posture.elbow))
+    arms = reach_past(body, obj, trunk, way.legs(), swinging, grasp, progress, detour)
     # on the way the hands go round the own knees
     arms = keep_off(body, trunk, way.legs(), arms, (1.0 - minimum_jerk((progress - 0.7) / 0.25))[:, None])
     quat = lay_hands(body, pose(body, trunk, way.legs(), arms), trunk, normals, minimum_jerk(progress / 0.95))
