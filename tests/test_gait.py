@@ -13,8 +13,9 @@ from mimicbench.references.body.limbs import ease
 from mimicbench.references.body.posing import Trunk, pose
 from mimicbench.references.checks.quality import bearing_points, stance_slides
 from mimicbench.references.locomotion.feet import rolled
-from mimicbench.references.locomotion.gait import Gait, Route, around_box
+from mimicbench.references.locomotion.gait import Gait
 from mimicbench.references.locomotion.replan import in_stride, walk_from
+from mimicbench.references.locomotion.route import Route, around_box
 from mimicbench.references.locomotion.states import BodyState, state_of_motion, state_of_walk
 from mimicbench.references.locomotion.walking import FPS, Excerpt, Walk, walk
 

@@ -21,7 +21,8 @@ from mimicbench.references.body.body import unihsi_body
 from mimicbench.references.body.posing import Trunk, pose
 from mimicbench.references.checks.gait_measures import measure_gait, summarize, walking_model
 from mimicbench.references.checks.stats import object_size, pairwise, set_statistics, spread
-from mimicbench.references.locomotion.gait import Gait, Route
+from mimicbench.references.locomotion.gait import Gait
+from mimicbench.references.locomotion.route import Route
 from mimicbench.references.locomotion.walking import FPS, walk
 from mimicbench.references.make import remake
 from mimicbench.references.paper import PAPER_SETS

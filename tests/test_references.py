@@ -18,7 +18,8 @@ from mimicbench.references.body.limbs import two_link
 from mimicbench.references.checks.quality import Limits, check_clip, faults, is_good
 from mimicbench.references.locomotion.balance import balance, support_point
 from mimicbench.references.locomotion.feet import swing_feet
-from mimicbench.references.locomotion.gait import Gait, around_box, plan_footsteps
+from mimicbench.references.locomotion.gait import Gait, plan_footsteps
+from mimicbench.references.locomotion.route import around_box
 from mimicbench.references.synthesis.registry import synthesize
 
 CLIPS = 48

@@ -106,8 +106,7 @@ CORE4D = Names(
 
 def _to_h1(names: Names, shoulder: str) -> Mapping:
     """The table of one skeleton; `shoulder` is the H1's link that its shoulder goes to."""
-    seat = (_HIP_SEAT, names.hip_seat)
-    pelvis = (_PELVIS_SEAT, names.pelvis_seat)
+    seat, pelvis = (_HIP_SEAT, names.hip_seat), (_PELVIS_SEAT, names.pelvis_seat)
     pairs = [
         Pair(names.pelvis, "pelvis", "pelvis", surface=pelvis, weight=_PELVIS_WEIGHT),
         # The H1 has no waist: its one trunk answers for the human's pelvis and, in `improved`, for the human's chest

@@ -79,8 +79,6 @@ def _make(mesh: Mesh, path: Path, family: str, config: ImportConfig, object_id: 
         polygon = placed.plane.polygon
         height, said = _carried(hulls, placed.plane)
         reasons.append(said)
-    lies = kind.needs is LIE
-    rgb = np.array([COLORS[i % len(COLORS)] for i in range(len(boxes))])
     obj = SceneObject(
         object_id,
         family,
@@ -88,10 +86,10 @@ def _make(mesh: Mesh, path: Path, family: str, config: ImportConfig, object_id: 
         np.array([box[0] for box in boxes]) - np.array([0, 0, drop]),
         np.array([box[1] for box in boxes]),
         np.array([box[2] for box in boxes]),
-        rgb,
+        np.array([COLORS[i % len(COLORS)] for i in range(len(boxes))]),
         height,
         polygon,
-        head_xy=_head(placed) if lies else np.zeros(0),
+        head_xy=_head(placed) if kind.needs is LIE else np.zeros(0),
         movable=family == LIFTED,
         mass=(config.mass or MASS) if family == LIFTED else None,
         hulls=() if is_box.all() else hulls,

@@ -25,7 +25,8 @@ from mimicbench.references.body.limbs import about_y
 from mimicbench.references.body.liveliness import Rest, enliven
 from mimicbench.references.body.posing import Trunk, pose
 from mimicbench.references.locomotion.course import Course
-from mimicbench.references.locomotion.gait import Gait, Route, last_turn
+from mimicbench.references.locomotion.gait import Gait, last_turn
+from mimicbench.references.locomotion.route import Route
 from mimicbench.references.locomotion.walking import FPS, Excerpt, Walk, walk
 
 CONTACT_NAMES = ("left_foot", "right_foot", "pelvis", "back", "left_hand", "right_hand")

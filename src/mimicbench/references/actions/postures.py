@@ -18,6 +18,7 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.surface import box_distance
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.limbs import about_y
+from mimicbench.references.body.mass import center_of_mass
 from mimicbench.references.body.posing import Legs, Trunk, pose, reach, shoulders, thigh_orientations
 from mimicbench.references.checks.penetration import OWN, own_depth
 from mimicbench.references.locomotion.gait import Gait
@@ -55,17 +56,6 @@ FOLDED = 0.80
 """Share of its full length below which an arm is folded more than it is comfortable."""
 TRIED = 8
 """Postures within reach that are tested against the object, the easiest first."""
-SEGMENTS = (
-    ("trunk", 0.497, 0.5),
-    ("head", 0.081, 0.0),
-    ("upper_arm", 0.028, 0.436),
-    ("forearm", 0.022, 0.682),
-    ("thigh", 0.1, 0.433),
-    ("shin", 0.0465, 0.433),
-    ("foot", 0.0145, 0.3),
-)
-"""Segment, its share of the body's mass, and where along it from its upper end its center is (Winter 2009, table
-4.1)."""
 BUT_HANDS = ("pelvis", "trunk", "head", "upper_arm", "lower_arm", "thigh", "shin", "foot")
 
 
@@ -161,6 +151,17 @@ def elbow_axes(chest_quat_w: np.ndarray, elbow: np.ndarray) -> np.ndarray:
     return rot.rotate(chest_quat_w[:, None], np.stack([left, left * [1, 1, -1]], 1))
 
 
+def _candidates(body: Body, ground: Ground, wrists: np.ndarray, bend: float) -> Posture:
+    """All leans and squats to choose from for wrists at (2, 3) [m], not yet balanced."""
+    pitch, drop = (values.ravel() for values in np.meshgrid(PITCHES, DROPS * body.size, indexing="ij"))
+    apart = wrists[0] - wrists[1]
+    twist = np.full(len(pitch), np.clip(0.7 * rot.wrap_angle(np.arctan2(-apart[0], apart[1]) - ground.yaw), -0.5, 0.5))
+    back = -0.2 * body.size * np.sin(pitch)[:, None] * np.array([np.cos(ground.yaw), np.sin(ground.yaw), 0.0])
+    start = np.array([*ground.support(body), 0.0]) + back
+    elbow, bends = np.full_like(pitch, ELBOWS[0]), np.full_like(pitch, bend)
+    return Posture(start, pitch, twist, elbow, drop, bends)
+
+
 def find_posture(
     body: Body,
     ground: Ground,
@@ -181,18 +182,9 @@ def find_posture(
         shift: (3,) where the object's origin is [m].
         manner: How the body likes to do it.
     """
-    pitch, drop = (values.ravel() for values in np.meshgrid(PITCHES, DROPS * body.size, indexing="ij"))
-    apart = wrists[0] - wrists[1]
-    twist = np.full(len(pitch), np.clip(0.7 * rot.wrap_angle(np.arctan2(-apart[0], apart[1]) - ground.yaw), -0.5, 0.5))
-    back = -0.2 * body.size * np.sin(pitch)[:, None] * np.array([np.cos(ground.yaw), np.sin(ground.yaw), 0.0])
-    start = np.array([*ground.support(body), 0.0]) + back
-    every = _balanced(
-        body,
-        ground,
-        Posture(start, pitch, twist, np.full_like(pitch, ELBOWS[0]), drop, np.full_like(pitch, manner.bend)),
-        wrists,
-        _weight_of(obj, shift, manner.load),
-    )
+    tried = _candidates(body, ground, wrists, manner.bend)
+    every = _balanced(body, ground, tried, wrists, _weight_of(obj, shift, manner.load))
+    pitch, drop = tried.pitch, tried.drop
     trunk = every.trunk(ground.yaw)
     away = np.linalg.norm(wrists - shoulders(body, trunk), axis=-1)
     stretch = away.max(-1) / sum(body.length(body.arms[0]))
@@ -256,24 +248,6 @@ def in_own_way(body: Body, pos: np.ndarray, quat: np.ndarray) -> np.ndarray:
     Negative if they are clear.
     """
     return np.maximum(own_depth(body, pos, quat, OWN), own_depth(body, pos, quat, ("head",)) + FACE).max(-1)
-
-
-def center_of_mass(body: Body, pos: np.ndarray) -> np.ndarray:
-    """(T, 3) of a body with its joints at (T, J, 3) [m]."""
-    shoulder = pos[:, [arm.root for arm in body.arms]].mean(1)
-    ends: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {
-        "trunk": [(pos[:, body.pelvis], shoulder)],
-        "head": [(pos[:, body.head], pos[:, body.head])],
-    }
-    for limbs, names in ((body.arms, ("upper_arm", "forearm")), (body.legs, ("thigh", "shin"))):
-        for start, name in enumerate(names):
-            ends[name] = [(pos[:, limb[start]], pos[:, limb[start + 1]]) for limb in limbs]
-    toes = body.toes or (body.legs[0].end, body.legs[1].end)
-    ends["foot"] = [(pos[:, leg.end], pos[:, toe]) for leg, toe in zip(body.legs, toes, strict=True)]
-    total = sum(
-        share * (upper + along * (lower - upper)) for name, share, along in SEGMENTS for upper, lower in ends[name]
-    )
-    return np.asarray(total) / sum(share * len(ends[name]) for name, share, _ in SEGMENTS)
 
 
 def _weight_of(obj: SceneObject, shift: np.ndarray, load: float) -> tuple[np.ndarray, float]:

@@ -30,7 +30,8 @@ from mimicbench.references.body.limbs import about_x, about_y
 from mimicbench.references.body.liveliness import Rest, enliven, unrest
 from mimicbench.references.body.posing import Legs, Trunk, pose, shoulders
 from mimicbench.references.locomotion.course import Course
-from mimicbench.references.locomotion.gait import Gait, Route, around_box, last_turn
+from mimicbench.references.locomotion.gait import Gait, last_turn
+from mimicbench.references.locomotion.route import Route, around_box
 from mimicbench.references.locomotion.walking import FPS, Excerpt, Walk, walk
 
 CONTACTS = ("left_foot", "right_foot", "pelvis", "back", "left_hand", "right_hand")

@@ -6,7 +6,8 @@ from scipy.linalg import solve_banded
 from mimicbench.core.curves import minimum_jerk
 from mimicbench.references.body.body import Body
 from mimicbench.references.locomotion.feet import roll_of
-from mimicbench.references.locomotion.gait import Footsteps, Gait, left_of
+from mimicbench.references.locomotion.gait import Footsteps, Gait
+from mimicbench.references.locomotion.route import left_of
 
 GRAVITY = 9.81
 HEIGHT = 0.9

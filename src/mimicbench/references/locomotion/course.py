@@ -9,7 +9,8 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import HumanMotion
 from mimicbench.references.body.body import Body
-from mimicbench.references.locomotion.gait import Footsteps, Gait, Route, left_of
+from mimicbench.references.locomotion.gait import Footsteps, Gait
+from mimicbench.references.locomotion.route import Route, left_of
 from mimicbench.references.locomotion.walking import Walk, follow
 
 BEFORE = 0.5

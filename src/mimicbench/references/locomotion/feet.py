@@ -10,7 +10,8 @@ from scipy.interpolate import CubicSpline
 from mimicbench.core.curves import minimum_jerk, smooth
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.limbs import ease, glide
-from mimicbench.references.locomotion.gait import Footsteps, Gait, left_of
+from mimicbench.references.locomotion.gait import Footsteps, Gait
+from mimicbench.references.locomotion.route import left_of
 
 LONG = 1.06
 """A stride for which the feet roll as below [leg lengths]; in proportion for others, up to 1.15 times."""

@@ -4,7 +4,8 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.curves import minimum_jerk, smooth
-from mimicbench.references.locomotion.gait import Footsteps, ahead_of
+from mimicbench.references.locomotion.gait import Footsteps
+from mimicbench.references.locomotion.route import ahead_of
 
 SOON = 0.8
 """The head is turned to where the body will be heading so much later [s]..."""

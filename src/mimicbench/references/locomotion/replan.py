@@ -12,18 +12,10 @@ from mimicbench.core.curves import minimum_jerk, smooth_below
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.limbs import ease
 from mimicbench.references.locomotion.feet import rolled, swing_share, swing_share_at
-from mimicbench.references.locomotion.gait import (
-    Footsteps,
-    Gait,
-    Route,
-    ahead_of,
-    body_places,
-    first_side,
-    place_feet,
-    step_times,
-)
+from mimicbench.references.locomotion.gait import Footsteps, Gait, body_places, first_side, place_feet, step_times
 from mimicbench.references.locomotion.height import carried_height
 from mimicbench.references.locomotion.landing import land_softly
+from mimicbench.references.locomotion.route import Route, ahead_of
 from mimicbench.references.locomotion.states import LONG_AGO, BodyState, state_of_walk
 from mimicbench.references.locomotion.walking import FPS, UPRIGHT, Walk, follow, hips_of, walk
 

@@ -12,7 +12,7 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.core.skeleton import forward_kinematics
 from mimicbench.references.body.body import Body, body_of
 from mimicbench.references.locomotion.feet import FeetStart
-from mimicbench.references.locomotion.gait import ahead_of
+from mimicbench.references.locomotion.route import ahead_of
 from mimicbench.references.locomotion.walking import FPS, UPRIGHT, Walk
 
 LONG_AGO = 10.0

@@ -12,10 +12,11 @@ from mimicbench.references.body.limbs import about_x, about_y
 from mimicbench.references.body.posing import Arms, Legs
 from mimicbench.references.locomotion.balance import balance
 from mimicbench.references.locomotion.feet import Feet, FeetStart, body_yaw, stride_difference, swing_feet
-from mimicbench.references.locomotion.gait import Footsteps, Gait, Route, plan_footsteps
+from mimicbench.references.locomotion.gait import Footsteps, Gait, plan_footsteps
 from mimicbench.references.locomotion.gaze import gaze
 from mimicbench.references.locomotion.height import Hips, carried_height
 from mimicbench.references.locomotion.landing import land_softly
+from mimicbench.references.locomotion.route import Route
 
 FPS = 30.0
 """Frame rate of synthetic clips."""

@@ -14,7 +14,8 @@ from mimicbench.references.actions.lying import lie_course, lie_down
 from mimicbench.references.actions.lying_style import LieStyle, draw_style, onto_the_side
 from mimicbench.references.body.body import Body, unihsi_body
 from mimicbench.references.locomotion.course import Course
-from mimicbench.references.locomotion.gait import Gait, Route, around_box
+from mimicbench.references.locomotion.gait import Gait
+from mimicbench.references.locomotion.route import Route, around_box
 from mimicbench.references.locomotion.walking import draw_start
 
 TURNS = 5.8

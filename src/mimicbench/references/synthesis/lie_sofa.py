@@ -16,7 +16,8 @@ from mimicbench.references.actions.lying import lie_course, lie_down
 from mimicbench.references.actions.lying_style import LieStyle, draw_style, needed_time, onto_the_side
 from mimicbench.references.body.body import Body, roam_body
 from mimicbench.references.locomotion.course import Course
-from mimicbench.references.locomotion.gait import Gait, Route, around_box, plan_footsteps
+from mimicbench.references.locomotion.gait import Gait, plan_footsteps
+from mimicbench.references.locomotion.route import Route, around_box
 from mimicbench.references.locomotion.walking import draw_start
 
 MARGIN = 0.40

@@ -31,7 +31,8 @@ from mimicbench.references.body.body import Body, core4d_body
 from mimicbench.references.body.limbs import about_y
 from mimicbench.references.body.posing import blend, pose, reach
 from mimicbench.references.locomotion.course import Course
-from mimicbench.references.locomotion.gait import Gait, Route
+from mimicbench.references.locomotion.gait import Gait
+from mimicbench.references.locomotion.route import Route
 from mimicbench.references.locomotion.walking import FPS, Walk, follow
 
 STRIDES = Gait(speed=0.55, stand=0.5, width=0.185)

@@ -16,9 +16,9 @@ from mimicbench.core.skeleton import forward_kinematics
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.actions.reaching import cut
 from mimicbench.references.locomotion.course import AXES, Course, landmarks
-from mimicbench.references.locomotion.gait import Route, ahead_of
 from mimicbench.references.locomotion.joining import join
 from mimicbench.references.locomotion.replan import walk_from
+from mimicbench.references.locomotion.route import Route, ahead_of
 from mimicbench.references.locomotion.states import BodyState
 from mimicbench.references.synthesis.registry import courses
 

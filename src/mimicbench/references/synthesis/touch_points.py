@@ -28,7 +28,8 @@ from mimicbench.references.body.hands import keep_off
 from mimicbench.references.body.limbs import about_y, glide
 from mimicbench.references.body.posing import pose
 from mimicbench.references.locomotion.course import Course
-from mimicbench.references.locomotion.gait import Gait, Route
+from mimicbench.references.locomotion.gait import Gait
+from mimicbench.references.locomotion.route import Route
 from mimicbench.references.locomotion.walking import FPS, Walk, follow
 
 STRIDES = Gait(speed=0.55, stand=0.5, width=0.185)

@@ -31,7 +31,8 @@ from mimicbench.retarget.mappings import find_mapping
 from mimicbench.retarget.method import Method
 from mimicbench.retarget.methods.anchors import Anchors, anchors_of
 from mimicbench.retarget.methods.copy_rotation import copy_rotations
-from mimicbench.retarget.methods.interaction_loss import InteractionConfig, Problem
+from mimicbench.retarget.methods.interaction_config import InteractionConfig
+from mimicbench.retarget.methods.interaction_loss import Problem
 from mimicbench.retarget.samples import FAR, Balls, Masses, Scene, balls_of
 from mimicbench.retarget.self_contact import SelfContact
 from mimicbench.retarget.solver import solve
