@@ -19,8 +19,8 @@ from hypothesis import strategies as st
 import recordings
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError, UnknownName
+from mimicbench.core.foreign.untrusted import load_torch
 from mimicbench.core.skeleton import forward_kinematics
-from mimicbench.core.untrusted import load_torch
 from mimicbench.references.body.body import body_of, core4d_body
 from mimicbench.references.body.skeletons import CORE4D, ROAM, SKELETONS, UNIHSI
 from mimicbench.references.checks.contacts import detect_feet

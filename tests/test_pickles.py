@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mimicbench.core.errors import BadFile
-from mimicbench.core.untrusted import load_restricted
+from mimicbench.core.foreign.untrusted import load_restricted
 
 LIMIT = 1 << 20
 

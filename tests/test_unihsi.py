@@ -12,9 +12,9 @@ from scipy.ndimage import gaussian_filter1d
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile, BadMotion
+from mimicbench.core.foreign.untrusted import load_restricted
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.skeleton import forward_kinematics
-from mimicbench.core.untrusted import load_restricted
 from mimicbench.references.body.body import unihsi_body
 from mimicbench.references.body.skeletons import UNIHSI
 from mimicbench.references.checks.contacts import drop_short

@@ -14,7 +14,7 @@ import numpy as np
 
 from mimicbench.core.bounded import run_bounded
 from mimicbench.core.errors import BadFile
-from mimicbench.core.untrusted import is_file, read_bytes
+from mimicbench.core.foreign.untrusted import is_file, read_bytes
 from mimicbench.objects.importing.formats import CHECKS, MAX_FACES, binary_stl
 from mimicbench.objects.importing.ply import read_ply
 

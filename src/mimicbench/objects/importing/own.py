@@ -12,9 +12,9 @@ from scipy.spatial import ConvexHull, Delaunay
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile, BadObject, MimicbenchError
 from mimicbench.core.files import write_json
+from mimicbench.core.foreign.untrusted import is_file
 from mimicbench.core.names import printable
 from mimicbench.core.stage import Stage, StageKey, opened
-from mimicbench.core.untrusted import is_file
 from mimicbench.objects.importing.convex import box_around, split
 from mimicbench.objects.importing.evidence import Evidence, read_evidence
 from mimicbench.objects.importing.mend import close_holes

@@ -12,8 +12,8 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
+from mimicbench.core.foreign.untrusted import load_npz
 from mimicbench.core.skeleton import Skeleton, forward_kinematics
-from mimicbench.core.untrusted import load_npz
 from mimicbench.references.body.body import core4d_body
 from mimicbench.references.body.skeletons import CORE4D
 from mimicbench.references.importers.core4d import FEET, HEAD, check_joints, smpl_recording

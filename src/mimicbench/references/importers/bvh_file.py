@@ -9,8 +9,8 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
+from mimicbench.core.foreign.untrusted import read_bytes
 from mimicbench.core.motion_file import MAX_FRAMES
-from mimicbench.core.untrusted import read_bytes
 from mimicbench.references.importers.joint_names import END
 
 MAX_BYTES = 64 << 20

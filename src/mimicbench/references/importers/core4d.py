@@ -12,7 +12,7 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
-from mimicbench.core.untrusted import load_npz, load_restricted
+from mimicbench.core.foreign.untrusted import load_npz, load_restricted
 from mimicbench.references.body.body import core4d_body
 from mimicbench.references.body.skeletons import CORE4D
 from mimicbench.references.importers.format import Format

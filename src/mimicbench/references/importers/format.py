@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mimicbench.core.errors import BadFile
-from mimicbench.core.untrusted import NPY, read_bytes
+from mimicbench.core.foreign.untrusted import NPY, read_bytes
 from mimicbench.references.importers.recording import MAX_BYTES, Recording, Wishes
 
 OPTIONAL = {"unit": "--unit", "scale": "--scale", "mesh": "--object-mesh"}

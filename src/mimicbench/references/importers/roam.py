@@ -10,8 +10,8 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
+from mimicbench.core.foreign.untrusted import NPY, load_restricted, read_bytes
 from mimicbench.core.motion_file import MAX_FRAMES
-from mimicbench.core.untrusted import NPY, load_restricted, read_bytes
 from mimicbench.references.body.body import roam_body
 from mimicbench.references.body.skeletons import ROAM
 from mimicbench.references.importers.bvh_file import numbers

@@ -9,8 +9,8 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
+from mimicbench.core.foreign.untrusted import load_npz, load_restricted
 from mimicbench.core.skeleton import forward_kinematics
-from mimicbench.core.untrusted import load_npz, load_restricted
 from mimicbench.references.body.body import unihsi_body
 from mimicbench.references.body.skeletons import UNIHSI
 from mimicbench.references.importers.format import Format, Glimpse

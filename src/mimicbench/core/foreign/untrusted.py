@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from mimicbench.core.errors import BadFile
-from mimicbench.core.pickles import PLAIN_TYPE, RefusedError, Storage, StorageType, make_array, unpickle
+from mimicbench.core.foreign.pickles import PLAIN_TYPE, RefusedError, Storage, StorageType, make_array, unpickle
 
 NPY = b"\x93NUMPY"
 POINTERS = (b"version https://git-lfs.github.com/spec/", b"/annex/objects/")
