@@ -83,7 +83,7 @@ def imported(body):
             yield from (alias.name for alias in node.names if alias.name in NAMES)
         elif isinstance(node, ast.ImportFrom):
             whole = [f"{node.module}.{alias.name}" for alias in node.names]
-            yield from (name if name in NAMES else node.module for name in whole if {name, node.module} & set(NAMES))
+            yield from (name if name in NAMES else str(node.module) for name in whole if {name, node.module} & {*NAMES})
 
 
 def circle(graph):
