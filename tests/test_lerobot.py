@@ -8,9 +8,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from mimicbench.core.errors import BadFile, MimicbenchError
-from mimicbench.imitate.demo_writer import Demonstration, DemoWriter
 from mimicbench.imitate.lerobot import load_demos
-from mimicbench.imitate.tables import read_tasks
+from mimicbench.imitate.stored.demo_writer import Demonstration, DemoWriter
+from mimicbench.imitate.stored.tables import read_tasks
 
 JOINTS = tuple(f"joint_{i}" for i in range(19))
 

@@ -12,7 +12,7 @@ from mimicbench.core.settings import Positive, Share
 from mimicbench.core.stage import Stage
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.vec_env import EnvConfig
-from mimicbench.imitate.demo_writer import Demonstration, DemoWriter
+from mimicbench.imitate.stored.demo_writer import Demonstration, DemoWriter
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.proprioception import s_current
 from mimicbench.sim.kinematics import Kinematics

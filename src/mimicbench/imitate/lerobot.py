@@ -20,7 +20,7 @@ import numpy as np
 
 from mimicbench.core.errors import BadFile
 from mimicbench.core.files import read_json
-from mimicbench.imitate.tables import matrix, read_table, read_tasks, schema_names
+from mimicbench.imitate.stored.tables import matrix, read_table, read_tasks, schema_names
 
 VERSION = "v3.0"
 FILES_PER_CHUNK = 1000

@@ -11,7 +11,7 @@ import pyarrow as pa
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.files import read_json, write_json
 from mimicbench.imitate.lerobot import DATA_PATH, EPISODES_PATH, FILES_PER_CHUNK, VERSION, episode_files
-from mimicbench.imitate.tables import (
+from mimicbench.imitate.stored.tables import (
     column,
     flatten_stats,
     merge_stats,
