@@ -1,8 +1,7 @@
 """Train Stable-Baselines3's PPO in a Gymnasium environment for some minutes, and have it judged by mimicbench.
 
-    pip install stable-baselines3
-    python examples/ppo.py --minutes 3
-    mimicbench evaluate --task touch-points --evaluate.policy examples/ppo.py --evaluate.episodes 20
+    pip install stable-baselines3 python examples/ppo.py --minutes 3 mimicbench evaluate --task touch-points
+    --evaluate.policy examples/ppo.py --evaluate.episodes 20
 
 The second command reads what the first wrote, `ppo.zip` in the working folder or wherever MIMICBENCH_PPO points. PPO
 starts from the robot's rest pose (`action="residual"`), and a few minutes teach it to stand for

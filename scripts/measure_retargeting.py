@@ -2,8 +2,7 @@
 [workdir of real clips]]`.
 
 Objects and clips are made in the workdir unless they are there. Real clips are those that `mimicbench import` made;
-without them their tables stay
-as they are in the file. Pictures need OpenGL.
+without them their tables stay as they are in the file. Pictures need OpenGL.
 """
 
 import re

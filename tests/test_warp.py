@@ -34,11 +34,9 @@ ON = [device.removeprefix("warp-") for device in DEVICES]
 POS, JOINTS = standing()
 TOLERANCE = 5e-5
 """[rad, m] Warp computes with 32 bits, so a joint angle near 1 is rounded by 6e-8 in each of 80 steps here, and contact
-makes
-two ways part further: measured were 2e-7 after 5 control steps and 2e-6 after 20, seated or standing, with moving
-targets.
-Robots that are thrown, or that start inside of something, part for good after a few tenths of a second, on any two
-simulators."""
+makes two ways part further: measured were 2e-7 after 5 control steps and 2e-6 after 20, seated or standing, with moving
+targets. Robots that are thrown, or that start inside of something, part for good after a few tenths of a second, on any
+two simulators."""
 
 
 @pytest.fixture(params=DEVICES)

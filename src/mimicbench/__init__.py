@@ -1,8 +1,7 @@
 """Humanoid-scene interaction learned by mimicking humans: benchmark and toolkit.
 
 Importing it makes the environments known to Gymnasium: `gymnasium.make("mimicbench/SitChair-v0")`. Importing Gymnasium
-takes 0.1 s, so that
-is not done here; the environments are made known as soon as somebody else does it.
+takes 0.1 s, so that is not done here; the environments are made known as soon as somebody else does it.
 """
 
 import sys

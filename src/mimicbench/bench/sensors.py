@@ -26,10 +26,9 @@ def bench_senses(
     """Measure the makers of elevation maps and the cameras' pictures.
 
     A robot stands 0.6 to 2 m from each object, and then, for the keys with `near`, on the object's middle, where every
-    line of
-    sight can meet it. Figures are processor time over all threads, and so those of one core however busy the machine
-    is.
-    What needs OpenGL is left out where there is none; where a graphics card draws, its own time does not count.
+    line of sight can meet it. Figures are processor time over all threads, and so those of one core however busy the
+    machine is. What needs OpenGL is left out where there is none; where a graphics card draws, its own time does not
+    count.
 
     Args:
         robot: The robot.
@@ -40,12 +39,10 @@ def bench_senses(
 
     Returns:
         Milliseconds per robot. Maps: `map_down_ms` by rays straight down, `map_cameras_ms` by the rays of four pictures
-        of 90 x 120,
-        `map_rendered_ms` by four rendered depth images of 90 x 120, of which `render_depth_ms` is the drawing; for
-        touch-points
-        `map_down_touch_ms`, and `map_cameras_touch_ms` by the rays of one picture of 360 x 480. Pictures:
-        `ray_depth_ms`, four depth images of
-        90 x 120 by rays; `render_all_ms`, color, depth and segmentation of four cameras at 360 x 480.
+        of 90 x 120, `map_rendered_ms` by four rendered depth images of 90 x 120, of which `render_depth_ms` is the
+        drawing; for touch-points `map_down_touch_ms`, and `map_cameras_touch_ms` by the rays of one picture of 360 x
+        480. Pictures: `ray_depth_ms`, four depth images of 90 x 120 by rays; `render_all_ms`, color, depth and
+        segmentation of four cameras at 360 x 480.
     """
     count, random = len(objects), rng(seed, "bench", "senses")
     physics = make_physics(device, robot, objects, workers=1)

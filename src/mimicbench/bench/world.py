@@ -2,9 +2,8 @@
 
 Environments and bare physics take turns on the same simulation, a quarter of a second each: the same models, the same
 random targets, the robots in the same states, the machine under the same load. A ratio is the median over the turns,
-and
-holds on a busy machine too, which the rates do not. The episodes are of all ages, so that as many end and begin
-in each step as in a long run.
+and holds on a busy machine too, which the rates do not. The episodes are of all ages, so that as many end and begin in
+each step as in a long run.
 """
 
 import multiprocessing

@@ -58,8 +58,7 @@ class GymConfig:
     """Control steps to a truncation, if that comes earlier. Gymnasium gives the task's, unless it is told another."""
     starts: Sequence[RobotMotion] | Path | str | None = None
     """Motions in whose first frames episodes start, beside the motions' objects: as such, or the folder of a
-    `--workdir`, whose
-    retargeted clips are taken. None: starts are drawn by rule."""
+    `--workdir`, whose retargeted clips are taken. None: starts are drawn by rule."""
     objects: Sequence[str | SceneObject] | None = None
     """The objects to meet instead of those of the split, as objects or by their ids; with `starts`, those that have no
     id to be made from."""

@@ -38,34 +38,30 @@ class TaskEnv(gymnasium.Env[Observation, np.ndarray]):
     ## Action space
 
     `Box(19)`, float32, one number for each joint in the order of `robot.joint_names`; the bounds are the robot's
-    limits. By `control`:
-    target angles [rad] that a PD controller with the gains `gains` drives to, target velocities [rad/s], or torques
-    [N m]. Actions beyond
-    the bounds are not clipped: joint stops and torque limits decide what becomes of them. Numbers that are not finite
-    are refused. With `action="residual"` the bounds are -1 and 1, and actions are added to the robot's rest pose [rad].
+    limits. By `control`: target angles [rad] that a PD controller with the gains `gains` drives to, target velocities
+    [rad/s], or torques [N m]. Actions beyond the bounds are not clipped: joint stops and torque limits decide what
+    becomes of them. Numbers that are not finite are refused. With `action="residual"` the bounds are -1 and 1, and
+    actions are added to the robot's rest pose [rad].
 
     ## Observation space
 
     `Dict` of arrays, those that `observe` names; float32 and clipped to +-1000 but for pictures.
 
     - `proprio` (48): direction of gravity in the root frame (3), root height above the floor [m] (1), linear [m/s]
-      (3) and angular velocity
-      [rad/s] (3) of the root in its own frame, joint angles [rad] (19) and velocities [rad/s] (19).
+      (3) and angular velocity [rad/s] (3) of the root in its own frame, joint angles [rad] (19) and velocities [rad/s]
+      (19).
     - `state` (300): the paper's S_current (appendix G.1): joint angles, joint velocities; of all 20 links relative to
-      the root positions (60),
-      rotation vectors (60), linear (60) and angular velocities (60), in the root frame; the last action (19; 0 at
-      first); direction of gravity (3).
+      the root positions (60), rotation vectors (60), linear (60) and angular velocities (60), in the root frame; the
+      last action (19; 0 at first); direction of gravity (3).
     - `time` (1): since the start of the episode [s].
     - `elevation` (128, 128): height [m] relative to the root of the highest point that the cameras see in each cell
-      of 4 cm, for TouchPoints
-      1 cm (appendix C.2); row along the robot's heading, column to its left, the robot in the middle. Four cameras
-      around the pelvis, for TouchPoints
-      and LiftBox one above it. It costs some milliseconds a robot and step.
+      of 4 cm, for TouchPoints 1 cm (appendix C.2); row along the robot's heading, column to its left, the robot in the
+      middle. Four cameras around the pelvis, for TouchPoints and LiftBox one above it. It costs some milliseconds a
+      robot and step.
     - `target_elevation` (128, 128), for TouchPoints with `elevation`: the same map with nothing on the floor but the
       two targets.
     - `depth` (C, height, width): along the axis of each of the C cameras that `elevation` is made of, 50 m at most
-      [m], by rays. `cameras` is the
-      pictures' size; at 90 x 120 four cost about 11 ms a robot and step.
+      [m], by rays. `cameras` is the pictures' size; at 90 x 120 four cost about 11 ms a robot and step.
     - `color` (C, height, width, 3), uint8: what they see; for TouchPoints with one red pixel for each target, hidden
       or not. Needs OpenGL.
     - `labels` (C, height, width), uint8: of what they see (mimicbench.sensors.render): 0 nothing, 1 floor, 2 object,
@@ -83,14 +79,11 @@ class TaskEnv(gymnasium.Env[Observation, np.ndarray]):
     ## Starting state
 
     Every reset draws another object of the split, which stands at the origin and faces +x (appendix C.1). With
-    `starts`, the robot is in the
-    first frame of one of these motions, velocities included; for the four tasks that navigate it is moved to within 2 m
-    of the origin.
-    Without, it stands at rest: for these four tasks 1 to 2 m from the origin, within 100 degrees of the object's front
-    and 0.45 m clear of it,
-    with any heading; for the other two in front of the object, facing it, at most 0.3 m (TouchPoints: 0.1 m) behind
-    where it could begin at
-    once, 0.1 m to the side and turned by 0.2 rad. TouchPoints draws a pair of points that two hands can reach.
+    `starts`, the robot is in the first frame of one of these motions, velocities included; for the four tasks that
+    navigate it is moved to within 2 m of the origin. Without, it stands at rest: for these four tasks 1 to 2 m from the
+    origin, within 100 degrees of the object's front and 0.45 m clear of it, with any heading; for the other two in
+    front of the object, facing it, at most 0.3 m (TouchPoints: 0.1 m) behind where it could begin at once, 0.1 m to the
+    side and turned by 0.2 rad. TouchPoints draws a pair of points that two hands can reach.
 
     `reset(seed=n)` gives the episode n: the same object, start and goal every time. Later resets without a seed draw
     the seeds of their episodes from n; `info["seed"]` is the one of the present episode, with which it can be had

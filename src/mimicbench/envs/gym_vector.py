@@ -38,11 +38,9 @@ class TaskVectorEnv(VectorEnv[Observation, np.ndarray, np.ndarray]):
     Further arguments:
         num_envs: N.
         autoreset_mode: What happens to environments whose episode has ended. `NextStep` (default): the next step
-            begins another one, ignores the
-            action and has reward 0. `SameStep`: another one begins at once; `info["final_obs"]` and
-            `info["final_info"]` hold the
-            last frame of the one that ended. `Disabled`: nothing, until `reset(options={"reset_mask": mask})` with an
-            array (N,) of bool.
+            begins another one, ignores the action and has reward 0. `SameStep`: another one begins at once;
+            `info["final_obs"]` and `info["final_info"]` hold the last frame of the one that ended. `Disabled`: nothing,
+            until `reset(options={"reset_mask": mask})` with an array (N,) of bool.
     """
 
     metadata: dict[str, Any] = {**TaskEnv.metadata, "autoreset_mode": AutoresetMode.NEXT_STEP}

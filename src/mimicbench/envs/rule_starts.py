@@ -66,11 +66,9 @@ def draw_start(task: Task, obj: SceneObject, stance: Stance, random: np.random.G
     """A start without a reference: at rest.
 
     Tasks that navigate: anywhere 1 to 2 m from the origin, within 100 degrees of the front and 0.45 m clear of the
-    object, any heading, as the
-    clips of sit-chair start. The others: in front of the object, facing it, up to 0.3 m (touch-points: 0.1 m) behind
-    where it could begin,
-    0.1 m to the side and turned by 0.2 rad. Targets and places are drawn again until both targets are on the robot's
-    map, which is to tell it of them.
+    object, any heading, as the clips of sit-chair start. The others: in front of the object, facing it, up to 0.3 m
+    (touch-points: 0.1 m) behind where it could begin, 0.1 m to the side and turned by 0.2 rad. Targets and places are
+    drawn again until both targets are on the robot's map, which is to tell it of them.
     """
     goal, root, quat = _stand(task, obj, stance, random)
     for _ in range(_TRIES):

@@ -129,8 +129,7 @@ def proprioception(qpos: np.ndarray, qvel: np.ndarray) -> np.ndarray:
     """What a robot measures of itself (F, 10 + 2 J), from simulator positions (F, 7 + J) and velocities (F, 6 + J).
 
     Gravity's direction 3, root height 1, root linear velocity 3 and angular velocity 3 in the root frame, joint angles
-    J,
-    joint velocities J.
+    J, joint velocities J.
     """
     quat = qpos[:, 3:7]
     down = np.broadcast_to(np.array([0.0, 0.0, -1.0]), (len(qpos), 3))

@@ -13,8 +13,7 @@ def signed_distance(obj: SceneObject, points: np.ndarray) -> tuple[np.ndarray, n
     """How far points are from the object's surface, negative inside, and the unit normal there.
 
     Inside it is the shortest way along a box's axes that leads out of all boxes, and not into the floor: a mattress is
-    left upwards,
-    not into the frame under it.
+    left upwards, not into the frame under it.
 
     Args:
         obj: the object; imported ones are taken for their boxes.

@@ -1,18 +1,14 @@
 """Where an object can be touched with both hands, and from where.
 
 A touch point lies on the object's surface, 0.2 to 1.1 m above the floor, and the space before it is free. A *pair* of
-points is what one
-episode of touching needs: a place for the left hand and one for the right that somebody who stands in front of the
-object, on its +x side
-and facing it, reaches at once. So the left point has the smaller y. Pairs are chosen by `touch_pair`, evenly among all
-pairs of an object's
-stored points that are
+points is what one episode of touching needs: a place for the left hand and one for the right that somebody who stands
+in front of the object, on its +x side and facing it, reaches at once. So the left point has the smaller y. Pairs are
+chosen by `touch_pair`, evenly among all pairs of an object's stored points that are
 
 - 0.2 to 0.6 m apart, at most 0.25 m of it in height and 0.3 m in depth, and at least 0.12 m sideways, so that the
   arms do not cross;
 - within the reach of both arms from one place and one posture, upright or bending with the knees bent or straight
-  (`POSTURES`). The body
-  that reaches is the smaller of the human and the H1 in each of its lengths;
+  (`POSTURES`). The body that reaches is the smaller of the human and the H1 in each of its lengths;
 - free: head and chest stay clear of the object, and so do the straight lines from the shoulders to the wrists.
 
 The wrists' targets are not the points themselves but `WRIST_OFF` before them along the normals, for a wrist is thicker

@@ -1,8 +1,8 @@
 """How a person looks in pictures: rounded solids in clothes, on the joints of a human skeleton.
 
 People of all skeletons and sizes are dressed alike, by what their joints are to the body (`references/body/body.py`).
-Widths and
-depths are those of a person UNIT tall, in units of that height; lengths along limbs and trunk are shares of the bones.
+Widths and depths are those of a person UNIT tall, in units of that height; lengths along limbs and trunk are shares of
+the bones.
 """
 
 from collections.abc import Sequence

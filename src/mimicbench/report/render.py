@@ -203,8 +203,7 @@ def frame_all(
         height: of the one who walks [m].
         reach: how far a body extends from its root sideways [m].
         azimuth: heading in which the camera looks [deg]; None for that from the side that the walk does not take,
-            so that
-            who walks does not stand before the object.
+            so that who walks does not stand before the object.
     """
     if azimuth is None:
         azimuth = 128.0 if np.mean(root_pos_w[:, 1]) >= 0 else -128.0

@@ -29,8 +29,7 @@ class Pair:
     """From the human joint to the point that the link follows [m]; no shift in `paper`."""
     surface: tuple[float, float] | None = None
     """How far below the link and below the human joint at size 1 the surface is that bears weight [m]: the shift grows
-    by their difference, so
-    that surface comes to lie on surface."""
+    by their difference, so that surface comes to lie on surface."""
     frame: str | None = None
     """Human joint whose axes the shift is in, if not `joint`."""
     at_rest: bool = False

@@ -44,19 +44,15 @@ def measure(
 
     Returns:
         frames; position_error and ankle_error: means over frames of the distance to the point that each link follows
-        [m], of all pairs and of the
-        feet; wrist_error and pelvis_error: the same between wrist keypoints and the human's wrist joints, and between
-        root link and the human's pelvis
-        joint, without any shift; orientation_error: mean angle of the pairs [rad]; limit_violation: largest excess over
-        a joint limit [rad], 0 by construction;
+        [m], of all pairs and of the feet; wrist_error and pelvis_error: the same between wrist keypoints and the
+        human's wrist joints, and between root link and the human's pelvis joint, without any shift; orientation_error:
+        mean angle of the pairs [rad]; limit_violation: largest excess over a joint limit [rad], 0 by construction;
         velocity_ratio: largest joint velocity as a part of its limit; acceleration: mean |joint acceleration|
             [rad/s^2]; skate: mean horizontal
         speed of feet in stance [m/s]; human_skate: the same of the human's; sole_height and sole_depth: mean |height|
-        of soles in stance, and
-        deepest point of a sole under the floor at any time [m]; sole_tilt: mean angle between a stance sole and the
-        floor [rad]; knee: mean knee
-        bend while a foot stands and the pelvis moves faster than 0.3 m/s, that is in walking [rad] (0 where there is no
-        walking).
+        of soles in stance, and deepest point of a sole under the floor at any time [m]; sole_tilt: mean angle between a
+        stance sole and the floor [rad]; knee: mean knee bend while a foot stands and the pelvis moves faster than 0.3
+        m/s, that is in walking [rad] (0 where there is no walking).
     """
     return {
         "frames": float(len(pose.joints)),
@@ -149,14 +145,13 @@ def measure_scene(
         goal_error: how near both wrists ever come to their goals, the larger of the two distances [m], 0 without
             goals; contact_kept: share of
         the labeled contacts (pelvis, back, hands, feet; frame by frame) in which the robot's part is within CLOSE of
-        floor or object, 1 without
-        labels; step_skate: farthest that a sole moves while it stands, mean over steps [m]; balance: mean distance of
-        the center of mass from the
-        strip between heels and toes while both feet alone bear [m]; self_collision: share of frames in which the
-        robot's own shapes that may collide are more than DEEP in each other; support_lost: of pelvis, back and head,
-        that of whose time on the object most is lost, as a share of the frames in which the person's rests there and
-        the robot's (thighs count as the pelvis) does not; lean_error: angle between the robot's trunk and the person's
-        while pelvis or back bears, mean over that time or over its last second, whichever is more [rad].
+        floor or object, 1 without labels; step_skate: farthest that a sole moves while it stands, mean over steps [m];
+        balance: mean distance of the center of mass from the strip between heels and toes while both feet alone bear
+        [m]; self_collision: share of frames in which the robot's own shapes that may collide are more than DEEP in each
+        other; support_lost: of pelvis, back and head, that of whose time on the object most is lost, as a share of the
+        frames in which the person's rests there and the robot's (thighs count as the pelvis) does not; lean_error:
+        angle between the robot's trunk and the person's while pelvis or back bears, mean over that time or over its
+        last second, whichever is more [rad].
     """
     balls, scene = balls_of(robot), Scene.of(motion, obj)
     centers = balls.place(links)

@@ -1,12 +1,9 @@
 """Least squares over a whole clip: damped Gauss-Newton steps on a banded matrix, within joint limits.
 
 The unknowns are the V = 6 + N numbers (dp, dw, dq) of each of T frames (see kinematics.py). Frames meet only in
-differences of a
-coordinate over time, which join it at up to three successive frames, so the matrix is block-diagonal plus a few
-diagonals and a
-banded Cholesky factorization costs the same for each frame, however long the clip. Joint limits hold exactly: joints
-that would
-leave them are held at them and the others solved for again.
+differences of a coordinate over time, which join it at up to three successive frames, so the matrix is block-diagonal
+plus a few diagonals and a banded Cholesky factorization costs the same for each frame, however long the clip. Joint
+limits hold exactly: joints that would leave them are held at them and the others solved for again.
 """
 
 from typing import Protocol

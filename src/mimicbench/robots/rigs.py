@@ -100,8 +100,7 @@ class Rig:
 
         Returns:
             (C, K, 2) distances [px] from the picture's top and left edge, and (C, K) depth [m]. A point is in the
-            picture if its
-            depth is positive and it lies within 0..height and 0..width.
+            picture if its depth is positive and it lies within 0..height and 0..width.
         """
         local = rot.rotate_inverse(self.turns()[:, None], points_r[None] - self.origins()[:, None])
         depth = local[..., 0]

@@ -1,11 +1,10 @@
 """The elevation map (appendix C.2) of the physical scene. See heightmap.py for the map's layout.
 
 Three makers of the same map. From depth images, as the paper does it: depth beyond 6 m is left out, every other pixel
-becomes a
-point in the robot's frame, and each cell keeps its highest point. By rays through the cameras' pixels, which is the
-same without drawing anything. And by rays straight down, which is what many looks from all sides would add up to: the
-cameras do not see what is hidden behind something else, and miss cells that lie between their pixels. Rays are not
-followed one by one: `faces.py` knows what all of them meet.
+becomes a point in the robot's frame, and each cell keeps its highest point. By rays through the cameras' pixels, which
+is the same without drawing anything. And by rays straight down, which is what many looks from all sides would add up
+to: the cameras do not see what is hidden behind something else, and miss cells that lie between their pixels. Rays are
+not followed one by one: `faces.py` knows what all of them meet.
 
 All see shapes only, never labels, and leave out the robot's own body. The frame is the heading frame: its origin is the
 root and its x axis the root's heading, but z is up, so that the floor stays level when the robot leans. A cell without

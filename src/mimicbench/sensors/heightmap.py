@@ -133,8 +133,7 @@ class ObjectMaps:
         Args:
             objects: What `object_index` of `sample` counts.
             spread: Widen every surface by this much [m]. A map made of many points keeps the highest point of each
-                cell,
-                and so shows an edge up to half a cell farther out than the cells' centres do.
+                cell, and so shows an edge up to half a cell farther out than the cells' centres do.
             device: Where the maps are made.
             fine: Side of the cells of the stored surfaces [m].
         """

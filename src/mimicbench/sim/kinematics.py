@@ -1,8 +1,7 @@
 """Where the links of many robots are, and how they move, from nothing but the robots' own coordinates.
 
 MuJoCo can say so of a whole scene, but then it also looks for contacts, which costs three times as much. Here the
-robots
-have no shapes and nothing beside them; the numbers are the same to the last bit.
+robots have no shapes and nothing beside them; the numbers are the same to the last bit.
 """
 
 import mujoco

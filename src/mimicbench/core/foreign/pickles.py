@@ -257,8 +257,7 @@ def unpickle(raw: bytes, storage: Callable[[Any], Storage] | None = None) -> Any
     """The value of a pickle, after its instructions were checked.
 
     With `storage`, which finds the numbers that a reference of torch's stands for, tensors may be in it too. Raises
-    RefusedError if it asks for
-    anything else, and nearly anything if it is damaged.
+    RefusedError if it asks for anything else, and nearly anything if it is damaged.
     """
     known = _GLOBALS if storage is None else _TORCH_GLOBALS
     for count, (opcode, argument, _) in enumerate(pickletools.genops(raw)):

@@ -49,8 +49,8 @@ def load_restricted(path: Path, max_bytes: int) -> Any:
     """What a `.npy` file (object arrays included) or a pickle holds: plain values and NumPy arrays.
 
     An object array without dimensions, as `np.save` makes of a dict, is unwrapped. Raises BadFile if the file is
-    missing,
-    larger than `max_bytes`, cut off, or names a class or function outside the short list of NumPy's and OrderedDict.
+    missing, larger than `max_bytes`, cut off, or names a class or function outside the short list of NumPy's and
+    OrderedDict.
     """
     raw = read_bytes(path, max_bytes)
     return _guarded(

@@ -3,10 +3,9 @@
 2023), as the paper uses it: one map, one state, a chunk of joint targets.
 
 Training: a conditional variational autoencoder. Its encoder reads [CLS, state, the demonstrated chunk] and gives the
-mean
-and log-variance of a latent z, which stands for what state and map do not decide. The policy, which is the decoder,
-reads [z, state, one token per map feature] with a transformer encoder, and a transformer decoder turns one learned
-query per frame of the chunk into actions:
+mean and log-variance of a latent z, which stands for what state and map do not decide. The policy, which is the
+decoder, reads [z, state, one token per map feature] with a transformer encoder, and a transformer decoder turns one
+learned query per frame of the chunk into actions:
 
     loss = L1(actions) + kl_weight * KL(q(z | state, actions) || N(0, 1))
 

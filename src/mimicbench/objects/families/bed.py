@@ -2,9 +2,9 @@
 
 The sizes are drawn so that the family has the statistics of the paper's table of objects for lying on a bed: length
 227.3 +- 42.7 cm, width 177.7 +- 39.4 cm, height 85.7 +- 27.0 cm, all over everything. Length is along x: the head end
-is at -x, the
-bed faces +x with its foot. Every mattress is at least 1.70 m long, so that a robot or a person of 1.8 m can lie on it
-lengthwise; the long and the wide beds have a deep headboard, a bench at the foot, or tables beside the head.
+is at -x, the bed faces +x with its foot. Every mattress is at least 1.70 m long, so that a robot or a person of 1.8 m
+can lie on it lengthwise; the long and the wide beds have a deep headboard, a bench at the foot, or tables beside the
+head.
 """
 
 import numpy as np

@@ -1,21 +1,17 @@
 """Boxes to lift, of five kinds that are as light as they look; every box follows from a seed and an index.
 
 Thirty boxes, numbers 0 to 29 of any seed, have the statistics of the paper's table of objects for lifting: length 67.3
-+- 6.4 cm, width
-43.4 +- 6.2 cm, height 88.9 +- 7.8 cm. So few independent draws would miss these by more than the paper's last digit, so
-the sizes and the mass are a
-Latin hypercube: each of the four takes every thirtieth of its distribution once, in an order of its own. The next
-thirty are another such set.
++- 6.4 cm, width 43.4 +- 6.2 cm, height 88.9 +- 7.8 cm. So few independent draws would miss these by more than the
+paper's last digit, so the sizes and the mass are a Latin hypercube: each of the four takes every thirtieth of its
+distribution once, in an order of its own. The next thirty are another such set.
 
 What a box weighs for its surface says what it can be made of: foam and cloth below 0.7 kg/m^2, cardboard of one or two
 layers from there to 1.2, plastic sheet and moulded plastic up to 1.6. None of them is of wood or metal.
 
 A box is its solid body and a few thin boxes for looks, none of which stands out by more than 4 mm: its mass is spread
-through its volume, and
-its sides are flat. It is clasped between the hands by its left and right side, at 80 to 90 % of its height near its
-middle; that is where
-its touch points are: first those of the left hand of somebody in front of the box (negative y), then, in the same
-order, the right hand's.
+through its volume, and its sides are flat. It is clasped between the hands by its left and right side, at 80 to 90 % of
+its height near its middle; that is where its touch points are: first those of the left hand of somebody in front of the
+box (negative y), then, in the same order, the right hand's.
 """
 
 from collections.abc import Sequence

@@ -3,9 +3,8 @@
 Every one follows from a seed and an index.
 
 The sizes are drawn so that a large family has the statistics of the paper's table of objects for touching points:
-length 59.6 +- 19.2 cm,
-width 53.2 +- 16.2 cm, height 56.1 +- 16.7 cm. Every object has touch points and at least one pair of them (see
-`touch`).
+length 59.6 +- 19.2 cm, width 53.2 +- 16.2 cm, height 56.1 +- 16.7 cm. Every object has touch points and at least one
+pair of them (see `touch`).
 """
 
 from collections.abc import Callable

@@ -57,8 +57,7 @@ def _around(mesh: Mesh, edge: np.ndarray, uses: np.ndarray, face: np.ndarray, fo
     share.
 
     Seen along the edge, the inside of a face that passes it forward lies clockwise of the face, up to the next face
-    that
-    passes it backward.
+    that passes it backward.
     """
     start, end = mesh.vertices[edge]
     along = (end - start) / np.linalg.norm(end - start)

@@ -2,9 +2,8 @@
 as can be.
 
 A posture is chosen among leans and squats: in each the pelvis goes back as far as the trunk and the arms go forward, so
-that the center of mass stays
-over the feet; those that do not reach, or that are inside the object, are out, and the one with the least effort is
-taken.
+that the center of mass stays over the feet; those that do not reach, or that are inside the object, are out, and the
+one with the least effort is taken.
 """
 
 from collections.abc import Sequence

@@ -13,8 +13,7 @@ def joint_angles(body: Body, local_quat: np.ndarray) -> dict[str, np.ndarray]:
     """Angles (T, 2) of the limbs, left and right, and (T,) of spine and neck, from local rotations (T, J, 4) [rad].
 
     All are zero in the rest pose. Flexion bends forward, of the knee backward; abduction leads away from the body,
-    rotation and inversion
-    turn towards the other side's.
+    rotation and inversion turn towards the other side's.
     """
     angles: dict[str, np.ndarray] = {}
     sides = np.array([1.0, -1.0])

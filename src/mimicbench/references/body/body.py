@@ -1,9 +1,8 @@
 """What a skeleton's joints are to a body: trunk, limbs, soles, and the shapes that touch floor and furniture.
 
 Synthesis, contact detection, the quality gate and the drawings know bodies by these roles, never by a skeleton's joint
-names.
-Left is side 0 with sign +1, right is side 1 with sign -1. Lengths are for the skeleton as it is in `SKELETONS` (body
-size 1).
+names. Left is side 0 with sign +1, right is side 1 with sign -1. Lengths are for the skeleton as it is in `SKELETONS`
+(body size 1).
 """
 
 from dataclasses import dataclass, replace

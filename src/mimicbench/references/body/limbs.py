@@ -74,8 +74,7 @@ def ease(
     `lasts` seconds.
 
     What is between them fades with a quintic that ends without speed and acceleration. `forward` says that `rate` is
-    the difference
-    to the next frame; otherwise it is the derivative at the first one.
+    the difference to the next frame; otherwise it is the derivative at the first one.
     """
     if len(values) < 3:
         return values

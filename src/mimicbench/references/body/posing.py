@@ -98,8 +98,7 @@ def reach(body: Body, trunk: Trunk, wrist_pos_w: np.ndarray, elbow_axis_w: np.nd
     """Arms whose wrists are at (T, 2, 3) [m], as far as they reach.
 
     `elbow_axis_w` (T, 2, 3) is where each elbow's y axis should point: the body's left keeps the elbow below and behind
-    a hand in
-    front; leaning it up or down swings the elbow outward or inward.
+    a hand in front; leaning it up or down swings the elbow outward or inward.
     """
     upper, elbow = [], []
     roots = shoulders(body, trunk)

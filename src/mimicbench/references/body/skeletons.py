@@ -1,9 +1,8 @@
 """The human skeletons of the benchmark's sources: joint trees and bone lengths.
 
 All are kept in one rest pose, whatever the source's own is: standing, legs straight down, arms hanging, x forward, y
-left, z up,
-every joint's frame parallel to the world's. So a joint's orientation means the same in all of them, and limbs hang
-along -z.
+left, z up, every joint's frame parallel to the world's. So a joint's orientation means the same in all of them, and
+limbs hang along -z.
 """
 
 import numpy as np

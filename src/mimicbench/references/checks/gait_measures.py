@@ -2,9 +2,8 @@
 by the same rule.
 
 Events of the gait come from positions alone, so that labels cannot make a difference: a heel strikes where it is
-farthest in front of the
-pelvis, and toes leave the floor where they are farthest behind it (Zeni, Richards and Higginson, Gait & Posture 27,
-2008).
+farthest in front of the pelvis, and toes leave the floor where they are farthest behind it (Zeni, Richards and
+Higginson, Gait & Posture 27, 2008).
 """
 
 from collections.abc import Iterable, Mapping

@@ -2,8 +2,7 @@
 translation, shape.
 
 Where the file has the joints' positions, these are the bones. Where it has not, no body model is asked for either: the
-bones are those of
-our skeleton, scaled so that the pelvis is as high, or that standing feet stand still.
+bones are those of our skeleton, scaled so that the pelvis is as high, or that standing feet stand still.
 """
 
 from pathlib import Path

@@ -2,8 +2,7 @@
 up.
 
 What a joint's rotation means depends on the pose in which all rotations are zero. Sources rest in a T-pose, an A-pose,
-or along
-their bones. For every joint j there is one constant rotation A_j, the same in every frame, with
+or along their bones. For every joint j there is one constant rotation A_j, the same in every frame, with
 
     G_j (ours) = G_j (theirs) A_j        offset_j (ours) = A_parent^-1 offset_j (theirs)
 
@@ -53,10 +52,8 @@ def adopt(standard: Skeleton, sources: Sequence[int | None], pos: np.ndarray, qu
     Args:
         standard: the skeleton that is wanted.
         sources: for each of its joints the source's, or None where there is none. A joint that is missing between
-            two others lies on
-            the bone between them, evenly spaced, and does not turn. Source joints that are not asked for are skipped:
-            the bone across them
-            has the length that it has on average.
+            two others lies on the bone between them, evenly spaced, and does not turn. Source joints that are not asked
+            for are skipped: the bone across them has the length that it has on average.
         pos: all of the source's positions [m].
         quat: all of its orientations.
     """

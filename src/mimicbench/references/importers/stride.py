@@ -30,8 +30,7 @@ def stride_scale(skeleton: Skeleton, pos: np.ndarray, fps: float) -> float | Non
     None if nobody walks, or only on the spot.
 
     The pelvis moves as the lower foot moves the other way, relative to it; the median over the frames in which that
-    foot is flat. For the
-    real recordings that we know it is 1 within 8 %, mostly within 3 %.
+    foot is flat. For the real recordings that we know it is 1 within 8 %, mostly within 3 %.
     """
     body = body_of(skeleton)
     ankles = np.stack([pos[:, leg.end] for leg in body.legs], 1)

@@ -48,8 +48,7 @@ def around_box(
     (+x) corners.
 
     Both ends must be outside of the rounded rectangle, and the goal in front of it. With `start_yaw` or `goal_yaw`
-    [rad] the way
-    leaves or arrives on a curve that is tangent to that heading, as far as the rectangle allows it.
+    [rad] the way leaves or arrives on a curve that is tangent to that heading, as far as the rectangle allows it.
     """
     points = _shortest(start, goal, low, high, margin)
     if start_yaw is not None:

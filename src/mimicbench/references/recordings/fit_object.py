@@ -74,8 +74,7 @@ def fit_seat(object_id: str, motion: HumanMotion, seated: slice, sofa: bool = Fa
     Seats of all kinds are drawn (by the object's id), given the seat height that the pelvis implies, and slid back and
     forth under the person. Judged are how deep any body part enters the chair at any time, walking included, how close
     the back is to the trunk, whether the seat carries the pelvis, and whether hands held still at the sides have
-    something
-    to rest on. Raises BadMotion if no chair suits.
+    something to rest on. Raises BadMotion if no chair suits.
     """
     pos, quat = motion.forward_kinematics()
     person = body_of(motion.skeleton)

@@ -1,8 +1,8 @@
 """Planning a task from anywhere: the whole clip from what a body does at one moment to the task's end, in milliseconds.
 
 Who is still on the way walks on from there. Who is in the midst of sitting down, lying down, reaching or lifting goes
-on with the action
-from the moment that is most like theirs. Either way the plan begins at the pose and with the velocity of the state.
+on with the action from the moment that is most like theirs. Either way the plan begins at the pose and with the
+velocity of the state.
 """
 
 from collections.abc import Mapping, Sequence

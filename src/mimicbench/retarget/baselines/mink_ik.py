@@ -2,8 +2,8 @@
 that we are measured against.
 
 Every frame is solved for itself, from the frame before: quadratic programs that bring the same links to the same
-targets as
-`optimization` within the joint limits. Nothing joins the frames. `mink` is optional (`pip install mimicbench[bench]`).
+targets as `optimization` within the joint limits. Nothing joins the frames. `mink` is optional (`pip install
+mimicbench[bench]`).
 """
 
 from importlib import import_module

@@ -64,10 +64,9 @@ def bench_retargeting(
         frames_per_second: method -> task -> frames per second of a core, and `all`; two_core_hours: method -> hours
             that two cores need for the
         paper's clips; adam: its epochs, frames, frames_per_second, and true losses of the paper's objective reached by
-        the solver and by Adam at
-        the appendix's constant rate and at one that falls to 0; mink: frames_per_second, programs per frame and mean
-        distance of the followed
-        points [m] beside the solver's, or why it was left out; ratios: how many times as fast the solver is as each;
+        the solver and by Adam at the appendix's constant rate and at one that falls to 0; mink: frames_per_second,
+        programs per frame and mean distance of the followed points [m] beside the solver's, or why it was left out;
+        ratios: how many times as fast the solver is as each;
         memory_growth_mb: how much
         larger the process became over a second round of all clips.
     """

@@ -30,8 +30,7 @@ def copy_rotations(bound: Bound, tree: Tree, limits: np.ndarray, pos_w: np.ndarr
     human's relative rotations.
 
     A run of three joints with successive axes at right angles gets its three angles in closed form; a shorter one the
-    part of the rotation that
-    is about its axes. Angles are continuous in time and clipped to the limits (N, 2) [rad].
+    part of the rotation that is about its axes. Angles are continuous in time and clipped to the limits (N, 2) [rad].
 
     Args:
         bound: The mapping.

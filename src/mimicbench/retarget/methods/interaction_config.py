@@ -45,9 +45,8 @@ class InteractionConfig:
     """Beyond that share [rad/s]."""
     slides: tuple[float, ...] = (0.08, 0.16, 0.24)
     """How far towards its feet a body is put, one after the other until it rests [m]. On a seat higher than its knees a
-    robot with long thighs
-    lies on the front edge with them and hovers with its buttocks; on a bed of people's length a taller one has its head
-    in the board."""
+    robot with long thighs lies on the front edge with them and hovers with its buttocks; on a bed of people's length a
+    taller one has its head in the board."""
     heels: tuple[float, ...] = (0.25, 0.45)
     """How far who sits raises the heels, one after the other until the trunk leans as the person's and touches what it
     leans against [rad]. Shanks too short for a high seat hold the knees, and so the pelvis, at its front."""

@@ -1,12 +1,9 @@
 """Optimization after skeleton shape alignment, "OmniH2O" in the paper's tables (appendix B.3).
 
 The human's global orientations and its root's global position stay; its bones get the robot's lengths, which moves all
-its other
-joints; the optimization then follows these. In the rest pose, arms hanging, every mapped joint of the aligned human
-lies where the
-robot's link does, as OmniH2O's fitted body shape brings it about as far as it can; where a human joint stands for two
-links, it
-lies midway between them.
+its other joints; the optimization then follows these. In the rest pose, arms hanging, every mapped joint of the aligned
+human lies where the robot's link does, as OmniH2O's fitted body shape brings it about as far as it can; where a human
+joint stands for two links, it lies midway between them.
 """
 
 from dataclasses import replace

@@ -40,16 +40,14 @@ class OptimizationConfig:
     """l_hand [1/m^2]; only counts where hands have something to do (touch-points, lift-box)."""
     orientation: float = 0.03
     """l_ori [1/rad]. An error of 5 cm at the end of a limb of 0.3 m pulls with 2 * 0.05 * 0.3 = 0.03 per radian: up to
-    that much the limbs keep the
-    human's directions and leave the difference in length; beyond it, and always at the much heavier feet, the place
-    counts more."""
+    that much the limbs keep the human's directions and leave the difference in length; beyond it, and always at the
+    much heavier feet, the place counts more."""
     acceleration: float = 1e-4
     """l_acc [s^2/rad]. A walk has about 10 rad/s^2 in the mean; a reduction of 1 rad/s^2 may cost 0.002 rad of
     orientation: jitter goes, the gait stays."""
     root_acceleration: float = 3e-4
     """l_root [s^2/m]: without it the root takes up what the smooth joints leave over, as in recordings with repeated
-    frames. A walk has about 2 m/s^2.
-    0 in the paper."""
+    frames. A walk has about 2 m/s^2. 0 in the paper."""
     floor: float = 200.0
     """l_floor [1/m^2]: the H1's foot is longer than the human's, its toe would enter the floor when the heel rises. 0
     in the paper."""
