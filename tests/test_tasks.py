@@ -1,5 +1,7 @@
 """K by hand at every threshold, P by hand, and a judge on a made-up trace of placed robots."""
 
+import pickle
+
 import numpy as np
 import pytest
 import torch
@@ -241,6 +243,12 @@ def test_registry():
     assert TASKS.get("sit-chair") is SIT_CHAIR
     with pytest.raises(UnknownName, match="unknown task 'sit-floor'; known are: .*sit-chair"):
         TASKS.get("sit-floor")
+
+
+@pytest.mark.parametrize("task", TASKS.all(), ids=TASKS.names())
+def test_every_task_can_be_sent_to_a_worker(task):
+    assert pickle.loads(pickle.dumps(task)) is task
+    assert pickle.loads(pickle.dumps(task.fulfilled_by_human)).__self__ is task
 
 
 @pytest.mark.parametrize("task", TASKS.all(), ids=TASKS.names())

@@ -1,7 +1,7 @@
 """What a task is: an object family, a time limit, and a kinematic metric K over named quantities."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -197,6 +197,14 @@ class Task:
             for row in missing.T
         ]
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Workers are sent a registered task's name: its functions need not be such as can be sent."""
+        from mimicbench.tasks.registry import TASKS
+
+        if self.name in TASKS and TASKS.get(self.name) is self:
+            return _registered, (self.name,)
+        return Task, tuple(getattr(self, entry.name) for entry in fields(self))
+
     def hold_frames(self, fps: float) -> int:
         """Frames in a row that count as holding."""
         return max(1, round(self.hold_time * fps))
@@ -247,6 +255,12 @@ class Task:
 def _centimeters(length: float) -> str:
     """Such as `3 cm`."""
     return f"{100 * length:.0f} cm" if length > 0.015 else f"{1000 * length:.1f} mm"
+
+
+def _registered(name: str) -> Task:
+    from mimicbench.tasks.registry import TASKS
+
+    return TASKS.get(name)
 
 
 def longest_run(values: np.ndarray) -> int:
