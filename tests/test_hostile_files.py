@@ -75,7 +75,7 @@ def test_a_command_prints_no_escape_codes(tmp_path):
         done = command(*words, "--workdir", "w", cwd=tmp_path)
         assert b"\x1b" not in done.stdout + done.stderr and b"Traceback" not in done.stderr
         assert done.stderr.count(b"\n.") == 0
-    assert (tmp_path / "w" / "sit-chair" / "objects" / "own-ev-31mil.json").exists()
+    assert (tmp_path / "w" / "sit-chair" / "objects" / "own" / "own-ev-31mil.json").exists()
 
 
 # -- time and memory

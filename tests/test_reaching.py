@@ -45,7 +45,7 @@ def _wrists(motion: HumanMotion) -> np.ndarray:
 
 def test_nearly_all_clips_pass_the_gate(touches: Clips, lifts: Clips):
     assert sum(not faults(check_clip(*clip)) for clip in touches) >= CLIPS - 2
-    assert sum(not faults(check_clip(*clip)) for clip in lifts) >= CLIPS - 1
+    assert sum(not faults(check_clip(*clip)) for clip in lifts) >= CLIPS - 2
 
 
 def test_wrists_stay_at_their_targets_for_more_than_a_second(touches: Clips):

@@ -202,29 +202,29 @@ def test_clips_on_other_objects_are_other_clips(tmp_path):
 
 
 def test_a_toml_recipe_end_to_end(tmp_path, monkeypatch, capsys):
-    """Objects, clips, retargeting, tracker, demonstrations, perception, a clone, and its rows, each as small as can be;
+    """Objects, clips, retargeting, tracker, perception, a planner, and its rows, each as small as can be;
     then with one setting changed.
     """
     monkeypatch.chdir(tmp_path)
     (tmp_path / "tiny.toml").write_text(TINY)
     cli.main(["imitate", "--config", "tiny.toml", "--workers", "1", "--json"])
     told = json.loads(capsys.readouterr().out.splitlines()[-1])
-    assert told["stage"] == "imitate" and told["batches"] == 4 and told["demonstrations"] >= 1
+    assert told["stage"] == "imitate" and told["samples"] == 32 and told["clips"] >= 1
     folder = tmp_path / told["folder"]
     assert {path.name for path in folder.iterdir()} >= {"header.json", "policy", "tracker", "perception"}
     recipe = json.loads((folder / "header.json").read_text())["recipe"]
-    assert recipe["imitate"]["train"]["steps"] == 4 and recipe["track"]["samples"] == 30_000_000
-    words = ["evaluate", "--config", "tiny.toml", "--policy", "bc", "--episodes", "2", "--workers", "1", "--json"]
+    assert recipe["imitate"]["planner"]["samples"] == 32 and recipe["track"]["samples"] == 30_000_000
+    words = ["evaluate", "--config", "tiny.toml", "--policy", "planner", "--episodes", "2", "--workers", "1", "--json"]
     cli.main(words)
     assert json.loads(capsys.readouterr().out)["episodes"] == 2
-    (path,) = tmp_path.glob("work/sit-chair/evaluate/bc-*.parquet")
+    (path,) = tmp_path.glob("work/sit-chair/evaluate/planner-*.parquet")
     stamp = path.stat().st_mtime_ns
     cli.main(words)
     assert path.stat().st_mtime_ns == stamp, "what has been judged is not judged again"
-    cli.main(["imitate", "--config", "tiny.toml", "--workers", "1", "--json", "--train.learning-rate", "2e-3"])
+    cli.main(["imitate", "--config", "tiny.toml", "--workers", "1", "--json", "--planner.learning-rate", "2e-3"])
     other = json.loads(capsys.readouterr().out.splitlines()[-1])["folder"]
     assert other != told["folder"] and len(stages_of(tmp_path / "work", "sit-chair", "imitate")) == 2
-    assert len(stages_of(tmp_path / "work", "sit-chair", "demos")) == 1
+    assert len(stages_of(tmp_path / "work", "sit-chair", "perception")) == 1, "what they share is made once"
 
 
 TINY = """
@@ -232,12 +232,11 @@ preset = "ours"
 seed = 1
 objects = { count = 8 }
 references = { count = 6 }
-demos = { clips = 2, batch = 2, clean_share = 1.0 }
 
 [imitate]
-learner = "bc"
+learner = "planner"
 perception = { maps = 8, steps = 2, batch = 4 }
-train = { steps = 4, batch = 8 }
+planner = { samples = 32, num_envs = 4, steps = 4, batches = 1, batch = 8, memory = 64 }
 """
 
 
