@@ -79,11 +79,13 @@ def test_the_same_episode_on_both(device, tmp_path):
         target = torch.from_numpy(joints + 0.2 * np.sin(step / 7 + np.arange(19)))
         if step == 8:
             for physics in both:
-                physics.push(np.array([1]), np.array([[0.1, 0.2, 0.0]]))
+                push = torch.zeros(4, 3, device=physics.device)
+                push[1] = torch.tensor([0.1, 0.2, 0.0])
+                physics.push(push)
                 stool.put(physics, np.array([2]), pos[2:3], upright(1), joints[2:3])
-        ids = np.array([0, 1, 2]) if step == 12 else None
         for physics in both:
-            physics.step(target, True, ids)
+            running = torch.tensor([True, True, True, False], device=physics.device) if step == 12 else None
+            physics.step(target.to(physics.device), True, running)
     native, warp = both
     for field in ("root_pos_w", "root_quat_w", "joint_pos"):
         torch.testing.assert_close(
@@ -126,11 +128,11 @@ def test_boxes_move_alike(device):
 @pytest.mark.parametrize("family", ["box", "household"])
 def test_exchanged_objects_are_as_in_a_fresh_scene(on, family):
     old, new = [FAMILIES.get(family).make(i, 0) for i in range(3)], [FAMILIES.get(family).make(i, 0) for i in (9, 4, 6)]
-    exchanged, fresh = WarpPhysics(H1, old, on), WarpPhysics(H1, new, on)
+    exchanged, fresh = (WarpPhysics(H1, objects, device=on) for objects in (old, new))
     lift(exchanged, 5)
-    exchanged.set_objects([new[1]], np.array([1]))
+    stool.exchange(exchanged, [new[1]], [1])
     assert [obj.id for obj in exchanged.objects] == [old[0].id, new[1].id, old[2].id]
-    exchanged.set_objects([new[2], new[0]], np.array([2, 0]))
+    stool.exchange(exchanged, [new[2], new[0]], [2, 0])
     for name in PER_WORLD:
         first = 1 if name == "body_subtreemass" else 0  # the world's own, which nothing reads
         there = getattr(exchanged._model, name).numpy()
@@ -201,7 +203,7 @@ def test_only_the_broken_world_ends(device, tmp_path):
 def test_a_world_with_too_many_contacts_ends(on, tmp_path):
     # two robots of four high in the air, one standing with 8 contacts, one dropped on its back, with 10 for a moment:
     # 40 rows, and room for 35
-    physics = WarpPhysics(H1, [block()] * 4, on, broken_dir=tmp_path, contacts=4)
+    physics = WarpPhysics(H1, [block()] * 4, PhysicsConfig(broken_dir=tmp_path), on, contacts=4)
     pos, quat = np.tile([-1.5, 0, 3.0], (4, 1)), upright(4)
     pos[1], pos[2], quat[2] = POS, [-1.8, 0, 0.1], [np.sqrt(0.5), 0, -np.sqrt(0.5), 0]
     stool.put(physics, np.arange(4), pos, quat, np.tile(JOINTS, (4, 1)))
@@ -228,19 +230,18 @@ def test_rays_see_alike(device):
 
 
 def test_what_warp_cannot_do_is_said():
-    stool = block()
     ones = np.ones((1, 3))
     corners = np.array([[0.2, 0, 0], [-0.2, 0.2, 0], [-0.2, -0.2, 0], [0, 0, 0.4]])
     pyramid = SceneObject(
         "pyramid", "own", "tent", np.array([[0, 0, 0.2]]), rot.IDENTITY[None], 0.2 * ones, ones, hulls=(corners,)
     )
-    physics = WarpPhysics(H1, [stool], "cpu")
+    physics = WarpPhysics(H1, [block()], device="cpu")
     with pytest.raises(BadObject, match="pyramid has convex pieces.*--device cpu"):
         stool.exchange(physics, [pyramid])
     with pytest.raises(BadObject, match="is movable"):
         stool.exchange(physics, [make_box(0)])
     with pytest.raises(UnknownName, match="device 'gpu'"):
-        make_physics("gpu", H1, [stool])
+        make_physics("gpu", H1, [block()])
     with pytest.raises(ValueError, match="read-only"):
         physics.qpos()[0] = 0.0
 

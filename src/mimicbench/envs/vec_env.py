@@ -32,6 +32,7 @@ from mimicbench.sim.backends import make_physics
 from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.rows import Rows
 from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.threads import one_torch_thread
 from mimicbench.tasks.task import Task
 
 REPORT_EVERY = 64
@@ -107,6 +108,7 @@ class VecEnv:
         """The episodes in which `mask` (N,) is true, without asking an asynchronous device which they are."""
         return Rows.where(mask, whole=self.physics.asynchronous)
 
+    @one_torch_thread()
     def reset(self, rows: Rows, states: InitialStates) -> None:
         """Begin episodes `rows` anew, as n `states` say."""
         if not len(rows):
@@ -129,6 +131,7 @@ class VecEnv:
         self.odometry.reset(rows, self.physics.state())
         self._context = self._look()
 
+    @one_torch_thread()
     def step(self, target: Tensor, action: Tensor | None = None, running: Tensor | None = None) -> Transition:
         """One control step with joint targets (N, J) of the episodes `running` (N,) bool; the others stay as they are.
 

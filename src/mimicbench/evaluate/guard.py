@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from mimicbench.core.errors import MimicbenchError
-from mimicbench.policies.policy import Policy
+from mimicbench.envs.policy import Policy
 from mimicbench.sensors.observations import Observations
 
 T = TypeVar("T")

@@ -7,9 +7,10 @@ the network says, so that it need not tell what nobody can.
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import torch
 from torch import Tensor
@@ -17,8 +18,8 @@ from torch.nn import functional
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.seeds import digest
+from mimicbench.core.training import NetworkState, OptimizerState, resume_training, save_training
 from mimicbench.imitate.perception import Perception, PerceptionConfig, window
-from mimicbench.imitate.resume import resume_training, save_training
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.rigs import Rig
 from mimicbench.sensors.cameras import CameraMaps
@@ -117,7 +118,7 @@ def train_perception(
 ) -> Perception:
     """Learn to find a task's goal beside `objects`; the same seed gives the same network.
 
-    A killed training goes on from `<folder>/training.*`.
+    A killed training goes on from `<folder>/training.safetensors`.
 
     Args:
         folder: Where the training's state goes.
@@ -134,7 +135,11 @@ def train_perception(
         net = Perception(config, task)
     view, center, answers = _windows(net, task, objects)
     optimizer = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=1e-3)
-    progress = resume_training(folder, net, optimizer, {"step": 0, "seconds": 0.0})
+    parts = {"network": NetworkState(net), "optimizer": OptimizerState(optimizer)}
+    plain = msgspec.to_builtins(asdict(config))
+    identity = {"config": {name: value for name, value in plain.items() if name != "save_every"}, "task": task.name}
+    identity["objects"] = [obj.id for obj in objects]
+    progress = resume_training(folder, identity, parts, {"step": 0, "seconds": 0.0})
     net.train()
     if report is not None and progress["step"]:
         report(int(progress["step"]), 0.0)
@@ -157,7 +162,7 @@ def train_perception(
         progress = {"step": step + 1, "seconds": progress["seconds"] + time.monotonic() - now}
         now = time.monotonic()
         if now - saved > config.save_every:
-            save_training(folder, net, optimizer, progress)
+            save_training(folder, identity, parts, progress)
             saved = now
         if report is not None:
             report(1, float(loss.detach()))

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from mimicbench.policies.policy import Policy
+from mimicbench.envs.policy import Policy
 from mimicbench.robots.description import Robot
 from mimicbench.tasks.task import Task
 

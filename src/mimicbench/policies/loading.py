@@ -11,7 +11,7 @@ from types import ModuleType
 
 from mimicbench.core.checkpoint import checkpoint_kind
 from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
-from mimicbench.policies.policy import Policy
+from mimicbench.envs.policy import Policy
 from mimicbench.policies.registry import LOADERS
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.observations import chosen_terms, refuse_privileged

@@ -21,6 +21,7 @@ from mimicbench.sensors.proprioception import body_state, gravity, link_state, s
 from mimicbench.sensors.rays import FARTHEST, ray_depth
 from mimicbench.sensors.reference import object_in_root, reference_in_root, reference_links
 from mimicbench.sensors.targets import target_map
+from mimicbench.sim.threads import one_torch_thread
 from mimicbench.tasks.task import BodyPoints, Task
 
 BOUND = 1000.0
@@ -276,11 +277,13 @@ class LazyObservations(Observations):
         self._context, self._noise = context, noise
         self._terms = {term.name: term for term in chosen_terms(names, context.task)}
 
+    @one_torch_thread()
     def __getitem__(self, name: str) -> Tensor:
         if name not in self._seen:
             self._seen[name] = self._measured(name, self._term(name).compute(self._context))
         return self._seen[name]
 
+    @one_torch_thread()
     def of(self, name: str, ids: Tensor) -> Tensor:
         """(n, *shape) the term of robots `ids` (n,) alone."""
         term = self._term(name)
