@@ -224,7 +224,7 @@ def test_a_tracker_and_a_planner_learn_on_warp(device, tmp_path):
     tiny = PPOConfig(hidden=(16,), steps=8, epochs=1, minibatches=2)
     config = TrackConfig(samples=2 * 8 * tiny.steps, num_envs=8, evaluate_clips=2, ppo=tiny)
     rows, there = [], EnvConfig(device, 1)
-    folder = train_tracker(tmp_path / "track", CLIPS, sits(), config, 0, there, rows.append)
+    folder = train_tracker(tmp_path / "track", [CLIPS], [sits()], config, 0, there, rows.append)
     assert rows[-1]["samples"] == config.samples and rows[-1]["k_held_out"] == 1.0
     small = PlannerConfig(
         hidden=(16,), samples=4 * 8 * 2, num_envs=8, steps=4, batches=2, batch=16, memory=64, threads=1

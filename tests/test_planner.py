@@ -22,7 +22,7 @@ from mimicbench.tasks.registry import TASKS
 from mimicbench.track.checkpoint import TrackerConfig, build_tracker, save_tracker
 from mimicbench.track.network import TrackerNetwork
 from mimicbench.track.registry import TRACKERS
-from mimicbench.track.spec import Tracker
+from mimicbench.track.spec import Layout, Tracker
 from mimicbench.track.trackers.residual import ResidualConfig
 from mimicbench.track.tracking import TrackingConfig, TrackingEnv
 
@@ -41,8 +41,8 @@ def clips():
     return ClipSet(TASK, ROBOT, motions, {chair.id: chair for chair in chairs})
 
 
-OBSERVED = TRACKERS.get("residual").names(TASK)
-SHAPE = TrackerConfig("residual", OBSERVED, 167, 19, (16,))
+LAYOUT = Layout.of(TRACKERS.get("residual"), ROBOT, [TASK])
+SHAPE = TrackerConfig("residual", LAYOUT.names, LAYOUT.widths, 19, (16,))
 
 
 def tracker() -> Tracker:
@@ -85,7 +85,8 @@ def test_another_training_is_not_taken_up(clips, tmp_path):
 
 
 def test_refuses_a_tracker_that_it_cannot_plan_for(clips, tmp_path):
-    shape = TrackerConfig("hst", TRACKERS.get("hst").names(TASK), 578, 19, (16,))
+    layout = Layout.of(TRACKERS.get("hst"), ROBOT, [TASK])
+    shape = TrackerConfig("hst", layout.names, layout.widths, 19, (16,))
     other = build_tracker(shape, TrackerNetwork(578, 19, (16,)).tensors())
     with pytest.raises(MimicbenchError, match="observes 'body'"):
         train_planner(tmp_path, other, clips, SMALL, 0, EnvConfig(workers=1))

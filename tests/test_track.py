@@ -10,7 +10,7 @@ import torch
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.checkpoint import BadCheckpoint
-from mimicbench.core.errors import BadMotion, UnknownName
+from mimicbench.core.errors import BadMotion, MimicbenchError, UnknownName
 from mimicbench.core.motion import RobotMotion
 from mimicbench.core.training import TorchRandom
 from mimicbench.envs.clip_starts import ClipStartConfig, ClipStarts
@@ -26,14 +26,16 @@ from mimicbench.sim.physics import ObjectState, RobotState
 from mimicbench.sim.rows import Rows
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.checkpoint import TrackerConfig, build_tracker, load_tracker, save_tracker
+from mimicbench.track.failures import PARTS, REWIND, Failures
 from mimicbench.track.network import TrackerNetwork
+from mimicbench.track.parts import TrackingParts
 from mimicbench.track.ppo import PPOConfig, PPOLearner
 from mimicbench.track.registry import TRACKERS
 from mimicbench.track.rollout import RolloutConfig, track_clips
-from mimicbench.track.spec import flat
+from mimicbench.track.spec import Layout, flat
 from mimicbench.track.trackers import hst, residual
 from mimicbench.track.tracking import ENDS, EndConfig, TrackingConfig, TrackingEnv, deviations
-from mimicbench.track.train import TrackConfig, train_tracker
+from mimicbench.track.train import TrackConfig, begin_from, train_tracker
 from stool import H1, block, seated, standing
 
 SIT_CHAIR, LIFT_BOX, TOUCH = (TASKS.get(name) for name in ("sit-chair", "lift-box", "touch-points"))
@@ -41,7 +43,7 @@ RESIDUAL, HST = TRACKERS.get("residual"), TRACKERS.get("hst")
 OURS, PAPERS = residual.ResidualConfig(), hst.HSTConfig()
 STOOL = block()
 OBJECTS = {STOOL.id: STOOL}
-CALM = TrackingConfig(ClipStartConfig(1.0, 0.0, 0.0, 0.0), push=0.0)
+CALM = TrackingConfig(ClipStartConfig(1.0, 0.0, 0.0, 0.0), push=0.0, hold=0.0)
 ONE_THREAD = EnvConfig(workers=1)
 TINY = PPOConfig(hidden=(16,), steps=8, epochs=1, minibatches=2)
 RATES = np.linspace(-0.4, 0.4, 19)
@@ -125,7 +127,7 @@ def context_of(bank, index, state=None, task=SIT_CHAIR, obj=None, last_action=0.
 
 
 def observed(spec, context):
-    names = spec.names(context.task)
+    names = Layout.of(spec, H1, [context.task]).names
     return flat({name: TERMS[name].compute(context) for name in names}, names)
 
 
@@ -382,7 +384,7 @@ def test_a_tracker_reads_the_next_pose_off_its_plan(spec):
     """Whoever plans for a tracker gives its privileged terms; the joint angles in them are the reference's."""
     bank = ReferenceBank([swing()], H1)
     context = context_of(bank, 10)
-    terms = {name: TERMS[name].compute(context) for name in spec.names(SIT_CHAIR)}
+    terms = {name: TERMS[name].compute(context) for name in Layout.of(spec, H1, [SIT_CHAIR]).names}
     np.testing.assert_allclose(spec.next_joint_pos(H1, terms), context.reference(1).joint_pos, atol=1e-6)
     assert all(TERMS[name].privileged for name in spec.plan(SIT_CHAIR)) and spec.plan(SIT_CHAIR)
 
@@ -457,6 +459,37 @@ def test_who_sinks_below_the_limit_ends():
     assert deviations(env.context, EndConfig())[2].tolist() == [True, False]
 
 
+def test_the_last_pose_is_to_be_held():
+    env = TrackingEnv(RESIDUAL, clip_set(CLIPS[1]), 2, replace(CALM, hold=0.1), 0, ONE_THREAD)
+    env.env.index[:] = env.bank.lengths[env.env.clip] - 2
+    ends = [env.step(torch.zeros(2, 19), OURS)[3].tolist() for _ in range(6)]
+    assert ends == [[False, False]] * 5 + [[True, True]], "five control steps after the clip's last frame"
+
+
+def test_failures_draw_the_starts_to_where_they_happen():
+    failures = Failures()
+    np.testing.assert_allclose(Failures().chances(0.0), np.full(PARTS, 1 / PARTS))
+    for _ in range(9000):  # nobody fails but in part 20, where one in four does
+        progress = (torch.arange(PARTS * 4) // 4 + 0.5) / PARTS
+        failures.update(progress, (torch.arange(PARTS * 4) == 80))
+    chances = failures.chances(0.5)
+    np.testing.assert_allclose(chances.sum(), 1.0, atol=1e-6)
+    np.testing.assert_allclose(chances[21:], np.full(PARTS - 21, 0.5 / PARTS), rtol=0.02)
+    drawn = chances[:21] - 0.5 / PARTS
+    np.testing.assert_allclose(drawn[:-1] / drawn[1:], np.full(20, REWIND), rtol=0.02)
+    np.testing.assert_allclose(drawn.sum(), 0.5, rtol=0.02)
+
+
+def test_starts_follow_the_chances_of_parts():
+    env = TrackingEnv(RESIDUAL, clip_set(swing()), 2, TrackingConfig(), 0, ONE_THREAD)
+    starts = ClipStarts(env.bank, [0], H1, ClipStartConfig(first_frame=0.0))
+    chances = torch.zeros(4)
+    chances[2] = 1.0
+    drawn = starts.draw(200, torch.Generator().manual_seed(0), chances)
+    share = drawn.frame / float(env.bank.lengths[0] - 2)
+    assert share.min() >= 0.48 and share.max() < 0.75
+
+
 def run(seed, workers):
     config = TrackingConfig(push_interval=0.1)
     env = TrackingEnv(RESIDUAL, clip_set(swing(), *CLIPS), 6, config, seed, EnvConfig(workers=workers))
@@ -481,18 +514,18 @@ def test_an_environment_is_taken_up_as_if_it_had_never_stopped():
             assert mine.numpy().tobytes() == other.numpy().tobytes()
 
 
-OBSERVED = RESIDUAL.names(SIT_CHAIR)
+LAYOUT = Layout.of(RESIDUAL, H1, [SIT_CHAIR])
 
 
 def test_checkpoint(tmp_path):
-    config = TrackerConfig("residual", OBSERVED, 167, 19, (8, 4))
+    config = TrackerConfig("residual", LAYOUT.names, LAYOUT.widths, 19, (8, 4))
     network = TrackerNetwork(167, 19, (8, 4))
     network.obs_mean.normal_()
     save_tracker(tmp_path, H1, config, network.tensors(), {"samples": 7})
     tracker = load_tracker(tmp_path, H1)
     obs = torch.randn(3, 167)
     assert torch.equal(tracker.network(obs), network(obs))
-    assert tracker.spec is RESIDUAL and tracker.observed == OBSERVED
+    assert tracker.spec is RESIDUAL and tracker.layout == LAYOUT
     with pytest.raises(BadCheckpoint, match="another robot, 'h1'"):
         load_tracker(tmp_path, replace(H1, name="g1"))
     save_tracker(tmp_path, H1, replace(config, hidden=(8, 5)), network.tensors(), {})
@@ -557,7 +590,7 @@ def tiny(rounds):
 
 def test_training_end_to_end_and_again(tmp_path):
     rows = []
-    folder = train_tracker(tmp_path, clip_set(), clip_set(CLIPS[1]), tiny(3), 0, ONE_THREAD, rows.append)
+    folder = train_tracker(tmp_path, [clip_set()], [clip_set(CLIPS[1])], tiny(3), 0, ONE_THREAD, rows.append)
     assert rows[-1]["samples"] == tiny(3).samples and rows[-1]["iterations"] == 3
     assert rows[-1]["k_held_out"] == 1.0, "who is placed seated and left alone stays so"
     tracker = load_tracker(folder, H1)
@@ -566,8 +599,60 @@ def test_training_end_to_end_and_again(tmp_path):
     assert [track.shape for track in rollout.recording.qpos] == [(int(steps), 26) for steps in rollout.steps]
     assert [track.shape for track in rollout.recording.targets] == [(int(steps), 19) for steps in rollout.steps]
     # taken up with twice as many samples it goes on from there
-    train_tracker(tmp_path, clip_set(), clip_set(CLIPS[1]), tiny(6), 0, ONE_THREAD, rows.append)
+    train_tracker(tmp_path, [clip_set()], [clip_set(CLIPS[1])], tiny(6), 0, ONE_THREAD, rows.append)
     assert rows[-1]["samples"] == tiny(6).samples and rows[-1]["iterations"] == 6
+
+
+BOX = block(0.4, 0.2, movable=True, mass=2.0)
+LIFTS = ClipSet(LIFT_BOX, H1, [replace(lifted(), object_id=BOX.id)], {BOX.id: BOX})
+
+
+def test_one_network_follows_clips_of_several_tasks(tmp_path):
+    sets, rows = [clip_set(), LIFTS], []
+    folder = train_tracker(tmp_path, sets, [clip_set(CLIPS[1])], tiny(2), 0, ONE_THREAD, rows.append)
+    tracker = load_tracker(folder, H1)
+    assert set(tracker.observed) - set(LAYOUT.names) == {"object", "object+1", "object+5"}
+    assert set(rows[-1]["k_train_of"]) == {"sit-chair", "lift-box"} == set(rows[-1]["ended"])
+    assert set(rows[-1]["k_held_out_of"]) == {"sit-chair"} and rows[-1]["k_held_out"] == 1.0
+    for clips in sets:
+        assert track_clips(tracker, clips, RolloutConfig(stop_early=True), ONE_THREAD).verdict.success.shape
+
+
+def test_terms_that_a_task_does_not_have_are_zero():
+    layout = Layout.of(RESIDUAL, H1, [SIT_CHAIR, LIFT_BOX])
+    assert layout.size == LAYOUT.size + 36
+    obs = TrackingEnv(RESIDUAL, clip_set(), 2, CALM, 0, ONE_THREAD, layout).observe()
+    alone = TrackingEnv(RESIDUAL, clip_set(), 2, CALM, 0, ONE_THREAD).observe()
+    assert torch.equal(obs[:, :167], alone) and not obs[:, 167:].any()
+
+
+@pytest.mark.parametrize("parts", [1, 3])
+def test_parts_are_the_same_whatever_the_threads(parts):
+    def steps(workers):
+        env = TrackingParts(RESIDUAL, [clip_set(), LIFTS], 8, parts, TrackingConfig(), 5, EnvConfig(workers=workers))
+        assert [part.num_envs for part in env.parts] == ([4, 4] if parts == 1 else [2, 2, 2, 2])
+        found = [torch.cat([value.flatten() for value in env.step(torch.zeros(8, 19), OURS)]) for _ in range(8)]
+        env.close()
+        return torch.stack(found).numpy().tobytes()
+
+    assert steps(1) == steps(2)
+
+
+def test_a_training_begins_from_a_tracker_and_keeps_what_it_does(tmp_path):
+    torch.manual_seed(0)
+    network = TrackerNetwork(167, 19, (6, 5))
+    network.obs_mean[:], network.obs_std[:] = torch.randn(167), torch.rand(167) + 0.5
+    given = TrackerConfig("residual", LAYOUT.names, LAYOUT.widths, 19, (6, 5))
+    save_tracker(tmp_path, H1, given, network.tensors(), {})
+    layout = Layout.of(RESIDUAL, H1, [SIT_CHAIR, LIFT_BOX])
+    learner = PPOLearner(layout.size, 19, 4, PPOConfig(hidden=(9, 7)))
+    begin_from(load_tracker(tmp_path, H1), learner, layout)
+    wider = TrackerNetwork(layout.size, 19, (9, 7))
+    wider.load_tensors(learner.network_tensors())
+    obs = torch.randn(5, layout.size)
+    np.testing.assert_allclose(wider(obs).detach(), network(obs[:, :167]).detach(), atol=1e-5)
+    with pytest.raises(MimicbenchError, match="2 layers at least as wide"):
+        begin_from(load_tracker(tmp_path, H1), PPOLearner(layout.size, 19, 4, PPOConfig(hidden=(5, 5))), layout)
 
 
 class Killed(Exception):
@@ -575,7 +660,7 @@ class Killed(Exception):
 
 
 def test_a_training_killed_in_the_middle_ends_in_the_same_bytes(tmp_path, monkeypatch):
-    whole = train_tracker(tmp_path / "whole", clip_set(), clip_set(CLIPS[1]), tiny(6), 0, ONE_THREAD)
+    whole = train_tracker(tmp_path / "whole", [clip_set()], [clip_set(CLIPS[1])], tiny(6), 0, ONE_THREAD)
     updates = 0
     update = PPOLearner.update
 
@@ -588,9 +673,9 @@ def test_a_training_killed_in_the_middle_ends_in_the_same_bytes(tmp_path, monkey
 
     monkeypatch.setattr(PPOLearner, "update", killed_at_the_fourth)
     with pytest.raises(Killed):
-        train_tracker(tmp_path / "killed", clip_set(), clip_set(CLIPS[1]), tiny(6), 0, ONE_THREAD)
+        train_tracker(tmp_path / "killed", [clip_set()], [clip_set(CLIPS[1])], tiny(6), 0, ONE_THREAD)
     monkeypatch.setattr(PPOLearner, "update", update)
-    resumed = train_tracker(tmp_path / "killed", clip_set(), clip_set(CLIPS[1]), tiny(6), 0, ONE_THREAD)
+    resumed = train_tracker(tmp_path / "killed", [clip_set()], [clip_set(CLIPS[1])], tiny(6), 0, ONE_THREAD)
     assert (resumed / "model.safetensors").read_bytes() == (whole / "model.safetensors").read_bytes()
 
 
@@ -598,7 +683,7 @@ def test_recorded_targets_stay_clean():
     network = TrackerNetwork(167, 19, (4,))
     for parameter in network.parameters():
         parameter.data.zero_()
-    tracker = build_tracker(TrackerConfig("residual", OBSERVED, 167, 19, (4,)), network.tensors())
+    tracker = build_tracker(TrackerConfig("residual", LAYOUT.names, LAYOUT.widths, 19, (4,)), network.tensors())
     calm, noisy = (
         track_clips(tracker, clip_set(CLIPS[1]), RolloutConfig(True, noise, 1), ONE_THREAD).recording
         for noise in (0.0, 0.05)
@@ -614,7 +699,7 @@ def test_trackers_go_on_to_the_time_limit_when_asked():
     network = TrackerNetwork(167, 19, (4,))
     for parameter in network.parameters():
         parameter.data.zero_()
-    tracker = build_tracker(TrackerConfig("residual", OBSERVED, 167, 19, (4,)), network.tensors())
+    tracker = build_tracker(TrackerConfig("residual", LAYOUT.names, LAYOUT.widths, 19, (4,)), network.tensors())
     clips = replace(clip_set(), task=replace(SIT_CHAIR, time_limit=3.0))
     verdict = track_clips(tracker, clips, RolloutConfig(settle=None), ONE_THREAD).verdict
     assert verdict.steps.tolist() == [150, 150] and verdict.stays.tolist() == [False, True]

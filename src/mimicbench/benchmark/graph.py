@@ -138,10 +138,12 @@ def make_track_stage(run: Run) -> Stage:
     """Train the tracker on the clips of training objects; objects of the test split only judge it."""
     from mimicbench.track.train import train_tracker
 
-    clips, config = retargeted(run), run.part("track")
-    train, test = clips.split("train"), clips.split("test")
-    if not len(train):
-        raise BadMotion(f"no clip in {clips.stage.folder} is on an object of the training split; make more objects")
+    config = run.part("track")
+    every = [retargeted(part) for part in keys.tracked(run)]
+    train, test = ([clips.split(name) for clips in every] for name in ("train", "test"))
+    for clips, some in zip(every, train, strict=True):
+        if not len(some):
+            raise BadMotion(f"no clip in {clips.stage.folder} is on an object of the training split; make more objects")
 
     def report(row: dict) -> None:
         unseen = "" if row["k_held_out"] is None else f", on unseen objects {row['k_held_out']:.2f}"
@@ -154,7 +156,7 @@ def make_track_stage(run: Run) -> Stage:
         if stage.complete:
             return stage
         train_tracker(stage.folder, train, test, config, run.recipe.seed, env_config(run), report)
-        return stage.finish(clips=len(train), samples=config.samples, device=run.context.device)
+        return stage.finish(clips=sum(map(len, train)), samples=config.samples, device=run.context.device)
 
 
 def env_config(run: Run) -> EnvConfig:

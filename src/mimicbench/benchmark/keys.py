@@ -117,16 +117,28 @@ def retarget_key(run: Run) -> StageKey:
     )
 
 
+def tracked(run: Run) -> list[Run]:
+    """The recipe at each of the tasks whose clips its tracker learns to follow, its own first."""
+    others = [name for name in run.part("track").also if name != run.recipe.task]
+    return [run, *(replace(run, recipe=replace(run.recipe, task=name)) for name in others)]
+
+
 def track_key(run: Run) -> StageKey:
     """The recipe's own tracker."""
-    config, clips = run.part("track"), retarget_key(run)
+    config = run.part("track")
+    clips = {part.recipe.task: (part, retarget_key(part)) for part in tracked(run)}
+    clips["retarget"] = clips.pop(run.recipe.task)
+    made_from = {name: key.fingerprint for name, (_, key) in clips.items()}
+    settings = {name: value for name, value in identity(config).items() if name not in ("begin_from", "also")}
+    if config.begin_from:
+        made_from["begin_from"] = digest_of(Path(config.begin_from) / MODEL)
     return run.key(
         "track",
-        identity(config),
-        {"retarget": clips.fingerprint},
+        settings,
+        made_from,
         amounts=amounts(config),
-        words=(config.tracker,),
-        reads={"retarget": run.folder(clips)},
+        words=(config.tracker, *(("also",) if config.also else ())),
+        reads={name: part.folder(key) for name, (part, key) in clips.items()},
     )
 
 

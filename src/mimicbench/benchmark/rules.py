@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mimicbench.core.settings import BadSetting
@@ -74,10 +75,27 @@ def gains_agree(recipe: Recipe) -> None:
         )
 
 
+def tracked_together(recipe: Recipe) -> None:
+    """A tracker of several tasks names each once, and begins from a tracker that is there."""
+    if recipe.track is None:
+        return
+    from mimicbench.core.checkpoint import MODEL
+    from mimicbench.tasks.registry import TASKS
+
+    also, begin_from = recipe.track.also, recipe.track.begin_from
+    for name in also:
+        TASKS.get(name)
+    if recipe.task in also or len(set(also)) != len(also):
+        raise BadSetting(f"track.also is {', '.join(also)}; name each task beside {recipe.task!r} once")
+    if begin_from and not (Path(begin_from) / MODEL).is_file():
+        raise BadSetting(f"track.begin_from is {begin_from!r}, where no tracker is; give the folder of its checkpoint")
+
+
 RULES: tuple[Callable[[Recipe], None], ...] = (
     names_exist,
     sources_agree,
     method_has_variant,
     learner_has_its_tracker,
     gains_agree,
+    tracked_together,
 )

@@ -42,11 +42,17 @@ class ClipStarts:
             torch.tensor(limit, dtype=torch.float32, device=device) for limit in robot.joint_range.T.copy()
         )
 
-    def draw(self, count: int, random: torch.Generator) -> InitialStates:
-        """Frames drawn at random, with noise on everything about the robot."""
+    def draw(self, count: int, random: torch.Generator, chances: Tensor | None = None) -> InitialStates:
+        """Frames drawn at random, with noise on everything about the robot.
+
+        `chances` (B,) are those of the B equal parts of every clip; None: all frames are as likely.
+        """
         config, device = self.config, self._object_index.device
         share, first = torch.rand(2, count, generator=random, device=device)
         clip = torch.randint(len(self.bank), (count,), generator=random, device=device)
+        if chances is not None:
+            part = torch.multinomial(chances, count, replacement=True, generator=random)
+            share = (part + share) / len(chances)
         share = torch.where(first < config.first_frame, 0.0, share)
         frame = (share * (self.bank.lengths[clip] - 2).clamp(min=0)).long()
         exact = self.at(clip, frame)

@@ -12,7 +12,7 @@ from mimicbench.core.checkpoint import BadCheckpoint, load_checkpoint, save_chec
 from mimicbench.robots.description import Robot
 from mimicbench.track.network import TrackerNetwork
 from mimicbench.track.registry import TRACKERS
-from mimicbench.track.spec import Tracker
+from mimicbench.track.spec import Layout, Tracker
 
 MAX_WIDTH, MAX_LAYERS = 8192, 16
 """What a tracker may ask for before its weights have been seen."""
@@ -26,14 +26,19 @@ class TrackerConfig:
     """Name of its design in the registry."""
     observed: tuple[str, ...]
     """Names of the terms that it observes, in this order."""
-    observations: int
-    """Width of its observation."""
+    widths: tuple[int, ...]
+    """Numbers in each of them."""
     actions: int
     """Width of its action."""
     hidden: tuple[int, ...]
     """Widths of the hidden layers."""
     settings: dict[str, Any] = field(default_factory=dict)
     """The design's own configuration, as plain values."""
+
+    @property
+    def observations(self) -> int:
+        """Width of its observation."""
+        return sum(self.widths)
 
 
 def build_tracker(config: TrackerConfig, tensors: Mapping[str, np.ndarray]) -> Tracker:
@@ -45,7 +50,7 @@ def build_tracker(config: TrackerConfig, tensors: Mapping[str, np.ndarray]) -> T
         raise BadCheckpoint(f"these are no settings of tracker {spec.name} ({error}); train it again") from None
     network = TrackerNetwork(config.observations, config.actions, config.hidden)
     network.load_tensors(tensors)
-    return Tracker(spec, settings, network.eval(), config.observed)
+    return Tracker(spec, settings, network.eval(), Layout(config.observed, config.widths))
 
 
 def save_tracker(
@@ -63,8 +68,12 @@ def load_tracker(folder: Path, robot: Robot) -> Tracker:
     """Read a tracker for this robot. Raises BadCheckpoint."""
     checkpoint = load_checkpoint(folder, "tracker", robot.name)
     config = checkpoint.config_as(TrackerConfig)
-    widths = (config.observations, config.actions, *config.hidden)
-    if not all(1 <= width <= MAX_WIDTH for width in widths) or len(config.hidden) > MAX_LAYERS:
+    widths = (*config.widths, config.observations, config.actions, *config.hidden)
+    if (
+        not all(1 <= width <= MAX_WIDTH for width in widths)
+        or len(config.hidden) > MAX_LAYERS
+        or len(config.widths) != len(config.observed)
+    ):
         raise BadCheckpoint(
             f"{folder} describes a tracker with a layer outside 1 to {MAX_WIDTH}, or more than {MAX_LAYERS} layers; it "
             "is not one of ours"

@@ -1,6 +1,6 @@
 """PPO by rsl-rl. The only file that imports it, since its interface changes often."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -11,9 +11,12 @@ from rsl_rl.models import MLPModel
 from rsl_rl.storage import RolloutStorage
 from tensordict import TensorDict
 
+from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.settings import Positive, Share
 from mimicbench.core.training import OptimizerState
 
+WARM_COUNT = 100_000
+"""Observations that the statistics of a network to begin from count as; new ones are soon as many."""
 _GROUPS = {"actor": ["obs"], "critic": ["obs"]}
 
 
@@ -125,6 +128,50 @@ class PPOLearner:
         weights = {name: value for name, value in actor.state_dict().items() if name.startswith("mlp.")}
         tensors |= {f"layers.{name.removeprefix('mlp.')}": value for name, value in weights.items()}
         return {name: value.detach().cpu().numpy() for name, value in tensors.items()}
+
+    @torch.no_grad()
+    def begin_from(self, tensors: Mapping[str, np.ndarray], columns: Sequence[tuple[slice, slice]]) -> None:
+        """Take over a trained network: wider layers keep what it does, and the critic begins anew.
+
+        Args:
+            tensors: Of a TrackerNetwork with as many layers, none of them wider.
+            columns: Which of its inputs are which of ours.
+
+        Raises:
+            MimicbenchError: It has another number of layers, or wider ones.
+        """
+        given = {name: torch.from_numpy(np.array(value)) for name, value in tensors.items()}
+        for model in (self.ppo.actor, self.ppo.critic):
+            statistics = dict(model.obs_normalizer.named_buffers())
+            for theirs, ours in columns:
+                mean, std = given["obs_mean"][theirs], given["obs_std"][theirs]
+                for name, value in (("_mean", mean), ("_std", std), ("_var", std**2)):
+                    statistics[name][:, ours] = value
+            statistics["count"].fill_(WARM_COUNT)
+        own = {
+            f"layers.{n.removeprefix('mlp.')}": v for n, v in self.ppo.actor.named_parameters() if n.startswith("mlp.")
+        }
+        taken = {name: value for name, value in given.items() if name.startswith("layers.")}
+        if set(own) != set(taken) or any(
+            own[name].shape[0] < value.shape[0] or ("0." not in name and own[name].shape[-1] < value.shape[-1])
+            for name, value in taken.items()
+        ):
+            raise MimicbenchError(
+                "the network to begin from has another number of layers than track.ppo.hidden, or wider ones; give "
+                f"{len(taken) // 2 - 1} layers at least as wide as its own"
+            )
+        first = next(iter(own))
+        for name, value in taken.items():
+            there = own[name]
+            if there.ndim == 1:
+                there[: len(value)] = value
+            elif name == first:
+                there[: len(value)] = 0.0
+                for theirs, ours in columns:
+                    there[: len(value), ours] = value[:, theirs]
+            else:  # what is new has no say at first
+                there[: len(value)] = 0.0
+                there[: len(value), : value.shape[1]] = value
 
     def state_tensors(self) -> dict[str, torch.Tensor]:
         """A copy of everything needed to go on learning; torch's own random numbers are the caller's."""

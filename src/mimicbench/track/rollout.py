@@ -101,7 +101,7 @@ def track_clips(
             active &= ~(env.metrics.over() | env.metrics.fell)
             if not active.any():
                 break
-        action = tracker.action(env.observe(tracker.observed))
+        action = tracker.action(env.observe(tracker.spec.observations))
         target = tracker.spec.target(robot, env.context.reference(1).joint_pos, action, tracker.settings)
         before = [array.astype(np.float32) for array in (env.physics.qpos(), env.physics.qvel())]
         env.step(target, action, active)

@@ -1,8 +1,9 @@
 """What a tracker is made of: what it observes, what its action means, what it is rewarded for."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import Any
 
 import torch
@@ -43,28 +44,66 @@ class TrackerSpec:
     measures_effort: bool = False
     """Whether the reward needs the mechanical effort, which costs time."""
 
-    def names(self, task: Task) -> tuple[str, ...]:
-        """Names of the terms that it observes at a task."""
-        return tuple(term.name for term in chosen_terms(self.observations, task))
-
     def plan(self, task: Task) -> tuple[str, ...]:
         """Names of the privileged terms: what it has to be told by a clip or a planner."""
         return tuple(term.name for term in chosen_terms(self.observations, task) if term.privileged)
 
 
 @dataclass(frozen=True)
+class Layout:
+    """How a network's input is laid out: terms one after the other."""
+
+    names: tuple[str, ...]
+    widths: tuple[int, ...]
+    """Numbers in each term, of one robot."""
+
+    @staticmethod
+    def of(spec: TrackerSpec, robot: Robot, tasks: Sequence[Task]) -> "Layout":
+        """The terms of a tracker that any of the tasks has."""
+        found = {term.name: (term, task) for task in tasks for term in chosen_terms(spec.observations, task)}
+        every = [term.name if isinstance(term, Term) else term for term in spec.observations]
+        names = tuple(name for name in every if name in found)
+        shapes = [term.shape(robot, task) for term, task in (found[name] for name in names)]
+        return Layout(names, tuple(math.prod(shape) for shape in shapes))
+
+    @property
+    def size(self) -> int:
+        """Numbers in all of them."""
+        return sum(self.widths)
+
+    def slices(self) -> list[slice]:
+        """Where each of them is."""
+        ends = list(accumulate(self.widths))
+        return [slice(end - width, end) for end, width in zip(ends, self.widths, strict=True)]
+
+    def flat(self, terms: Terms) -> Tensor:
+        """(N, size) the terms; zeros for those that the robots' task does not have."""
+        some = next(iter(terms[name] for name in self.names if name in terms))
+        parts = [
+            terms[name].flatten(1) if name in terms else some.new_zeros(len(some), width)
+            for name, width in zip(self.names, self.widths, strict=True)
+        ]
+        return torch.cat(parts, -1)
+
+
+@dataclass(frozen=True)
 class Tracker:
-    """A tracker ready to run at a task."""
+    """A tracker ready to run, at any task whose terms its network knows."""
 
     spec: TrackerSpec
     settings: Any
     network: TrackerNetwork
-    observed: tuple[str, ...]
-    """Names of the terms that its network takes, in this order."""
+    layout: Layout
+    """What its network takes."""
+
+    @property
+    def observed(self) -> tuple[str, ...]:
+        """Names of the terms that its network takes."""
+        return self.layout.names
 
     def action(self, terms: Terms) -> Tensor:
-        """(N, J) its mean action on terms that hold at least those it observes."""
-        return self.network(flat(terms, self.observed))
+        """(N, J) its mean action on terms that hold at least those of its layout that the task has."""
+        return self.network(self.layout.flat(terms))
 
     def target(self, robot: Robot, terms: Terms, action: Tensor) -> Tensor:
         """(N, J) joint targets [rad] of an action on terms."""

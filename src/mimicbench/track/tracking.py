@@ -8,6 +8,7 @@ from torch import Tensor
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.seeds import digest
+from mimicbench.core.settings import Share
 from mimicbench.envs.clip_starts import ClipStartConfig, ClipStarts
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.hooks import Pushes
@@ -18,7 +19,9 @@ from mimicbench.sensors.observations import Observations
 from mimicbench.sim.devices import tensor_device
 from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.rows import Rows
-from mimicbench.track.spec import TrackerSpec, flat
+from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.track.failures import Failures
+from mimicbench.track.spec import Layout, TrackerSpec
 
 ENDS = ("position", "angle", "drop", "object", "diverged", "clip over")
 """Why episodes end."""
@@ -44,6 +47,10 @@ class TrackingConfig:
 
     starts: ClipStartConfig = field(default_factory=ClipStartConfig)
     """Where in their clips they start, and with how much noise."""
+    focus: Share = 0.5
+    """Share of the starts that are drawn from where in their clips robots fail; the others are drawn from all of it."""
+    hold: float = 2.0
+    """[s] that episodes go on after their clip is over: its last pose is to be held."""
     push: float = 0.4
     """Standard deviation of the horizontal velocity that a push adds [m/s]."""
     push_interval: float = 2.0
@@ -63,11 +70,15 @@ class TrackingEnv:
         config: TrackingConfig,
         seed: int,
         env_config: EnvConfig | None = None,
+        layout: Layout | None = None,
     ) -> None:
-        """`env_config` says which device and how many threads; gains and metrics follow from the tracker."""
+        """`env_config` says which device and how many threads; gains and metrics follow from the tracker.
+
+        `layout` is that of its network, if it also follows clips of other tasks.
+        """
         env_config = env_config or EnvConfig()
         self.spec, self.config, self.clips = spec, config, clips
-        self.names = spec.names(clips.task)
+        self.layout = layout or Layout.of(spec, clips.robot, [clips.task])
         device = tensor_device(env_config.device)
         self.bank = ReferenceBank(clips.motions, clips.robot, device)
         scenes = clips.scenes
@@ -87,6 +98,8 @@ class TrackingEnv:
             hooks,
         )
         self.starts = ClipStarts(self.bank, self.env.physics.add_objects(scenes), clips.robot, config.starts)
+        self.failures = Failures(device)
+        self._hold = round(config.hold / CONTROL_DT)
         self.ended = torch.zeros(len(ENDS), dtype=torch.long, device=device)
         """How many episodes ended for each of ENDS."""
         self._start(Rows.every(num_envs, device))
@@ -108,11 +121,11 @@ class TrackingEnv:
 
     def terms(self) -> Observations:
         """What the tracker observes now, by name."""
-        return self.env.observe(self.names)
+        return self.env.observe(self.spec.observations)
 
     def observe(self) -> Tensor:
         """(N, O) what the tracker observes now."""
-        return flat(self.terms(), self.names)
+        return self.layout.flat(self.terms())
 
     def step(
         self, action: Tensor, settings: object, target: Tensor | None = None
@@ -139,28 +152,34 @@ class TrackingEnv:
         return self.observe(), reward, done, time_out
 
     def _ends(self) -> tuple[Tensor, Tensor]:
-        diverged = self.env.physics.diverged
-        time_out = self.env.index >= self.bank.lengths[self.env.clip] - 1
+        diverged, length = self.env.physics.diverged, self.bank.lengths[self.env.clip] - 1
+        time_out = self.env.index >= length + self._hold
         flags = (*deviations(self.context, self.config.ends), diverged, time_out)
         self.ended = self.ended + torch.stack([flag.sum() for flag in flags])
         failed = torch.stack(flags[:-1]).any(0)
+        self.failures.update(self.env.index / length.clamp(min=1), failed)
         return failed | time_out, time_out & ~failed
 
     def _start(self, rows: Rows) -> None:
         """Put robots on frames drawn at random, with noise, and exchange their objects."""
         if len(rows):
-            self.env.reset(rows, self.starts.draw(len(rows), self.random))
+            self.env.reset(rows, self.starts.draw(len(rows), self.random, self.failures.chances(self.config.focus)))
 
     def state_tensors(self) -> dict[str, Tensor]:
         """All that decides how the episodes go on, between steps."""
         own = {"starts": self.random.get_state(), "ended": self.ended.clone()}
-        return {**own, **{f"env/{name}": value for name, value in self.env.state_tensors().items()}}
+        parts = {"env": self.env, "failures": self.failures}
+        return own | {
+            f"{name}/{key}": value for name, part in parts.items() for key, value in part.state_tensors().items()
+        }
 
     def load_state_tensors(self, tensors: Mapping[str, Tensor]) -> None:
         """The inverse of `state_tensors`, in an environment made alike."""
         self.random.set_state(tensors["starts"].cpu())
         self.ended = tensors["ended"].to(self.device)
-        self.env.load_state_tensors({n.removeprefix("env/"): v for n, v in tensors.items() if n.startswith("env/")})
+        for name, part in {"env": self.env, "failures": self.failures}.items():
+            chosen = {n.removeprefix(f"{name}/"): v for n, v in tensors.items() if n.startswith(f"{name}/")}
+            part.load_state_tensors(chosen)
 
 
 def deviations(context: StepContext, ends: EndConfig) -> tuple[Tensor, Tensor, Tensor, Tensor]:

@@ -1,7 +1,7 @@
 """Train a tracker: collect, update, look at how it does from the first frame, save, go on where it stopped."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, make_dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -16,11 +16,13 @@ from mimicbench.core.settings import Amount, Positive
 from mimicbench.core.training import TorchRandom, append_metrics, resume_training, save_training
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.vec_env import EnvConfig
-from mimicbench.track.checkpoint import TrackerConfig, build_tracker, save_tracker
+from mimicbench.track.checkpoint import TrackerConfig, build_tracker, load_tracker, save_tracker
+from mimicbench.track.parts import TrackingParts
 from mimicbench.track.ppo import PPOConfig, PPOLearner
 from mimicbench.track.registry import TRACKERS
 from mimicbench.track.rollout import RolloutConfig, track_clips
-from mimicbench.track.tracking import ENDS, TrackingConfig, TrackingEnv
+from mimicbench.track.spec import Layout, Tracker
+from mimicbench.track.tracking import ENDS, TrackingConfig
 
 
 @dataclass(frozen=True)
@@ -31,17 +33,23 @@ class TrackConfig:
     """Its design: a name of the registry."""
     settings: Any = None
     """The design's own configuration; None: its defaults."""
+    also: tuple[str, ...] = ()
+    """Other tasks, whose clips the same network learns to follow beside those of the recipe's task."""
+    begin_from: str = ""
+    """Folder of a trained tracker of the same design, whose network is where learning begins; empty: from nothing."""
     samples: Annotated[int, Amount()] = 30_000_000
     """Control steps to learn from, over all robots."""
     num_envs: Positive = 1024
-    """Robots side by side."""
+    """Robots side by side, over all tasks."""
+    parts: Positive = 2
+    """Parts that they are split into, at least one per task: while one is in Python, another's physics runs."""
     evaluate_every: Positive = 4_000_000
     """Samples between evaluations from the first frame."""
     evaluate_clips: Positive = 64
-    """Clips of an evaluation."""
+    """Clips of each task in an evaluation."""
     save_every: float = 120.0
     """Seconds between saves of the training state: what a kill can lose at most."""
-    threads: int = 1
+    threads: Positive = 2
     """Threads of the network's arithmetic. Sums round differently with another number, so it is part of the result."""
     ppo: PPOConfig = field(default_factory=PPOConfig)
     """The reinforcement learning."""
@@ -76,31 +84,35 @@ Report = Callable[[dict[str, Any]], None]
 
 def train_tracker(
     folder: Path,
-    clips: ClipSet,
-    held_out: ClipSet,
+    clips: Sequence[ClipSet],
+    held_out: Sequence[ClipSet],
     config: TrackConfig,
     seed: int,
     env_config: EnvConfig | None = None,
     report: Report | None = None,
 ) -> Path:
-    """Train on `clips`, evaluate on them and on `held_out`, and write `<folder>/checkpoint`.
+    """Train on `clips`, one set for each task, evaluate on them and on `held_out`, and write `<folder>/checkpoint`.
 
     Progress goes to `<folder>/metrics.jsonl`, one line per evaluation, and to `report`. A killed training goes on from
     its last save when called again, to the same bytes as one that was not killed. Returns the checkpoint's folder.
     """
     config, env_config = config.resolved(), env_config or EnvConfig()
     torch.manual_seed(digest(seed, "tracker") % (1 << 63))
-    torch.set_num_threads(config.threads)
-    spec = TRACKERS.get(config.tracker)
-    env = TrackingEnv(spec, clips, config.num_envs, config.tracking, seed, env_config)
-    obs = env.observe()
-    learner = PPOLearner(obs.shape[1], len(clips.robot.joints), config.num_envs, config.ppo, env.device)
-    shape = TrackerConfig(
-        spec.name, env.names, obs.shape[1], len(clips.robot.joints), config.ppo.hidden, _plain(config.settings)
-    )
+    torch.set_num_threads(1)
+    spec, robot = TRACKERS.get(config.tracker), clips[0].robot
+    env = TrackingParts(spec, clips, config.num_envs, config.parts, config.tracking, seed, env_config)
+    layout, joints = env.layout, len(robot.joints)
+    learner = PPOLearner(layout.size, joints, config.num_envs, config.ppo, env.device)
+    if config.begin_from:
+        begin_from(load_tracker(Path(config.begin_from), robot), learner, layout)
+    shape = TrackerConfig(spec.name, layout.names, layout.widths, joints, config.ppo.hidden, _plain(config.settings))
     parts = {"env": env, "ppo": learner, "torch": TorchRandom(env.device)}
     fresh = {"samples": 0, "iterations": 0, "seconds": 0.0, "reward": 0.0, "steps": 0}
-    identity = {"config": _course(config), "seed": seed, "clips": [motion.id for motion in clips.motions]}
+    identity = {
+        "config": _course(config),
+        "seed": seed,
+        "clips": [motion.id for some in clips for motion in some.motions],
+    }
     progress = resume_training(folder, identity, parts, fresh)
     obs = env.observe()
     now = saved = time.monotonic()
@@ -110,7 +122,9 @@ def train_tracker(
             obs, reward, done, time_out = env.step(learner.act(obs), config.settings)
             learner.record(obs, reward, done, time_out)
             total += reward.mean()
+        torch.set_num_threads(config.threads)
         losses = learner.update(obs)
+        torch.set_num_threads(1)
         _check(losses, folder, progress)
         before = progress["samples"]
         progress["samples"] += config.num_envs * config.ppo.steps
@@ -120,30 +134,46 @@ def train_tracker(
         finished = progress["samples"] >= config.samples
         progress["seconds"] += time.monotonic() - now
         if finished or before // config.evaluate_every < progress["samples"] // config.evaluate_every:
-            row = {**progress, **losses, "ended": dict(zip(ENDS, env.ended.tolist(), strict=True))}
-            row["reward"] = progress["reward"] / progress["steps"]
-            for name, some in (("k_train", clips), ("k_held_out", held_out)):
-                row[name] = _success_rate(shape, learner, some.spread(config.evaluate_clips), env_config)
+            tracker = build_tracker(shape, learner.network_tensors())
+            row: dict[str, Any] = {**progress, **losses, "reward": progress["reward"] / progress["steps"]}
+            row |= _evaluation(tracker, clips, held_out, config.evaluate_clips, env_config)
+            row["ended"] = {task: dict(zip(ENDS, ends.tolist(), strict=True)) for task, ends in env.ended().items()}
             append_metrics(folder, row)
             if report:
                 report(row)
             progress["reward"] = progress["steps"] = 0
-            env.ended = torch.zeros_like(env.ended)
         if finished or time.monotonic() - saved > config.save_every:
             save_training(folder, identity, parts, progress)
-            notes = {**progress, "seed": seed, "task": clips.task.name}
-            save_tracker(folder / "checkpoint", clips.robot, shape, learner.network_tensors(), notes)
+            notes = {**progress, "seed": seed, "tasks": [some.task.name for some in clips]}
+            save_tracker(folder / "checkpoint", robot, shape, learner.network_tensors(), notes)
             saved = time.monotonic()
         now = time.monotonic()
-    env.env.close()
+    env.close()
     return folder / "checkpoint"
 
 
-def _success_rate(shape: TrackerConfig, learner: PPOLearner, clips: ClipSet, env_config: EnvConfig) -> float | None:
-    """Share of clips on which K is fulfilled by the mean action, from the first frame; None without clips."""
-    if not len(clips):
-        return None
-    tracker = build_tracker(shape, learner.network_tensors())
+def begin_from(given: Tracker, learner: PPOLearner, layout: Layout) -> None:
+    """Take over what a tracker has learned, term by term; terms that it did not have begin without a say."""
+    theirs, ours = (dict(zip(each.names, each.slices(), strict=True)) for each in (given.layout, layout))
+    learner.begin_from(given.network.tensors(), [(theirs[name], ours[name]) for name in theirs if name in ours])
+
+
+def _evaluation(
+    tracker: Tracker, clips: Sequence[ClipSet], held_out: Sequence[ClipSet], count: int, env_config: EnvConfig
+) -> dict[str, Any]:
+    """Share of clips on which K is fulfilled by the mean action, from the first frame: per task, and their mean.
+
+    None where there are no clips.
+    """
+    found: dict[str, Any] = {}
+    for name, sets in (("k_train", clips), ("k_held_out", held_out)):
+        rates = {some.task.name: _success_rate(tracker, some.spread(count), env_config) for some in sets if len(some)}
+        found[name] = sum(rates.values()) / len(rates) if rates else None
+        found[f"{name}_of"] = rates
+    return found
+
+
+def _success_rate(tracker: Tracker, clips: ClipSet, env_config: EnvConfig) -> float:
     verdict = track_clips(tracker, clips, RolloutConfig(stop_early=True), env_config).verdict
     return float(verdict.success.double().mean())
 
