@@ -39,7 +39,7 @@ from mimicbench.track.train import TrackConfig, begin_from, train_tracker
 from stool import H1, block, seated, standing
 
 SIT_CHAIR, LIFT_BOX, TOUCH = (TASKS.get(name) for name in ("sit-chair", "lift-box", "touch-points"))
-RESIDUAL, HST = TRACKERS.get("residual"), TRACKERS.get("hst")
+RESIDUAL, HST, PHC = (TRACKERS.get(name) for name in ("residual", "hst", "phc"))
 OURS, PAPERS = residual.ResidualConfig(), hst.HSTConfig()
 STOOL = block()
 OBJECTS = {STOOL.id: STOOL}
@@ -241,6 +241,23 @@ def test_what_trackers_see():
     assert observed(HST, touching).shape == (1, 578 + 6), "both wrists' targets"
 
 
+def test_simplified_phc_is_told_differences_and_pays_nothing_for_haste():
+    bank = ReferenceBank([swing()], H1)
+    context = context_of(bank, 10)
+    obs = observed(PHC, context)
+    assert obs.shape == (1, 698), "as many as the paper's (F.1)"
+    body, wanted, difference = obs[:, :278], obs[:, 278:556], obs[:, 556:676]
+    np.testing.assert_allclose(difference, (body - wanted)[:, 38:158], atol=1e-6)
+    assert difference.abs().max() > 1e-3, "the next frame is another"
+    hasty = moved_on(bank, context, action=3.0)
+    fast = replace(context, state=replace(context.state, joint_vel=torch.full((1, 19), 9.0)))
+    still_bank = ReferenceBank([CLIPS[0]], H1)
+    rests = context_of(still_bank, 10)
+    assert PHC.reward(rests, moved_on(still_bank, rests), PHC.settings())[0] == pytest.approx(26, abs=1e-2)
+    ours = [float(PHC.reward(where, hasty, PHC.settings())[0]) for where in (context, fast)]
+    assert ours[0] == ours[1], "only where its links are counts"
+
+
 def test_observations_do_not_know_where_the_world_is():
     # the same situation, turned about the vertical and moved along the floor
     bank = ReferenceBank([swing()], H1)
@@ -249,7 +266,7 @@ def test_observations_do_not_know_where_the_world_is():
     motion = swing()
     pos, quat = rot.rotate(turn, motion.root_pos_w) + shift, rot.multiply(turn, motion.root_quat_w)
     moved = ReferenceBank([replace(motion, root_pos_w=pos, root_quat_w=quat)], H1)
-    for spec in (RESIDUAL, HST):
+    for spec in (RESIDUAL, HST, PHC):
         ours, theirs = (observed(spec, context_of(some, 20)) for some in (bank, moved))
         np.testing.assert_allclose(ours, theirs, atol=1e-3)
 
@@ -411,14 +428,14 @@ def test_when_an_episode_ends():
         assert bool(deviations(context_of(carried, 0, task=LIFT_BOX, obj=away), ends)[3]) is expected
 
 
-@pytest.mark.parametrize("spec", [RESIDUAL, HST], ids=lambda spec: spec.name)
+@pytest.mark.parametrize("spec", [RESIDUAL, HST, PHC], ids=lambda spec: spec.name)
 def test_environment(spec):
     env = TrackingEnv(spec, clip_set(), 4, CALM, 0, ONE_THREAD)
     obs = env.observe()
-    assert obs.shape == (4, 167 if spec is RESIDUAL else 578) and obs.dtype == torch.float32
+    assert obs.shape == (4, {"residual": 167, "hst": 578, "phc": 698}[spec.name]) and obs.dtype == torch.float32
     length, settings = int(env.bank.lengths[0]), spec.settings()
     for step in range(length):
-        hold = env.context.reference(1).joint_pos if spec is HST else torch.zeros(4, 19)
+        hold = env.context.reference(1).joint_pos if spec is not RESIDUAL else torch.zeros(4, 19)
         obs, reward, done, time_out = env.step(hold, settings)
         assert torch.isfinite(obs).all() and torch.isfinite(reward).all()
         assert not (time_out & ~done).any(), "a time-out is an end"

@@ -84,6 +84,11 @@ def _body_target(context: StepContext) -> Tensor:
     return link_state(context.state, reference_links(context.robot, frame), frame.joint_pos, frame.joint_vel)
 
 
+def _body_difference(context: StepContext) -> Tensor:
+    poses = slice(2 * len(context.robot.joints), 2 * len(context.robot.joints) + 6 * len(context.robot.links))
+    return _body(context)[:, poses] - _body_target(context)[:, poses]
+
+
 def _elevation(context: StepContext, ids: Tensor | None = None) -> Tensor:
     chosen = None if ids is None else ids.cpu().numpy()
     found = camera_map(
@@ -190,6 +195,7 @@ _TERMS = (
         _body_target,
         privileged=True,
     ),
+    Term("body_difference", lambda robot, task: (6 * len(robot.links),), _body_difference, privileged=True),
     *(term for steps in LOOKAHEAD for term in _ahead(steps)),
 )
 TERMS: Mapping[str, Term] = {term.name: term for term in _TERMS}

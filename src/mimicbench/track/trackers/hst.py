@@ -15,8 +15,8 @@ from mimicbench.track.spec import Terms, TrackerSpec
 
 
 @dataclass(frozen=True)
-class HSTConfig:
-    """Coefficients of the reward (F.3)."""
+class AgreementConfig:
+    """Coefficients of agreement with the reference (F.3)."""
 
     position: float = 5.0
     """Of the links' squared distances in r_pos [1/m^2]."""
@@ -24,6 +24,12 @@ class HSTConfig:
     """Weight of the root's agreement in r_root."""
     distance: float = 10.0
     """Of L1 distances in r_root, r_wrist, r_w->o and r_object [1/m]."""
+
+
+@dataclass(frozen=True)
+class HSTConfig(AgreementConfig):
+    """Coefficients of the whole reward (F.3)."""
+
     action: float = 1e-3
     """Price of the squared change of the action."""
     velocity: float = 2e-3
@@ -34,7 +40,7 @@ class HSTConfig:
     """Price of the squared mechanical power [1/W^2]."""
 
 
-def target(robot: Robot, next_joint_pos: Tensor, action: Tensor, settings: HSTConfig) -> Tensor:
+def target(robot: Robot, next_joint_pos: Tensor, action: Tensor, settings: AgreementConfig) -> Tensor:
     """(N, J) joint targets [rad]: the action is the joint angle itself (F.2), kept within the limits."""
     low, high = action.new_tensor(robot.joint_range).T
     return torch.clamp(action, low, high)
@@ -46,10 +52,12 @@ def next_joint_pos(robot: Robot, terms: Terms) -> Tensor:
 
 
 def reward(context: StepContext, step: Transition, settings: HSTConfig) -> Tensor:
-    """(N,) r_overall of F.3 as written, with the sign of r_energy mended: the text says that it penalizes.
+    """(N,) r_overall of F.3 as written, with the sign of r_energy mended: the text says that it penalizes."""
+    return agreement(context, settings) + r_reg(context, step, settings)
 
-    r_human x r_wrist where wrists have targets, r_human x r_w->o x r_object where the object moves, and r_reg added.
-    """
+
+def agreement(context: StepContext, settings: AgreementConfig) -> Tensor:
+    """(N,) r_human x r_wrist where wrists have targets, r_human x r_w->o x r_object where the object moves (F.3)."""
     links, wanted = context.links, reference_links(context.robot, context.reference(0))
     human = r_human(context, links, wanted, settings)
     wrists, wanted_wrists = _wrists(context.robot, links), _wrists(context.robot, wanted)
@@ -59,15 +67,15 @@ def reward(context: StepContext, step: Transition, settings: HSTConfig) -> Tenso
         there, to_be = context.object.pos_w, context.reference(0).object.pos_w
         relative = (wrists - there[:, None]) - (wanted_wrists - to_be[:, None])
         human = human * near(relative, settings).sum(-1) * near(there - to_be, settings)
-    return human + r_reg(context, step, settings)
+    return human
 
 
-def near(difference: Tensor, settings: HSTConfig) -> Tensor:
+def near(difference: Tensor, settings: AgreementConfig) -> Tensor:
     """(...) exp(-10 |d|_1) of differences (..., 3) [m]."""
     return torch.exp(-settings.distance * difference.abs().sum(-1))
 
 
-def r_human(context: StepContext, links: LinkState, wanted: LinkState, settings: HSTConfig) -> Tensor:
+def r_human(context: StepContext, links: LinkState, wanted: LinkState, settings: AgreementConfig) -> Tensor:
     """(N,) r_pos + r_ori + r_root; r_ori is a sum over all links, so 20 at most."""
     r_pos = torch.exp(-settings.position * ((links.pos_w - wanted.pos_w) ** 2).sum((-1, -2)))
     r_ori = torch.exp(-rot.angle_between(links.quat_w, wanted.quat_w)).sum(-1)
