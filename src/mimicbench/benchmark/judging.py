@@ -94,7 +94,7 @@ def who_of(run: Run, name: str) -> Who:
 
 def _nobody(run: Run, command: str, name: str) -> MimicbenchError:
     task = run.recipe.task
-    shipped = sorted(path.name for path in keys.SHIPPED.glob("*") if (path / keys.TRACKER / CONFIG).exists())
+    shipped = sorted(keys.shipped_trackers())
     told = "" if task in shipped else f"nothing is shipped for {task} (only for {', '.join(shipped)}), and "
     return MimicbenchError(
         f"{told}no {name} was made by this recipe in {run.workdir}; make it with `mimicbench {command} --task {task} "

@@ -11,7 +11,7 @@ from typing import Any
 from mimicbench.benchmark.recipe import Recipe, stage_type
 from mimicbench.core.checkpoint import CONFIG, MODEL
 from mimicbench.core.errors import BadFile
-from mimicbench.core.files import digest_of
+from mimicbench.core.files import digest_of, read_json
 from mimicbench.core.run import RunContext
 from mimicbench.core.settings import amounts, identity
 from mimicbench.core.stage import Stage, StageKey, read_stage
@@ -23,7 +23,8 @@ from mimicbench.tasks.registry import TASKS
 from mimicbench.tasks.task import Task
 
 SHIPPED = Path(__file__).parents[1] / "checkpoints"
-"""Checkpoints that come with the package: `<task>/<policy>`, beside the `tracker` and the `perception` that it uses."""
+"""Checkpoints that come with the package: `tracker`, which follows clips of all tasks, and `<task>/<policy>`, beside
+the `tracker` and the `perception` that it uses."""
 TRACKER, PERCEPTION, POLICY, CHECKPOINT = "tracker", "perception", "policy", "checkpoint"
 
 
@@ -150,9 +151,21 @@ def tracker_folder(run: Run) -> Path | None:
     own = run.folder(track_key(run))
     if is_complete(own):
         return own / CHECKPOINT
-    shipped = SHIPPED / run.recipe.task / TRACKER
     same = identity(run.part("track")) == identity(stage_type("track")())
-    return shipped if same and (shipped / CONFIG).exists() else None
+    return shipped_trackers().get(run.recipe.task) if same else None
+
+
+def shipped_trackers() -> dict[str, Path]:
+    """The tracker that comes with the package, for each task that one was trained for.
+
+    That of several tasks comes first; policies that were learned over another have that beside them.
+    """
+    found = {}
+    for folder in (*sorted(SHIPPED.glob(f"*/{TRACKER}")), SHIPPED / TRACKER):
+        if (folder / CONFIG).exists():
+            notes = read_json(folder / CONFIG)["notes"]
+            found |= {task: folder for task in notes.get("tasks", [notes.get("task")])}
+    return found
 
 
 def demo_key(run: Run, tracker: Path) -> StageKey:

@@ -55,8 +55,6 @@ class PPOConfig:
     scale_rewards: bool = True
     """Multiply rewards by 1 - gamma, so that returns are of the size of one reward: the clipped value loss lets a value
     move by 0.2 per update, no more."""
-    mixed_precision: bool = False
-    """Do the updates' matrix products with 16 bits (bfloat16): twice as quick where the processor knows them."""
     initial_std: float = 0.5
     """Standard deviation of the first actions. With 0.25 the allowed divergence makes every step so small that nothing
     is learned for millions of samples."""
@@ -97,7 +95,6 @@ class PPOLearner:
             max_grad_norm=config.max_grad_norm,
             value_loss_coef=config.value_weight,
             optimizer=config.optimizer,
-            use_mixed_precision=config.mixed_precision,
             device=device,
         )
         self.ppo.train_mode()
