@@ -175,7 +175,7 @@ def test_recipes_share_what_they_have_in_common(tmp_path):
     third = making.make("objects", tmp_path, replace(ours, seed=1))
     assert third.folder.parent == making.make("objects", tmp_path).folder.parent != third.folder
     header = read_stage(both[0].folder).header
-    assert header["recipe"]["references"]["count"] == 4 and header["recipe"]["retarget"]["method"] == "optimization"
+    assert header["recipe"]["references"]["count"] == 4 and header["recipe"]["retarget"]["method"] == "interaction"
     assert header["reads"]["objects"] == f"objects/{making.make('objects', tmp_path).folder.name}"
 
 

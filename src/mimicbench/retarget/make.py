@@ -27,7 +27,7 @@ Fulfils = Callable[[RobotMotion, SceneObject, Robot], bool]
 class RetargetConfig:
     """How to retarget."""
 
-    method: str = "optimization"
+    method: str = "interaction"
     """One of `mimicbench.retarget.registry.METHODS`."""
     variant: Preset | None = None
     """`paper`: tables and loss to the letter; `improved`: what we find to be better; None: the method's default."""
