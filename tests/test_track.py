@@ -15,6 +15,7 @@ from mimicbench.core.motion import RobotMotion
 from mimicbench.core.training import TorchRandom
 from mimicbench.envs.clip_starts import ClipStartConfig, ClipStarts
 from mimicbench.envs.clips import ClipSet
+from mimicbench.envs.disturbance import Disturbance
 from mimicbench.envs.reference import ReferenceBank
 from mimicbench.envs.vec_env import EnvConfig, VecEnv
 from mimicbench.sensors.context import StepContext, Transition
@@ -696,13 +697,20 @@ def test_a_training_killed_in_the_middle_ends_in_the_same_bytes(tmp_path, monkey
     assert (resumed / "model.safetensors").read_bytes() == (whole / "model.safetensors").read_bytes()
 
 
-def test_recorded_targets_stay_clean():
+def idle():
+    """A tracker that leaves the reference as it is."""
     network = TrackerNetwork(167, 19, (4,))
     for parameter in network.parameters():
         parameter.data.zero_()
-    tracker = build_tracker(TrackerConfig("residual", LAYOUT.names, LAYOUT.widths, 19, (4,)), network.tensors())
+    return build_tracker(TrackerConfig("residual", LAYOUT.names, LAYOUT.widths, 19, (4,)), network.tensors())
+
+
+def test_recorded_targets_stay_clean():
+    tracker = idle()
     calm, noisy = (
-        track_clips(tracker, clip_set(CLIPS[1]), RolloutConfig(True, noise, 1), ONE_THREAD).recording
+        track_clips(
+            tracker, clip_set(CLIPS[1]), RolloutConfig(True, Disturbance(action_noise=noise), 1), ONE_THREAD
+        ).recording
         for noise in (0.0, 0.05)
     )
     reference = torch.tensor(seated(0.42)[1], dtype=torch.float32)
@@ -712,11 +720,31 @@ def test_recorded_targets_stay_clean():
     assert not np.array_equal(calm.qpos[0], noisy.qpos[0])
 
 
+def test_worlds_are_made_worse():
+    calm = track_clips(idle(), clip_set(swing()), RolloutConfig(True), ONE_THREAD).recording.qpos[0]
+    troubles = {
+        "push": Disturbance(push=0.3, push_interval=0.1),
+        "delay": Disturbance(delay=2),
+        "friction": Disturbance(friction=0.3),
+        "mass": Disturbance(mass=1.2),
+        "noise": Disturbance(noise={"proprio": 0.05}),
+    }
+    for name, trouble in troubles.items():
+        track = track_clips(idle(), clip_set(swing()), RolloutConfig(True, trouble), ONE_THREAD).recording.qpos[0]
+        again = track_clips(idle(), clip_set(swing()), RolloutConfig(True, trouble), ONE_THREAD).recording.qpos[0]
+        assert track.tobytes() == again.tobytes(), "the same seed, the same bytes"
+        assert (track.tobytes() != calm.tobytes()) or name == "noise", "idle trackers sense nothing"
+    env = VecEnv(SIT_CHAIR, H1, [STOOL], Disturbance(mass=1.1, friction=0.6).of(ONE_THREAD))
+    light, heavy = VecEnv(SIT_CHAIR, H1, [STOOL], ONE_THREAD).physics.model(0), env.physics.model(0)
+    links = slice(1, 1 + len(H1.links))
+    np.testing.assert_allclose(heavy.body_mass[links], 1.1 * light.body_mass[links])
+    np.testing.assert_allclose(heavy.body_inertia[links], 1.1 * light.body_inertia[links])
+    np.testing.assert_allclose(heavy.geom_friction[:, 0], 0.6 * light.geom_friction[:, 0])
+    np.testing.assert_array_equal(heavy.geom_friction[:, 1:], light.geom_friction[:, 1:])
+
+
 def test_trackers_go_on_to_the_time_limit_when_asked():
-    network = TrackerNetwork(167, 19, (4,))
-    for parameter in network.parameters():
-        parameter.data.zero_()
-    tracker = build_tracker(TrackerConfig("residual", LAYOUT.names, LAYOUT.widths, 19, (4,)), network.tensors())
+    tracker = idle()
     clips = replace(clip_set(), task=replace(SIT_CHAIR, time_limit=3.0))
     verdict = track_clips(tracker, clips, RolloutConfig(settle=None), ONE_THREAD).verdict
     assert verdict.steps.tolist() == [150, 150] and verdict.stays.tolist() == [False, True]

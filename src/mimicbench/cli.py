@@ -49,6 +49,7 @@ COMMANDS = {
     "bench retarget": Command("Measure every way to retarget.", "bench", "retarget"),
     "bench world": Command("Measure the environments of all tasks.", "bench", "world"),
     "bench maps": Command("Measure elevation maps, beside the physics.", "bench", "maps"),
+    "bench robust": Command("Find out what a tracker survives.", "bench", "robust"),
     "bench soak": Command("Find out whether the world holds out.", "bench", "soak"),
 }
 NO_ACCESS, IO_ERROR = 77, 74

@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated
 
 import tyro
 
-from mimicbench.commands.options import Device, Json, Seed, Task, Workers
+from mimicbench.commands.options import Device, Json, Seed, Task, Workdir, Workers
 from mimicbench.core.run import to_stderr as say
 from mimicbench.core.settings import Amount, Count, Within
 
@@ -90,6 +91,37 @@ def maps(
 
     chosen = tuple(TASKS.get(task).name for task in tasks or TASKS)
     _measured(bench_maps(MapBenchConfig(chosen, sizes, seconds, workers=workers, device=device), say), as_json)
+
+
+def robust(
+    tasks: Annotated[tuple[str, ...], tyro.conf.arg(help="whose clips; by default all six")] = (),
+    tracker: Annotated[str, tyro.conf.arg(help="folder of a tracker's checkpoint; by default the shipped one")] = "",
+    clips: Annotated[Count, tyro.conf.arg(help="clips of each task, on unseen objects")] = 64,
+    workdir: Workdir = Path("work"),
+    seed: Seed = 0,
+    workers: Workers = 0,
+    device: Device = "cpu",
+    as_json: Json = False,
+) -> None:
+    """Let a tracker follow clips under pushes, on other floors, with another mass, late targets and erring sensors."""
+    from mimicbench.bench.robustness import bench_robustness, robustness_table
+    from mimicbench.benchmark.graph import env_config, start
+    from mimicbench.benchmark.judging import episodes_of, who_of
+    from mimicbench.benchmark.recipe import Recipe
+    from mimicbench.core.run import RunContext
+    from mimicbench.report.tables import to_terminal
+    from mimicbench.tasks.registry import TASKS
+    from mimicbench.track.checkpoint import load_tracker
+
+    found = {}
+    for task in tasks or TASKS:
+        run = start(Recipe(task=task, seed=seed), workdir, RunContext(workers=workers, device=device))
+        folder = who_of(run, tracker or "tracker").folder
+        set_of = episodes_of(run, clips).set
+        found[task] = bench_robustness(load_tracker(folder, run.robot), set_of, env_config(run), say)
+    _measured(found, as_json)
+    if not as_json:
+        print(to_terminal(robustness_table(found)))
 
 
 def soak(

@@ -55,8 +55,8 @@ class EnvConfig:
     """Keep metrics; without, steps are quicker."""
     measure_effort: bool = True
     """Measure the mechanical effort that P, and some rewards, need; without, steps are quicker."""
-    noise: Mapping[str, float] = field(default_factory=dict)
-    """Standard deviations of sensors' errors by the names of observations."""
+    noise: Mapping[str, float | tuple[float, ...]] = field(default_factory=dict)
+    """Standard deviations of sensors' errors by the names of observations: of all numbers of one, or of each."""
 
 
 class VecEnv:
@@ -199,9 +199,9 @@ class VecEnv:
         return LazyObservations(self.context, names, self._noisy if self.config.noise else None)
 
     def _noisy(self, name: str, values: Tensor) -> Tensor:
-        deviation = self.config.noise.get(name, 0.0)
-        if not deviation:
+        if name not in self.config.noise:
             return values
+        deviation = torch.tensor(self.config.noise[name], device=self.device)
         return values + deviation * torch.randn(values.shape, generator=self.random, device=self.device)
 
     def root_distance(self) -> Tensor:

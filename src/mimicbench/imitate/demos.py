@@ -11,6 +11,7 @@ from mimicbench.core.parallel import progress
 from mimicbench.core.settings import Positive, Share
 from mimicbench.core.stage import Stage
 from mimicbench.envs.clips import ClipSet
+from mimicbench.envs.disturbance import Disturbance
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.imitate.stored.demo_writer import Demonstration, DemoWriter
 from mimicbench.robots.description import Robot
@@ -65,7 +66,9 @@ def make_demos(
         if any(motion.id in written for motion in part.motions):
             continue
         noise = 0.0 if number < config.clean_share * len(parts) else config.action_noise
-        rollout = track_clips(tracker, part, RolloutConfig(True, noise, seed, config.settle), env_config)
+        rollout = track_clips(
+            tracker, part, RolloutConfig(True, Disturbance(action_noise=noise), seed, config.settle), env_config
+        )
         for demo in demonstrations(rollout, part, seed):
             writer.add(demo)
         writer.finish()

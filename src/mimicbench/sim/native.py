@@ -72,8 +72,16 @@ class NativePhysics:
             # however many come by
             while len(self._compiled) >= max(KEPT_MODELS, 2 * self.num_envs):
                 del self._compiled[next(iter(self._compiled))]
+            config = self.config
             self._compiled[obj.id] = build_model(
-                self.robot, obj, self.config.gains, self.config.control, self.config.visuals, self._meshes
+                self.robot,
+                obj,
+                config.gains,
+                config.control,
+                config.visuals,
+                self._meshes,
+                config.friction,
+                config.mass,
             )
         return self._compiled[obj.id]
 

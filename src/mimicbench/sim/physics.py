@@ -30,6 +30,10 @@ class PhysicsConfig:
     """Give the models that `model(env)` returns what is only there for pictures."""
     meshes: bool | None = None
     """Make room for imported objects' convex pieces, on `cpu`; None: if any of the first objects has some."""
+    friction: float = 1.0
+    """Times the sliding friction that everything has."""
+    mass: float = 1.0
+    """Times the mass and inertia that the robot's links have."""
     broken_dir: Path | None = None
     """Where scenes whose physics breaks are written; None: a new temporary folder."""
 

@@ -36,6 +36,8 @@ def build_model(
     control: str = "position",
     visuals: bool = False,
     meshes: bool | None = None,
+    friction: float = 1.0,
+    mass: float = 1.0,
 ) -> mujoco.MjModel:
     """Compile the scene of one robot and one object.
 
@@ -47,6 +49,8 @@ def build_model(
         visuals: add what is only there for pictures: shells, floor pattern, lights. The state stays the same.
         meshes: make room for an object's convex pieces, so that the scene can share a batch with scenes of imported
             objects; None: only if this object has any.
+        friction: times the sliding friction that everything has.
+        mass: times the mass and inertia that the robot's links have.
     """
     if preset not in robot.gains:
         raise UnknownName("preset", preset, list(robot.gains))
@@ -58,6 +62,13 @@ def build_model(
     _add_robot(spec, robot, visuals)  # first, so that its coordinates come first whether or not the object moves
     _add_object(spec, obj, bool(obj.hulls) if meshes is None else meshes or bool(obj.hulls))
     _add_actuators(spec, robot, preset, control)
+    if friction != 1.0:
+        for geom in spec.geoms:
+            geom.friction[0] *= friction
+    if mass != 1.0:
+        for link in robot.link_names:
+            body = spec.body(link)
+            body.mass, body.fullinertia = body.mass * mass, body.fullinertia * mass
     return spec.compile()
 
 

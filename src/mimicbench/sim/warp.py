@@ -51,7 +51,14 @@ class WarpPhysics:
         self._broken_log = BrokenLog(self.config.broken_dir)
         self._wp_device = open_device(device)
         self._models: dict[str, mujoco.MjModel] = {}
-        base = build_model(robot, objects[0], self.config.gains, self.config.control)
+        base = build_model(
+            robot,
+            objects[0],
+            self.config.gains,
+            self.config.control,
+            friction=self.config.friction,
+            mass=self.config.mass,
+        )
         joints = len(robot.joints)
         self._joint_q, self._joint_v = slice(7, 7 + joints), slice(6, 6 + joints)
         self._object_q, self._object_v = slice(7 + joints, 14 + joints), slice(6 + joints, 12 + joints)
@@ -121,7 +128,15 @@ class WarpPhysics:
             if len(self._models) >= _MODELS_KEPT:
                 self._models.clear()
             config = self.config
-            self._models[obj.id] = build_model(self.robot, obj, config.gains, config.control, config.visuals)
+            self._models[obj.id] = build_model(
+                self.robot,
+                obj,
+                config.gains,
+                config.control,
+                config.visuals,
+                friction=config.friction,
+                mass=config.mass,
+            )
         return self._models[obj.id]
 
     def qpos(self) -> np.ndarray:

@@ -8,7 +8,7 @@ import torch
 from mimicbench.core.seeds import digest
 from mimicbench.envs.clip_starts import ClipStarts
 from mimicbench.envs.clips import ClipSet
-from mimicbench.envs.hooks import ActionNoise
+from mimicbench.envs.disturbance import Disturbance
 from mimicbench.envs.metrics import Verdict
 from mimicbench.envs.reference import ReferenceBank
 from mimicbench.envs.vec_env import EnvConfig, VecEnv
@@ -28,9 +28,9 @@ class RolloutConfig:
 
     record: bool = False
     """Keep states and targets."""
-    action_noise: float = 0.0
-    """Standard deviation of what is added to the applied targets [rad]; the recorded ones stay clean, so that they say
-    how to recover."""
+    disturbance: Disturbance = Disturbance()
+    """What is worse than the benchmark's world. With noise on the actions the recorded targets stay clean, so that they
+    say how to recover."""
     seed: int = 0
     """Of the noise."""
     settle: float | None = SETTLE
@@ -75,15 +75,15 @@ def track_clips(
     config, env_config = config or RolloutConfig(), env_config or EnvConfig()
     task, robot, n = clips.task, clips.robot, len(clips)
     bank = ReferenceBank(clips.motions, robot, tensor_device(env_config.device))
-    hooks = [ActionNoise(config.action_noise)] if config.action_noise else []
+    physics = PhysicsConfig(gains=tracker.spec.gains)
     env = VecEnv(
         task,
         robot,
         clips.scenes,
-        EnvConfig(env_config.device, env_config.workers, PhysicsConfig(gains=tracker.spec.gains)),
+        config.disturbance.of(EnvConfig(env_config.device, env_config.workers, physics)),
         digest(config.seed, "action noise", *(motion.id for motion in clips.motions)),
         bank,
-        hooks,
+        config.disturbance.hooks(),
     )
     everyone = torch.arange(n, device=env.device)
     starts = ClipStarts(bank, env.physics.add_objects(clips.scenes), robot)
