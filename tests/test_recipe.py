@@ -9,7 +9,7 @@ import pytest
 
 import making
 from mimicbench import cli
-from mimicbench.benchmark import Recipe, run_stage
+from mimicbench.benchmark import Recipe, keys, run_stage
 from mimicbench.benchmark.finding import stages_of
 from mimicbench.benchmark.graph import start
 from mimicbench.benchmark.judging import judge, rows_path
@@ -135,6 +135,7 @@ def test_the_paper_is_the_paper():
     assert recipe.objects == ObjectsConfig(count=4600) and recipe.references == ReferencesConfig(count=5000)
     assert recipe.retarget == RetargetConfig("optimization", "paper")
     assert recipe.track is not None and recipe.track.tracking.ends.max_pos_error == 0.5
+    assert recipe.track.tracking.focus == recipe.track.tracking.hold == recipe.track.tracking.push == 0, "ours"
     assert (recipe.track.num_envs, recipe.track.ppo.steps, recipe.track.ppo.epochs) == (
         2048,
         32,
@@ -293,3 +294,36 @@ def test_three_lines(tmp_path):
     assert stage.complete and np.isfinite(stage.summary["rate"])
     with pytest.raises(UnknownName, match="unknown stage 'dance'"):
         run_stage("dance", Recipe(), tmp_path)
+
+
+# --- trackers of several tasks
+
+
+def test_a_tracker_of_several_tasks_reads_the_clips_of_all(tmp_path):
+    tree = {"task": "sit-chair", "track": {"also": ["lift-box", "touch-points"]}}
+    alone, together = (start(read_recipe(part), tmp_path) for part in ({"task": "sit-chair"}, tree))
+    assert list(keys.tracked(together)) == ["sit-chair", "lift-box", "touch-points"]
+    ours, key = keys.track_key(alone), keys.track_key(together)
+    assert key.digest != ours.digest and set(key.reads) == {"retarget", "lift-box", "touch-points"}
+    assert key.reads["retarget"] == ours.reads["retarget"]
+    assert key.reads["lift-box"].parent == tmp_path / "lift-box" / "retarget"
+
+
+@pytest.mark.parametrize(
+    ("track", "said"),
+    [
+        ({"also": ["sit-chair"]}, "name each task beside 'sit-chair' once"),
+        ({"also": ["lift-box", "lift-box"]}, "name each task beside 'sit-chair' once"),
+        ({"also": ["fly"]}, "unknown task 'fly'"),
+        ({"begin_from": "nowhere"}, "track.begin_from is 'nowhere', where no tracker is"),
+    ],
+)
+def test_trackers_that_cannot_be_trained_are_refused_at_once(track, said):
+    with pytest.raises(MimicbenchError, match=said):
+        read_recipe({"task": "sit-chair", "track": track})
+
+
+def test_recordings_to_learn_from_must_be_there(tmp_path):
+    run = start(read_recipe({"task": "sit-chair", "track": {"recorded": ["people"]}}), tmp_path)
+    with pytest.raises(BadFile, match="mimicbench import --to people"):
+        keys.tracked(run)

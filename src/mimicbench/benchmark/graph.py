@@ -139,11 +139,15 @@ def make_track_stage(run: Run) -> Stage:
     from mimicbench.track.train import train_tracker
 
     config = run.part("track")
-    every = [retargeted(part) for part in keys.tracked(run)]
-    train, test = ([clips.split(name) for clips in every] for name in ("train", "test"))
-    for clips, some in zip(every, train, strict=True):
+    every = [retargeted(part) for part in keys.tracked(run).values()]
+    sets: dict[str, ClipSet] = {}
+    for clips in every:
+        task = clips.set.task.name
+        sets[task] = sets[task].joined(clips.set) if task in sets else clips.set
+    train, test = ([clips.split(name) for clips in sets.values()] for name in ("train", "test"))
+    for some in train:
         if not len(some):
-            raise BadMotion(f"no clip in {clips.stage.folder} is on an object of the training split; make more objects")
+            raise BadMotion(f"no clip of {some.task.name} is on an object of the training split; make more objects")
 
     def report(row: dict) -> None:
         unseen = "" if row["k_held_out"] is None else f", on unseen objects {row['k_held_out']:.2f}"

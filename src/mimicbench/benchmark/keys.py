@@ -70,6 +70,10 @@ class Run:
             how = "objects import" if stage == "objects" else "import"
             raise BadFile(f"{error}; `mimicbench {how} --to {name}` makes the set {name!r}") from None
 
+    def has_named(self, stage: str, name: str) -> bool:
+        """Whether there is such a set."""
+        return is_complete(self.workdir / self.recipe.task / stage / name)
+
     def set_name(self, stage: str) -> str | None:
         """Name of the imported set that stands for `objects` or `references`; None where they are made."""
         names = [self.part("references").source, *([self.part("objects").source] if stage == "objects" else [])]
@@ -118,19 +122,32 @@ def retarget_key(run: Run) -> StageKey:
     )
 
 
-def tracked(run: Run) -> list[Run]:
-    """The recipe at each of the tasks whose clips its tracker learns to follow, its own first."""
-    others = [name for name in run.part("track").also if name != run.recipe.task]
-    return [run, *(replace(run, recipe=replace(run.recipe, task=name)) for name in others)]
+def tracked(run: Run) -> dict[str, Run]:
+    """The recipe for each set of clips that its tracker learns to follow, its own first, by `task` or `task/set`.
+
+    Raises BadFile if no task has a set of recordings that it names.
+    """
+    config, found = run.part("track"), {}
+    for task in (run.recipe.task, *config.also):
+        found[task] = replace(run, recipe=replace(run.recipe, task=task))
+    for name in config.recorded:
+        having = [task for task in (run.recipe.task, *config.also) if found[task].has_named("references", name)]
+        if not having:
+            found[run.recipe.task].named("references", name)
+        for task in having:
+            references = replace(run.part("references"), source=name)
+            found[f"{task}/{name}"] = found[task].changed(references=references)
+    return found
 
 
 def track_key(run: Run) -> StageKey:
     """The recipe's own tracker."""
-    config = run.part("track")
-    clips = {part.recipe.task: (part, retarget_key(part)) for part in tracked(run)}
-    clips["retarget"] = clips.pop(run.recipe.task)
-    made_from = {name: key.fingerprint for name, (_, key) in clips.items()}
-    settings = {name: value for name, value in identity(config).items() if name not in ("begin_from", "also")}
+    config, parts = run.part("track"), tracked(run)
+    clips = {name: retarget_key(part) for name, part in parts.items()}
+    names = {name: "retarget" if name == run.recipe.task else name for name in clips}
+    made_from = {names[name]: key.fingerprint for name, key in clips.items()}
+    told_apart = ("begin_from", "also", "recorded")
+    settings = {name: value for name, value in identity(config).items() if name not in told_apart}
     if config.begin_from:
         made_from["begin_from"] = digest_of(Path(config.begin_from) / MODEL)
     return run.key(
@@ -138,8 +155,8 @@ def track_key(run: Run) -> StageKey:
         settings,
         made_from,
         amounts=amounts(config),
-        words=(config.tracker, *(("also",) if config.also else ())),
-        reads={name: part.folder(key) for name, (part, key) in clips.items()},
+        words=(config.tracker, *(("also",) if config.also else ()), *config.recorded),
+        reads={names[name]: parts[name].folder(key) for name, key in clips.items()},
     )
 
 

@@ -55,7 +55,7 @@ def _paper_size(task: str) -> Tree:
 def _paper(task: str) -> Tree:
     """The paper's best combination: optimization, improved HST, ACT on the elevation map."""
     starts = {"pos_noise": 0.0, "angle_noise": 0.0, "vel_noise": 0.0}
-    tracking = {"push": 0.0, "starts": starts, "ends": ENDS}
+    tracking = {"focus": 0.0, "hold": 0.0, "push": 0.0, "starts": starts, "ends": ENDS}
     return merge(
         _paper_size(task),
         {

@@ -40,6 +40,10 @@ class ClipSet:
         kept = [motion for motion in self.motions if self.objects[motion.object_id].split == name]
         return replace(self, motions=kept)
 
+    def joined(self, other: "ClipSet") -> "ClipSet":
+        """These clips and others of the same task on the same robot."""
+        return replace(self, motions=[*self.motions, *other.motions], objects={**self.objects, **other.objects})
+
     def first(self, count: int) -> "ClipSet":
         """The first so many clips."""
         return replace(self, motions=self.motions[:count])

@@ -35,6 +35,8 @@ class TrackConfig:
     """The design's own configuration; None: its defaults."""
     also: tuple[str, ...] = ()
     """Other tasks, whose clips the same network learns to follow beside those of the recipe's task."""
+    recorded: tuple[str, ...] = ()
+    """Imported or augmented sets of clips, learned from beside the recipe's own at every task that has such a set."""
     begin_from: str = ""
     """Folder of a trained tracker of the same design, whose network is where learning begins; empty: from nothing."""
     samples: Annotated[int, Amount()] = 30_000_000
