@@ -30,7 +30,7 @@ from mimicbench.references.augment import (
 )
 from mimicbench.references.body.body import body_of
 from mimicbench.references.body.skeletons import SKELETONS
-from mimicbench.references.checks.quality import check_clip, gate
+from mimicbench.references.checks.quality import check_clip, faults, gate
 from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.references.warp import approach_end, contact, rescaled, turned_approach
 from mimicbench.tasks.registry import TASKS
@@ -245,3 +245,28 @@ def test_a_stage_of_variants(tmp_path):
     assert read_stage(folders[0]).complete
     again = make_augmented(*arguments)
     assert again.header["summary"] == summary
+
+
+def test_a_recording_beyond_the_gate_has_variants_no_worse_than_itself(tmp_path):
+    """Real soles skate: what the gate would refuse in a synthetic person is no reason against a variant."""
+    task = TASKS.get("sit-chair")
+    objects, references = making.make("objects", tmp_path), making.make("references", tmp_path)
+    with making.by_hand(tmp_path / "sit-chair" / "references" / "skating") as skating:
+        for path in sorted(references.folder.glob("*.npz"))[:2]:
+            motion = HumanMotion.load(path)
+            slide = np.linspace(0, 0.4, motion.frames)[:, None] * np.array([1.0, 0, 0])
+            replace(motion, root_pos_w=motion.root_pos_w - slide[::-1]).save(skating.folder / path.name)
+        skating.finish()
+    source = ClipSource(objects, skating, sorted(skating.folder.glob("*.npz")))
+    config = AugmentConfig(("mirror", "speed"), copies=2)
+    stage = make_augmented(tmp_path, "more", source, config, task.fulfilled_by_human, making.QUIET)
+    assert stage.summary["mirror"] == 2 and stage.summary["speed"] >= 4, "two copies of each, of the mirror image too"
+    found = read_objects(tmp_path / "sit-chair" / "objects" / "more")
+    for path in stage.folder.glob("*.npz"):
+        motion = HumanMotion.load(path)
+        assert "skate" in gate(motion, found[motion.object_id])
+        assert motion.id == path.stem
+    measures = check_clip(motion, found[motion.object_id])
+    worse = {**measures, "skate": measures["skate"] * 1.3, "knee_flexion_most": 9.0}
+    assert {"skate", "knee_flexion_most"} <= set(faults(worse, original=measures))
+    assert not faults(measures, original=measures)

@@ -75,6 +75,7 @@ def augment(
             help="left and right exchanged; faster or slower; the way begins elsewhere; a larger or smaller object"
         ),
     ] = ("mirror", "speed", "start", "size"),
+    copies: Annotated[Count, tyro.conf.arg(help="variants of each kind; more than one: of the mirror image, too")] = 1,
     count: Annotated[Count, tyro.conf.arg(help="clips to make variants of; made if they are not there")] = 2000,
     source: Source = "made",
     to: SetName = "augmented",
@@ -95,7 +96,7 @@ def augment(
         human = make_reference_stage(run)
         clips = ClipSource(make_object_stage(run), human, clips_of(human))
         fulfils = run.task.fulfilled_by_human
-        made.append(make_augmented(workdir, to, clips, AugmentConfig(kinds), fulfils, run.context))
+        made.append(make_augmented(workdir, to, clips, AugmentConfig(kinds, copies), fulfils, run.context))
     tell([stage_summary(one) for one in made], as_json, "\n".join(stage_line(one) for one in made))
 
 

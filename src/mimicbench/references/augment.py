@@ -5,7 +5,8 @@ Contacts stay what they were.
 Each function gives the clip, and the object that it is on, under ids that end in `~` and what was done to them.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -25,7 +26,7 @@ from mimicbench.core.skeleton import Skeleton
 from mimicbench.core.stage import Stage, StageKey, opened
 from mimicbench.objects.make import object_ids, read_objects
 from mimicbench.objects.shape import SceneObject, load_object, save_object
-from mimicbench.references.checks.quality import Fulfils, gate
+from mimicbench.references.checks.quality import Fulfils, check_clip, gate
 from mimicbench.references.warp import approach_end, rescaled, turned_approach
 
 Kind = Literal["mirror", "speed", "start", "size"]
@@ -37,9 +38,11 @@ _SPECULAR_QUAT = np.array([1.0, -1.0, 1.0, -1.0])
 
 @dataclass(frozen=True)
 class AugmentConfig:
-    """What is made of every clip, one variant of each kind."""
+    """What is made of every clip."""
 
     kinds: tuple[Kind, ...] = ("mirror", "speed", "start", "size")
+    copies: int = 1
+    """Variants of each kind; there is one mirror image, whose own variants come as well if this is more than one."""
     speed: tuple[float, float] = (0.85, 1.15)
     """Times as fast."""
     turn: float = 0.3
@@ -159,13 +162,13 @@ def resized_object(obj: SceneObject, factor: float) -> SceneObject:
 
 
 def variant(
-    motion: HumanMotion, obj: SceneObject, kind: Kind, config: AugmentConfig, seed: int
+    motion: HumanMotion, obj: SceneObject, kind: Kind, config: AugmentConfig, seed: int, copy: int = 0
 ) -> tuple[HumanMotion, SceneObject]:
-    """One variant of a clip; depends on the clip's id, the kind and the seed alone.
+    """A variant of a clip; depends on the clip's id, the kind, the seed and the number of the copy alone.
 
     Raises BadMotion if there is none.
     """
-    random = rng(seed, motion.id, kind)
+    random = rng(seed, motion.id, kind, *((copy,) if copy else ()))
     if kind == "mirror":
         return mirror(motion, obj)
     if kind == "speed":
@@ -222,18 +225,35 @@ def _augment_one(
     objects_to, references_to, objects = places
     motion = HumanMotion.load(path)
     obj = load_object(objects, motion.object_id)
-    good = []
-    for kind in config.kinds:
+    original, good = check_clip(motion, obj), []
+    for one, on, kind, copy in _variants_of(motion, obj, config):
         try:
-            other, other_obj = variant(motion, obj, kind, config, seed)
+            other, other_obj = variant(one, on, kind, config, seed, copy)
         except BadMotion:
             continue
-        if not gate(other, other_obj, fulfils):
+        if not gate(other, other_obj, fulfils, original=original):
+            other = replace(other, id=f"{other.id}{copy + 1}") if copy else other
             save_object(objects_to, other_obj)
             other.save(references_to / f"{other.id}.npz")
             good.append(kind)
     motion.save(references_to / path.name)
     return good
+
+
+def _variants_of(
+    motion: HumanMotion, obj: SceneObject, config: AugmentConfig
+) -> Iterator[tuple[HumanMotion, SceneObject, Kind, int]]:
+    """What variants are made of: clip, object, kind, and number of the copy."""
+    if "mirror" in config.kinds:
+        yield motion, obj, "mirror", 0
+    sides = [(motion, obj)]
+    if config.copies > 1 and "mirror" in config.kinds:
+        with suppress(BadMotion):
+            sides.append(mirror(motion, obj))
+    for one, on in sides:
+        for kind in config.kinds:
+            if kind != "mirror":
+                yield from ((one, on, kind, copy) for copy in range(config.copies))
 
 
 def _other_side(name: str) -> str:

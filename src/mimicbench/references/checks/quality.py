@@ -2,7 +2,7 @@
 that is too much.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -78,14 +78,23 @@ class Limits:
     neck_rotation: Range = (-1.40, 1.40)
 
 
+WORSE, BENT = 1.25, 0.1
+"""A variant of a clip that is itself beyond a limit, as recordings are, may be so many times as far, or an angle so
+much farther [rad]."""
+
+
 def gate(
-    motion: HumanMotion, obj: SceneObject, fulfils: Fulfils | None = None, limits: Limits | None = None
+    motion: HumanMotion,
+    obj: SceneObject,
+    fulfils: Fulfils | None = None,
+    limits: Limits | None = None,
+    original: Mapping[str, float] | None = None,
 ) -> list[str]:
     """Names of all that is wrong with a clip on an object; empty if it is good.
 
-    `fulfils` is the task's K for a human body.
+    `fulfils` is the task's K for a human body, `original` what was measured of the clip that this is a variant of.
     """
-    found = faults(check_clip(motion, obj), limits)
+    found = faults(check_clip(motion, obj), limits, original)
     return found if fulfils is None or fulfils(motion, obj) else [*found, METRIC]
 
 
@@ -143,16 +152,21 @@ def is_good(measures: dict[str, float], limits: Limits | None = None) -> bool:
     return not faults(measures, limits)
 
 
-def faults(measures: dict[str, float], limits: Limits | None = None) -> list[str]:
-    """Names of the measures that are beyond the limits."""
+def faults(
+    measures: Mapping[str, float], limits: Limits | None = None, original: Mapping[str, float] | None = None
+) -> list[str]:
+    """Names of the measures that are beyond the limits, and worse than those of the `original`, if there is one."""
     limits = limits or Limits()
     found = []
     for name in (field.name for field in fields(Limits)):
         limit = getattr(limits, name)
         if isinstance(limit, tuple):
-            found += [f"{name}_least"] if not measures[f"{name}_least"] >= limit[0] else []
-            found += [f"{name}_most"] if not measures[f"{name}_most"] <= limit[1] else []
-        elif not measures[name] <= limit:
+            low, high = limit
+            if original is not None:
+                low, high = min(low, original[f"{name}_least"] - BENT), max(high, original[f"{name}_most"] + BENT)
+            found += [f"{name}_least"] if not measures[f"{name}_least"] >= low else []
+            found += [f"{name}_most"] if not measures[f"{name}_most"] <= high else []
+        elif not measures[name] <= (limit if original is None else max(limit, WORSE * original[name])):
             found.append(name)
     return found
 
