@@ -17,6 +17,7 @@ from mimicbench.envs.reference import ReferenceBank
 from mimicbench.envs.vec_env import VecEnv
 from mimicbench.evaluate.rollout import run_policy
 from mimicbench.imitate import cloning
+from mimicbench.imitate.clock import clock_features
 from mimicbench.imitate.dataset import DemoFrames
 from mimicbench.imitate.demos import demonstrations
 from mimicbench.imitate.goals import GivenGoal
@@ -94,8 +95,10 @@ def test_what_is_learned_from_is_what_will_be_observed(name, demonstrated):
     starts = ClipStarts(bank, env.physics.add_objects(clips.scenes), ROBOT)
     env.reset(Rows.every(1, env.device), starts.at(torch.zeros(1).long(), torch.zeros(1).long()))
     known = GivenGoal(clips.task.goal)
+    senses = ("proprio", "time", "odometry", "heightmap", "targets")
+    obs = env.observe(senses)
     for step in range(int(bank.lengths[0])):
-        obs = env.observe(("proprio", "time", "odometry", "heightmap", "targets"))
+        obs = env.observe(senses)
         if step == 0 and clips.task.goal.given:
             known.begin(torch.tensor([0]), obs)
         env.step(torch.from_numpy(demos.executed_action[step])[None])
@@ -110,8 +113,6 @@ def test_what_is_learned_from_is_what_will_be_observed(name, demonstrated):
 
 
 def inputs_of(obs):
-    from mimicbench.imitate.clock import clock_features
-
     return torch.cat([obs["proprio"], clock_features(obs["time"][:, 0])], -1)
 
 

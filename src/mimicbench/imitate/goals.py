@@ -94,7 +94,7 @@ class GoalMemory:
     def unsure(self, odometry_pos: Tensor, odometry_yaw: Tensor) -> Tensor:
         """(M,) robots that should look again: unsure, and not so near yet that the map shows less than before."""
         now = self.spec.to_root(self.goal, odometry_pos, odometry_yaw)[:, self.spec.where]
-        near = self.perception.config.distance[0] + 0.1
+        near = max(self.perception.config.distance[0] + 0.1, self.spec.near)
         return torch.nonzero((self.uncertainty > SURE) & (now.norm(dim=-1) > near))[:, 0]
 
     def recall(self, odometry_pos: Tensor, odometry_yaw: Tensor) -> Tensor:

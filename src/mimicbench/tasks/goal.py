@@ -58,6 +58,8 @@ class GoalSpec:
     Raises BadObject if the object has none."""
     window: float = 0.0
     """[m] Side of the part of the map to look at, with room for every object at any angle; 0 if goals are given."""
+    near: float = 0.0
+    """[m] Who is no farther from the goal's middle is at the object, may have moved it, and does not look any more."""
 
     @property
     def given(self) -> bool:
@@ -122,15 +124,11 @@ class GoalSpec:
         return torch.tensor(np.array([answers[np.arange(most) % len(answers)] for answers in each])).float()
 
     def facing(self, answers: Tensor) -> Tensor:
-        """(N, A, G) of right answers in heading frames those that turn their front, the first direction, to the robot.
-
-        In place of the others stands the one that does so most. Clips start in front of their objects, so of an object
-        that looks alike from several sides a policy has learned to go to the side that it sees.
+        """(N, A, G) right answers in heading frames, each whose front (the first direction) is turned away from the
+        robot replaced by the one that faces it most: clips start in front of their objects.
         """
         import torch
 
-        if not self._directions:
-            return answers
         (x, y), (s, c) = self.where, self._directions[0]
         length = answers[..., (x, y)].norm(dim=-1).clamp(min=1e-6)
         front = -(answers[..., c] * answers[..., x] + answers[..., s] * answers[..., y]) / length
