@@ -62,6 +62,15 @@ def demonstrated(tmp_path_factory):
     return of
 
 
+def test_the_papers_clone_sees_what_it_is_told(demonstrated, tmp_path):
+    clips, folder = demonstrated("touch-points")
+    config = BCImitation(train=TrainConfig(steps=2, batch=8))
+    cloning.clone(tmp_path / "policy", Given(clips, folder, 0, "improved", making.QUIET), config)
+    policy = load_policy(tmp_path / "policy", ROBOT, clips.task)
+    assert {"heightmap", "target_elevation"} <= set(policy.observations) and policy.learner.inputs.channels == 2
+    assert not run_policy(policy, replace(clips, task=replace(clips.task, time_limit=0.1)), env_config=ONE)[0].errors
+
+
 @pytest.mark.parametrize("name", OTHERS)
 def test_a_clone_knows_its_goal(name, demonstrated, tmp_path):
     clips, folder = demonstrated(name)
@@ -95,8 +104,9 @@ def test_what_is_learned_from_is_what_will_be_observed(name, demonstrated):
     starts = ClipStarts(bank, env.physics.add_objects(clips.scenes), ROBOT)
     env.reset(Rows.every(1, env.device), starts.at(torch.zeros(1).long(), torch.zeros(1).long()))
     known = GivenGoal(clips.task.goal)
-    senses = ("proprio", "time", "odometry", "heightmap", "targets")
-    obs = env.observe(senses)
+    senses = ("proprio", "time", "odometry", "heightmap", "targets", "target_elevation")
+    obs = first = env.observe(senses)
+    dict(first)  # while the robot is there
     for step in range(int(bank.lengths[0])):
         obs = env.observe(senses)
         if step == 0 and clips.task.goal.given:
@@ -108,6 +118,9 @@ def test_what_is_learned_from_is_what_will_be_observed(name, demonstrated):
     torch.testing.assert_close(batch.vector[:, : 48 + 13], inputs_of(obs), atol=1e-4, rtol=0)
     torch.testing.assert_close(batch.elevation[:, 0], obs["heightmap"], atol=2e-3, rtol=0)
     if clips.task.goal.given:
+        told = frames.elevation(torch.tensor([0]))[:, 1]
+        assert 1 <= (told > -first["proprio"][:, 3] + 0.1).sum() <= 2, "each target in one cell"
+        torch.testing.assert_close(told, first["target_elevation"], atol=2e-3, rtol=0)
         memory = batch.vector[:, -clips.task.goal.memory_size :]
         torch.testing.assert_close(memory, known.recall(obs), atol=5e-3, rtol=0)
 

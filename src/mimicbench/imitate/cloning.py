@@ -78,7 +78,7 @@ def clone(folder: Path, given: Given, config: CloneImitation) -> dict[str, Any]:
     demos = load_demos(given.demonstrations, clips.robot.name, state=network.inputs.body == "state")
     scene = [clips.objects[object_id] for object_id in sorted(set(demos.object_ids))]
     maps = _plain_maps(scene, clips.task) if network.inputs.elevation else None
-    goals = _goals(demos, clips) if network.inputs.memory else None
+    goals = _goals(demos, clips) if network.inputs.memory or network.inputs.targets else None
     frames = DemoFrames(demos, clips.objects, network.inputs, network.chunk, maps, goals)
     course = replace(config.train, seed=given.seed, device=tensor_device(given.context.device))
     trained = train(network, frames, course, folder, given.context.quiet)
@@ -106,7 +106,8 @@ def _goals(demos: Demos, clips: ClipSet) -> EpisodeGoals:
     missing = sorted(set(demos.reference_ids) - set(place))
     if missing:
         raise BadFile(f"clip {missing[0]!r} of the demonstrations is missing; make the demonstrations again")
-    return EpisodeGoals(clips.task.goal, goals_of(clips)[[place[name] for name in demos.reference_ids]])
+    found = goals_of(clips)[[place[name] for name in demos.reference_ids]]
+    return EpisodeGoals(clips.task.goal, found, clips.task.map_cell)
 
 
 def clone_loader(config_type: type) -> Callable[[Path, Robot, Task], VisionPolicy]:

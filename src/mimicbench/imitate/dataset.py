@@ -16,6 +16,7 @@ from mimicbench.imitate.inputs import Batch, InputConfig
 from mimicbench.imitate.lerobot import Demos
 from mimicbench.objects.shape import SceneObject
 from mimicbench.sensors.heightmap import ObjectMaps
+from mimicbench.sensors.targets import TARGET_CELL, target_map
 from mimicbench.tasks.goal import GoalSpec
 
 MAP_NOISE = 0.01
@@ -32,6 +33,8 @@ class EpisodeGoals:
     spec: GoalSpec
     start_w: Tensor
     """(E, G) their goals in the world, as they were at the start."""
+    map_cell: float = TARGET_CELL
+    """[m] Side of a cell of the maps of what robots are told."""
 
 
 class DemoFrames:
@@ -59,7 +62,7 @@ class DemoFrames:
             chunk: Frames of action that it predicts.
             maps: Makes the elevation maps; by default the surfaces of objects that stay where they are, as seen from
                 the root, with noise.
-            goals: What is remembered of; needed if the learner has a memory.
+            goals: What they were to do; needed if the learner has a memory or is told.
             validation: Share of the episodes that is kept apart.
         """
         self.demos, self.inputs, self.chunk = demos, inputs, chunk
@@ -87,10 +90,10 @@ class DemoFrames:
         self._maps = maps
         if inputs.elevation and maps is None:
             self._surfaces = ObjectMaps(scene)
-        if inputs.memory:
+        if inputs.memory or inputs.targets:
             if goals is None:
-                raise ValueError("this learner remembers its goal; say what it was")
-            first = self.starts[:-1]
+                raise ValueError("this learner knows its goal; say what it was")
+            first, self._goals = self.starts[:-1], goals
             self._spec, self.goal = (
                 goals.spec,
                 goals.spec.to_root(goals.start_w, self.root_pos[first], self.root_yaw[first]),
@@ -105,7 +108,7 @@ class DemoFrames:
         """
         steps = frames[:, None] + torch.arange(self.chunk)
         last = self.starts[self.episode[frames] + 1][:, None] - 1
-        elevation = self.elevation(frames, generator)[:, None] if self.inputs.elevation else None
+        elevation = self.elevation(frames, generator) if self.inputs.elevation else None
         return Batch(self.vector(frames, generator), elevation, self.action[torch.minimum(steps, last)], steps > last)
 
     def vector(self, frames: Tensor, generator: torch.Generator | None = None) -> Tensor:
@@ -115,13 +118,25 @@ class DemoFrames:
             episode = self.episode[frames]
             goal = self.goal[episode]
             if generator is not None:
-                goal = self._spec.disturbed(goal, generator)
-            memory = self._spec.carried(goal, *odometry(self.root_pos, self.root_yaw, self.starts[episode], frames))
+                goal = self._goals.spec.disturbed(goal, generator)
+            memory = self._goals.spec.carried(
+                goal, *odometry(self.root_pos, self.root_yaw, self.starts[episode], frames)
+            )
         state = self.proprio[frames] if self.state is None else self.state[frames]
         return self.inputs.vector(state, self.proprio[frames], self.time[frames], memory)
 
     def elevation(self, frames: Tensor, generator: torch.Generator | None = None) -> Tensor:
-        """The maps (B, 128, 128) of frames (B,)."""
+        """The maps (B, channels, 128, 128) of frames (B,)."""
+        seen = self._seen(frames, generator)
+        if not self.inputs.targets:
+            return seen[:, None]
+        places = self._goals.start_w[self.episode[frames]].unflatten(-1, (2, 3)).numpy()
+        heading = rot.from_yaw(self.root_yaw[frames].numpy())
+        told = target_map(self.root_pos[frames].numpy(), heading, places, self._goals.map_cell)
+        return torch.stack([seen, told], 1)
+
+    def _seen(self, frames: Tensor, generator: torch.Generator | None) -> Tensor:
+        """(B, 128, 128) what surrounds the robots."""
         arguments = self.object_index[self.episode[frames]], self.root_pos[frames], self.root_yaw[frames]
         if self._maps is not None:
             return self._maps(*arguments, None if self.object_pose is None else self.object_pose[frames])

@@ -35,6 +35,8 @@ class InputConfig:
     """Numbers in that memory. The task decides."""
     elevation: bool = True
     """Show the elevation map of the present frame."""
+    targets: bool = False
+    """Beside it show a map of what the robot is told. The task decides."""
 
     @staticmethod
     def timed() -> "InputConfig":
@@ -43,7 +45,13 @@ class InputConfig:
 
     def of(self, task: Task) -> "InputConfig":
         """The same for a task."""
-        return replace(self, memory_size=task.goal.memory_size if self.memory else 0)
+        memory_size = task.goal.memory_size if self.memory else 0
+        return replace(self, memory_size=memory_size, targets=self.elevation and task.goal.given)
+
+    @property
+    def channels(self) -> int:
+        """Of the maps."""
+        return 2 if self.targets else 1
 
     @property
     def size(self) -> int:
@@ -84,7 +92,7 @@ class Batch:
     vector: Tensor
     """(B, size) input vectors."""
     elevation: Tensor | None
-    """(B, 1, 128, 128) maps of the same frames [m], or None if the learner sees none."""
+    """(B, channels, 128, 128) maps of the same frames [m], or None if the learner sees none."""
     actions: Tensor
     """(B, chunk, A) joint position targets of this frame and the next ones [rad]."""
     pad: Tensor

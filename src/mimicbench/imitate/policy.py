@@ -25,10 +25,14 @@ class VisionPolicy:
         self.learner = learner.eval()
         self._goal = goal if learner.inputs.memory else None
         inputs = learner.inputs
+        self._maps = (
+            *(("heightmap",) if inputs.elevation else ()),
+            *(("target_elevation",) if inputs.targets else ()),
+        )
         wanted = (
             *(("state",) if inputs.body == "state" else ()),
             *BODY,
-            *(("heightmap",) if inputs.elevation else ()),
+            *self._maps,
             *(self._goal.observations if self._goal else ()),
         )
         self.observations: tuple[str, ...] = tuple(dict.fromkeys(wanted))
@@ -52,4 +56,5 @@ class VisionPolicy:
         memory = None if self._goal is None else self._goal.recall(obs)
         state = obs["state"] if inputs.body == "state" else obs["proprio"]
         vector = inputs.vector(state, obs["proprio"], obs["time"][:, 0], memory)
-        return self.learner.predict(vector, obs["heightmap"][:, None] if inputs.elevation else None)
+        maps = torch.stack([obs[name] for name in self._maps], 1) if self._maps else None
+        return self.learner.predict(vector, maps)
