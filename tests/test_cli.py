@@ -87,7 +87,6 @@ def test_what_is_refused_is_told_in_one_sentence(words, said, tmp_path, monkeypa
         ("imitate --learner parrot", "unknown learner 'parrot'; known are:"),
         ("imitate --planner.samples 0", "imitate.planner.samples is 0"),
         ("imitate --learner bc --train.steps -1", "imitate.train.steps is -1"),
-        ("imitate --track.tracker hst", "needs the tracker 'residual', but track.tracker is 'hst'"),
         ("imitate --learner act --track.tracker hst --gains improved", "imitate.gains is 'improved'"),
         ("evaluate --episodes 0", "evaluate.episodes is 0"),
         ("evaluate --policy nobody", "unknown policy 'nobody'; known are:"),

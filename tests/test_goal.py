@@ -210,3 +210,17 @@ def test_k_holds_where_nothing_is_missing(name, numbers):
     points = body(values[:3], values[3:9].reshape(2, 3), values[9:15].reshape(2, 3))
     facts = ObjectInfo.of([block(0.5, 0.6)], [np.zeros((2, 3))]).moved(values[None, 15:18], np.array([[1.0, 0, 0, 0]]))
     assert task.holds(points, facts)[0] == (task.failure_reason(points, facts) == [""])
+
+
+def test_answers_that_face_the_robot():
+    goal = TASKS.get("sit-chair").goal
+    answers = torch.tensor(goal.label(block(0.5, 0.25))).float()[None]
+    seen = goal.to_root(answers, torch.tensor([[[1.0, 0.4, 0.9]]]), torch.tensor([[2.0]]))
+    found = goal.facing(seen)
+    # of the four sides of a block, two are turned to who stands before an edge; the others are not to be learned
+    kept = [any(torch.equal(one, other) for other in found[0]) for one in seen[0]]
+    assert sum(kept) == 2
+    x, y, sin, cos = found[0, :, :4].T
+    assert (cos * x + sin * y < 0).all()
+    alone = seen[:, 2:3]
+    assert torch.equal(goal.facing(alone), alone), "who has one front has it on any side"

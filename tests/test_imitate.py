@@ -12,7 +12,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.checkpoint import BadCheckpoint
 from mimicbench.core.errors import BadFile, MimicbenchError
 from mimicbench.imitate.clock import clock_features
-from mimicbench.imitate.dataset import DemoFrames, proprioception
+from mimicbench.imitate.dataset import DemoFrames, EpisodeGoals, proprioception
 from mimicbench.imitate.encoder import Encoder, EncoderConfig
 from mimicbench.imitate.inputs import LAST_ACTION, Batch, InputConfig
 from mimicbench.imitate.learn_perception import draw_maps
@@ -37,8 +37,8 @@ from mimicbench.tasks.sit_chair import TASK as SIT_CHAIR
 TINY = EncoderConfig(pool=4, widths=(8, 8, 8, 8), blocks=(1, 1, 1, 1))
 INPUTS = {
     "paper": InputConfig(),
-    "timed": InputConfig.timed(),
-    "blind": InputConfig(body="state", clock=True, memory=True, elevation=False),
+    "timed": InputConfig.timed().of(SIT_CHAIR),
+    "blind": InputConfig(body="state", clock=True, memory=True, elevation=False).of(SIT_CHAIR),
 }
 
 
@@ -90,6 +90,12 @@ def demos(chairs):
     )
 
 
+def frames(demos, chairs, inputs, chunk):
+    """Frames of demonstrations of which each was to find its chair."""
+    goals = torch.tensor(np.array([SIT_CHAIR.goal.describe(chairs[name]) for name in demos.object_ids])).float()
+    return DemoFrames(demos, chairs, inputs, chunk, goals=EpisodeGoals(SIT_CHAIR.goal, goals))
+
+
 CASES = [(kind, name) for kind in ("act", "bc") for name in INPUTS]
 
 
@@ -98,7 +104,7 @@ def test_learner_contract(kind, inputs, demos, chairs, tmp_path):
     config = tiny(kind, INPUTS[inputs])
     torch.manual_seed(0)
     learner = config.build()
-    data = DemoFrames(demos, chairs, config.inputs, learner.chunk)
+    data = frames(demos, chairs, config.inputs, learner.chunk)
     batch = data.batch(torch.arange(10), torch.Generator().manual_seed(0))
     assert batch.vector.shape == (10, config.inputs.size) and batch.actions.shape == (10, learner.chunk, 19)
     assert (batch.elevation is None) == (not config.inputs.elevation)
@@ -148,7 +154,7 @@ def test_presets_have_the_published_sizes():
 def test_loss_ignores_what_comes_after_the_end(demos, chairs):
     config = tiny("act", INPUTS["blind"])
     learner = config.build().eval()
-    data = DemoFrames(demos, chairs, config.inputs, learner.chunk)
+    data = frames(demos, chairs, config.inputs, learner.chunk)
     batch = data.batch(torch.tensor([18, 19]))
     assert batch.pad.tolist() == [[False, False, True, True, True], [False, True, True, True, True]]
     other = Batch(batch.vector, None, torch.where(batch.pad[..., None], 9.0, batch.actions), batch.pad)
@@ -160,7 +166,7 @@ def test_all_decoder_layers_learn(demos, chairs):
     # the original reads the first layer's output only
     config = replace(tiny("act", INPUTS["blind"]), decoder_layers=3)
     learner = config.build()
-    learner.loss(DemoFrames(demos, chairs, config.inputs, 5).batch(torch.arange(4)))["l1"].backward()
+    learner.loss(frames(demos, chairs, config.inputs, 5).batch(torch.arange(4)))["l1"].backward()
     assert all(float(layer.feedforward[0].weight.grad.abs().sum()) > 0 for layer in learner.decoder_layers)
 
 
@@ -170,7 +176,7 @@ def test_clock_leaves_the_last_action_out():
     vector = InputConfig(clock=True).vector(state, proprio, time, None)
     assert vector.shape == (1, InputConfig(clock=True).size) == (1, 281 + 13)
     assert not set(range(LAST_ACTION.start, LAST_ACTION.stop)) & set(vector[0, :281].int().tolist())
-    assert InputConfig.timed().size == 48 + 13 + 10
+    assert InputConfig.timed().of(SIT_CHAIR).size == 48 + 13 + 10
 
 
 def test_clock():
@@ -184,7 +190,7 @@ def test_proprioception_of_a_turned_robot():
     qpos, qvel = np.zeros((1, 26)), np.zeros((1, 25))
     qpos[0, 2:7] = [0.9, *rot.from_yaw(np.array(math.pi / 2))]
     qpos[0, 7:], qvel[0, :3], qvel[0, 3:6] = np.arange(19), (0, 2, 0), (1, 2, 3)
-    found = proprioception(qpos, qvel)[0]
+    found = proprioception(qpos, qvel, 19)[0]
     # it moves along world y, which is straight ahead
     np.testing.assert_allclose(found[:10], [0, 0, -1, 0.9, 2, 0, 0, 1, 2, 3], atol=1e-6)
     assert found.shape == (48,)
@@ -196,7 +202,7 @@ SHORT = TrainConfig(steps=6, batch=8, log_steps=2, save_every=1e9, average=0.9)
 def test_training_is_deterministic_and_survives_a_kill(demos, chairs, tmp_path):
     config = tiny("act", INPUTS["timed"])
     config = replace(config, dropout=0.1)
-    data = DemoFrames(demos, chairs, config.inputs, 5)
+    data = frames(demos, chairs, config.inputs, 5)
     whole = train(config, data, SHORT, tmp_path / "whole", quiet=True).state_dict()
     # stopped after three batches, then taken up; lines written after the checkpoint are forgotten
     train(config, data, replace(SHORT, steps=3, schedule="constant"), tmp_path / "constant", quiet=True)
@@ -218,7 +224,7 @@ def test_training_is_deterministic_and_survives_a_kill(demos, chairs, tmp_path):
 
 def test_training_refuses(demos, chairs, tmp_path):
     config = tiny("bc", INPUTS["blind"])
-    data = DemoFrames(demos, chairs, config.inputs, 1)
+    data = frames(demos, chairs, config.inputs, 1)
     train(config, data, SHORT, tmp_path, quiet=True)
     with pytest.raises(MimicbenchError, match="another train"):
         train(config, data, replace(SHORT, seed=1), tmp_path, quiet=True)

@@ -12,9 +12,9 @@ import mimicbench
 from mimicbench.core.checkpoint import BadCheckpoint
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.files import read_json, write_json
+from mimicbench.imitate.goals import GoalMemory
 from mimicbench.imitate.learn_perception import draw_maps, evaluate_perception, goal_loss, train_perception, turned
 from mimicbench.imitate.perception import (
-    GoalMemory,
     Perception,
     PerceptionConfig,
     load_perception,

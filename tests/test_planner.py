@@ -1,35 +1,53 @@
-"""The planner: what it sees, how it learns, and that a kill loses nothing."""
+"""The planner: what it sees, how it learns at every task, and that a kill loses nothing."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 
+from learning import ONE, ROBOT, clip_of, shape_of, tracker
+from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.envs.clip_starts import ClipStartConfig
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.vec_env import EnvConfig
-from mimicbench.imitate.learn_planner import _Episodes, train_planner
-from mimicbench.imitate.perception import Perception, PerceptionConfig, save_perception, seat_memory
+from mimicbench.evaluate.rollout import run_policy
+from mimicbench.imitate.dagger import SEEN, Episodes
+from mimicbench.imitate.goals import given_goal, goals_of
+from mimicbench.imitate.learn_planner import train_planner
+from mimicbench.imitate.perception import Perception, PerceptionConfig, save_perception
+from mimicbench.imitate.plan import PlanLayout
 from mimicbench.imitate.planner import PlannerConfig, load_planner, save_planner
 from mimicbench.objects.families.chair import make_chair
 from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.methods.optimization import optimize
-from mimicbench.robots.registry import ROBOTS
+from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.registry import TASKS
-from mimicbench.track.checkpoint import TrackerConfig, build_tracker, save_tracker
-from mimicbench.track.network import TrackerNetwork
+from mimicbench.track.checkpoint import save_tracker
 from mimicbench.track.registry import TRACKERS
-from mimicbench.track.spec import Layout, Tracker
 from mimicbench.track.trackers.residual import ResidualConfig
 from mimicbench.track.tracking import TrackingConfig, TrackingEnv
 
-ROBOT, TASK = ROBOTS.get("h1"), TASKS.get("sit-chair")
+TASK = TASKS.get("sit-chair")
 SMALL = PlannerConfig(
     hidden=(16,), samples=8 * 4 * 3, num_envs=8, steps=4, batches=2, batch=16, memory=256, save_every=0.0
 )
+
+
+@pytest.fixture(scope="module")
+def every():
+    """A clip of each task, made when it is asked for."""
+    made = {}
+
+    def of(name):
+        if name not in made:
+            made[name] = clip_of(TASKS.get(name))
+        return made[name]
+
+    return of
 
 
 @pytest.fixture(scope="module")
@@ -41,21 +59,49 @@ def clips():
     return ClipSet(TASK, ROBOT, motions, {chair.id: chair for chair in chairs})
 
 
-LAYOUT = Layout.of(TRACKERS.get("residual"), ROBOT, [TASK])
-SHAPE = TrackerConfig("residual", LAYOUT.names, LAYOUT.widths, 19, (16,))
+SHAPE, SIX = shape_of("residual", TASK), shape_of("residual", *TASKS.all())
 
 
-def tracker() -> Tracker:
-    torch.manual_seed(0)
-    return build_tracker(SHAPE, TrackerNetwork(167, 19, (16,)).tensors())
+def saved(folder, task, network, shape):
+    """The folder of a planner with all that it needs beside it."""
+    save_planner(folder / "planner", ROBOT, network, SMALL, {})
+    save_tracker(folder / "tracker", ROBOT, shape, tracker(shape).network.tensors(), {})
+    if not task.goal.given:
+        eyes = Perception(PerceptionConfig(widths=(4, 4, 4), hidden=8), task)
+        save_perception(folder / "perception", eyes, ROBOT.name)
+    return folder / "planner"
+
+
+@pytest.mark.parametrize("task", TASKS.all(), ids=lambda task: task.name)
+def test_every_task_is_learned_over_one_tracker_of_all(task, every, tmp_path):
+    clips = every(task.name)
+    network = train_planner(tmp_path / "training", tracker(SIX), clips, SMALL, 0, ONE)
+    policy = load_planner(saved(tmp_path, task, network, SIX), ROBOT, task)
+    inputs = torch.randn(3, network.sizes.inputs)
+    assert torch.equal(policy._network.plan(inputs), network.plan(inputs))
+    told = {term.name for term in PlanLayout(TRACKERS.get("residual"), ROBOT, task).terms}
+    assert told >= {"reference+1", "reference+5"} and ("object+5" in told) == task.moves_object
+    assert ("targets" in policy.observations) == task.goal.given != ("elevation" in policy.observations)
+    short = replace(clips, task=replace(task, time_limit=0.2), motions=[*clips.motions] * 2)
+    (run,) = run_policy(policy, short, env_config=ONE)
+    assert not run.errors and run.verdict.steps.tolist() == [10, 10] and not run.verdict.diverged.any()
+
+
+def test_the_papers_tracker_is_planned_for_too(every, tmp_path):
+    clips, shape = every("touch-points"), shape_of("hst", TASKS.get("touch-points"))
+    network = train_planner(tmp_path / "training", tracker(shape), clips, SMALL, 0, ONE)
+    policy = load_planner(saved(tmp_path, clips.task, network, shape), ROBOT, clips.task)
+    assert {"body", "gravity", "targets"} <= set(policy.observations) and policy.gains == "paper"
+    short = replace(clips, task=replace(clips.task, time_limit=0.1))
+    assert not run_policy(policy, short, env_config=ONE)[0].errors
 
 
 def test_training_is_the_same_again_whatever_the_threads(clips, tmp_path):
-    first = train_planner(tmp_path / "a", tracker(), clips, SMALL, 0, EnvConfig(workers=1))
-    again = train_planner(tmp_path / "b", tracker(), clips, SMALL, 0, EnvConfig(workers=2))
+    first = train_planner(tmp_path / "a", tracker(SHAPE), clips, SMALL, 0, EnvConfig(workers=1))
+    again = train_planner(tmp_path / "b", tracker(SHAPE), clips, SMALL, 0, EnvConfig(workers=2))
     for name, value in first.state_dict().items():
         assert torch.equal(value, again.state_dict()[name]), name
-    finished = train_planner(tmp_path / "a", tracker(), clips, SMALL, 0, EnvConfig(workers=1))
+    finished = train_planner(tmp_path / "a", tracker(SHAPE), clips, SMALL, 0, EnvConfig(workers=1))
     assert all(torch.equal(value, finished.state_dict()[name]) for name, value in first.state_dict().items())
 
 
@@ -65,52 +111,87 @@ class Killed(Exception):
 
 def test_a_training_killed_in_the_middle_ends_in_the_same_bytes(clips, tmp_path):
     longer = replace(SMALL, samples=8 * 4 * 30, save_every=0.0)
-    whole = train_planner(tmp_path / "whole", tracker(), clips, longer, 0, EnvConfig(workers=1))
+    whole = train_planner(tmp_path / "whole", tracker(SHAPE), clips, longer, 0, EnvConfig(workers=1))
 
     def kill(row):
         if row["round"] == 20:
             raise Killed
 
     with pytest.raises(Killed):
-        train_planner(tmp_path / "killed", tracker(), clips, longer, 0, EnvConfig(workers=1), kill)
-    resumed = train_planner(tmp_path / "killed", tracker(), clips, longer, 0, EnvConfig(workers=1))
+        train_planner(tmp_path / "killed", tracker(SHAPE), clips, longer, 0, EnvConfig(workers=1), kill)
+    resumed = train_planner(tmp_path / "killed", tracker(SHAPE), clips, longer, 0, EnvConfig(workers=1))
     for name, value in whole.state_dict().items():
         assert torch.equal(value, resumed.state_dict()[name]), name
 
 
 def test_another_training_is_not_taken_up(clips, tmp_path):
-    train_planner(tmp_path, tracker(), clips, SMALL, 0, EnvConfig(workers=1))
+    train_planner(tmp_path, tracker(SHAPE), clips, SMALL, 0, EnvConfig(workers=1))
     with pytest.raises(MimicbenchError, match="another seed"):
-        train_planner(tmp_path, tracker(), clips, SMALL, 1, EnvConfig(workers=1))
+        train_planner(tmp_path, tracker(SHAPE), clips, SMALL, 1, EnvConfig(workers=1))
 
 
-def test_refuses_a_tracker_that_it_cannot_plan_for(clips, tmp_path):
-    layout = Layout.of(TRACKERS.get("hst"), ROBOT, [TASK])
-    shape = TrackerConfig("hst", layout.names, layout.widths, 19, (16,))
-    other = build_tracker(shape, TrackerNetwork(578, 19, (16,)).tensors())
-    with pytest.raises(MimicbenchError, match="observes 'body'"):
-        train_planner(tmp_path, other, clips, SMALL, 0, EnvConfig(workers=1))
-    assert not list(tmp_path.iterdir()), "a refused call leaves nothing behind"
-
-
-def test_checkpoint_round_trip(clips, tmp_path):
-    network = train_planner(tmp_path / "training", tracker(), clips, SMALL, 0, EnvConfig(workers=1))
-    save_planner(tmp_path / "planner", ROBOT, network, SMALL, {})
-    save_tracker(tmp_path / "tracker", ROBOT, SHAPE, tracker().network.tensors(), {})
-    eyes = Perception(PerceptionConfig(widths=(4, 4, 4), hidden=8), TASKS.get("sit-chair"))
-    save_perception(tmp_path / "perception", eyes, ROBOT.name)
-    policy = load_planner(tmp_path / "planner", ROBOT, TASK)
-    inputs = torch.randn(3, network.input_mean.numel())
-    assert torch.equal(policy._network.plan(inputs), network.plan(inputs))
-    assert network.plan(inputs).shape == (3, 2 * (12 + 2 * 19))
+def test_a_plan_is_what_the_tracker_would_be_told(every):
+    """Also where the object is turned by half a circle, which rotation vectors say in two ways."""
+    env = TrackingEnv(TRACKERS.get("residual"), every("lift-box"), 4, TrackingConfig(), 0, ONE)
+    layout, terms = PlanLayout(env.spec, ROBOT, env.clips.task), dict(env.terms())
+    turn = torch.tensor([[0, 0, math.pi - 1e-3], [0, 0, 1e-3 - math.pi], [0.3, -0.2, 1.0], [0, 0, 0]])
+    terms["object+1"] = torch.cat([terms["object+1"][:, :3], turn, terms["object+1"][:, 6:]], 1)
+    plan = layout.flat(terms)
+    assert plan.shape == (4, layout.size) and layout.size == 2 * 50 + 3 * 15
+    found = layout.split(plan)
+    assert set(found) == {"reference+1", "reference+5", "object", "object+1", "object+5"}
+    for name, values in found.items():
+        torch.testing.assert_close(values, terms[name], atol=1e-4, rtol=0)
+    # as numbers to learn, what is nearly the same turn is nearly the same
+    assert (plan[0] - plan[1])[-30:-15][3:9].abs().max() < 3e-3
 
 
 def test_memory_in_training_is_what_the_robot_would_carry(clips):
-    """The seat that a training robot remembers is where odometry from the start of the clip says it is."""
+    """The goal that a training robot remembers is where odometry from the start of the clip says it is."""
     quiet = TrackingConfig(ClipStartConfig(1.0, 0.0, 0.0, 0.0), push=0.0)
-    env = TrackingEnv(TRACKERS.get("residual"), clips, 4, quiet, 0, EnvConfig(workers=1))
-    episodes = _Episodes(env, torch.zeros(2, 0), 0)
+    env = TrackingEnv(TRACKERS.get("residual"), clips, 4, quiet, 0, ONE)
+    episodes = Episodes(env, torch.zeros(2, 0), 0)
     for _ in range(25):
         env.step(torch.zeros(4, 19), ResidualConfig())
-    carried = seat_memory(episodes._seen, env.context.odometry_pos, env.context.odometry_yaw)
-    np.testing.assert_allclose(episodes.inputs()[:, -10:].numpy(), carried.numpy(), atol=5e-3)
+    carried = TASK.goal.carried(episodes.known, env.context.odometry_pos, env.context.odometry_yaw)
+    found = episodes.inputs(env.env.observe(SEEN))
+    np.testing.assert_allclose(found[:, -10:].numpy(), carried.numpy(), atol=5e-3)
+
+
+def test_what_is_told_is_where_it_is_from_any_posture(every):
+    clips = every("touch-points")
+    tilted = TrackingConfig(ClipStartConfig(0.0, 0.1, 0.3, 0.0))
+    env = TrackingEnv(TRACKERS.get("residual"), clips, 6, tilted, 0, ONE)
+    state, spec, seen = env.context.state, clips.task.goal, env.env.observe(SEEN)
+    truth = spec.to_root(goals_of(clips), state.root_pos_w, rot.yaw_of(state.root_quat_w))
+    torch.testing.assert_close(given_goal(spec, seen["targets"], seen["proprio"]), truth, atol=1e-5, rtol=0)
+    one_hand = replace(clips.motions[0], wrist_goal_w=np.array([[np.nan] * 3, [1.0, 2.0, 3.0]]))
+    found = goals_of(replace(clips, motions=[one_hand]))
+    assert found.isfinite().all() and found[0, 3:].tolist() == [1, 2, 3]
+
+
+def test_goals_stand_where_objects_stand_first(every):
+    clips = every("lift-box")
+    motion = clips.motions[0]
+    turned = rot.multiply(rot.from_yaw(np.array(0.5)), motion.object_quat_w)
+    moved = replace(motion, object_pos_w=motion.object_pos_w + [1.0, 2.0, 0.0], object_quat_w=turned)
+    found = goals_of(replace(clips, motions=[motion, moved]))
+    np.testing.assert_allclose(found[1, :4] - found[0, :4], [1, 2, math.sin(0.5), math.cos(0.5) - 1], atol=1e-5)
+
+
+def test_clocks_show_all_times_to_the_limit_while_a_pose_is_held(every):
+    clips = every("lift-box")
+    hold = TrackingConfig(ClipStartConfig(1.0), hold=2.0)
+    env = TrackingEnv(TRACKERS.get("residual"), clips, 64, hold, 0, ONE)
+    episodes, length, limit = Episodes(env, torch.zeros(1, 0), 0), int(env.bank.lengths[0]), clips.task.time_limit
+    env.env.index = torch.full_like(env.env.index, length - 1)
+    assert (episodes.seconds == (length - 1) * CONTROL_DT).all(), "in the clip it is the clip's own"
+    env.env.index = env.env.index + 1
+    first, last = length * CONTROL_DT, limit - hold.hold
+    assert (episodes.seconds >= first - 1e-5).all() and (episodes.seconds <= last + 1e-3).all()
+    assert episodes.seconds.min() < first + 0.5 and episodes.seconds.max() > last - 0.5
+    env.env.index = env.env.index + round(hold.hold / CONTROL_DT)
+    assert abs(float(episodes.seconds.max()) - limit) < 0.5, "held to the last"
+    # and what is to be done then is to be where the clip ended, at rest
+    wanted = env.bank.frame(env.env.clip, env.env.index)
+    assert not wanted.joint_vel.any() and not wanted.object.lin_vel_w.any()

@@ -2,7 +2,7 @@
 
 import json
 from dataclasses import dataclass, field, replace
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 import pytest
@@ -20,10 +20,12 @@ from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
 from mimicbench.core.settings import Amount, BadSetting, Within, amounts, check, identity, merge, read
 from mimicbench.core.stage import read_stage
 from mimicbench.evaluate.rows import read_rows, rows_made_from
+from mimicbench.imitate.spec import ImitateConfig
 from mimicbench.objects.make import ObjectsConfig
 from mimicbench.references.make import ReferencesConfig
 from mimicbench.retarget.make import RetargetConfig
 from mimicbench.tasks.registry import TASKS
+from mimicbench.track.train import TrackConfig
 
 
 @dataclass(frozen=True)
@@ -141,6 +143,16 @@ def test_the_paper_is_the_paper():
         32,
         2,
     ) and recipe.track.tracker == "hst"
+
+
+def test_a_learner_without_its_tracker_is_told():
+    @dataclass(frozen=True)
+    class Stubborn(ImitateConfig):
+        tracker: ClassVar[str | None] = "residual"
+
+    check_recipe(Recipe(imitate=Stubborn()))
+    with pytest.raises(BadSetting, match="needs the tracker 'residual', but track.tracker is 'hst'"):
+        check_recipe(Recipe(imitate=Stubborn(), track=TrackConfig(tracker="hst")))
 
 
 def test_files_that_are_no_recipes(tmp_path):

@@ -161,3 +161,14 @@ def test_resample_of_joints_and_of_one_frame():
     assert rot.resample_quat(quats, 30, 50).shape == (16, 3, 4)
     assert rot.resample(np.ones((1, 2)), 30, 50).shape == (1, 2)
     close(rot.resample(np.arange(5.0)[:, None], 50, 50)[:, 0], np.arange(5.0))
+
+
+@settings(max_examples=60, deadline=None)
+@given(quats)
+def test_two_columns_are_a_rotation(q):
+    same_turn(rot.from_6d(rot.to_6d(q)), q)
+    same_turn(rot.from_6d(torch.from_numpy(rot.to_6d(q))).numpy(), q)
+    # of any length, and not quite at right angles
+    bent = rot.to_6d(q) * np.repeat([0.5, 3.0], 3)
+    bent[3:] += 0.2 * bent[:3]
+    same_turn(rot.from_6d(bent), q)

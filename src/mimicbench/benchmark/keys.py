@@ -207,16 +207,22 @@ def perception_key(run: Run) -> StageKey:
 
 def imitate_key(run: Run, tracker: Path) -> StageKey:
     """The recipe's policy, learned with the tracker in a folder."""
-    config, eyes = run.part("imitate"), perception_key(run)
-    first = demo_key(run, tracker) if config.clones else retarget_key(run)
+    config = run.part("imitate")
+    before = [demo_key(run, tracker) if config.clones else retarget_key(run)]
+    before += [perception_key(run)] if needs_eyes(run) else []
     return run.key(
         "imitate",
         identity(config),
-        {first.stage: first.fingerprint, "tracker": digest_of(tracker / MODEL), "perception": eyes.fingerprint},
+        {"tracker": digest_of(tracker / MODEL), **{key.stage: key.fingerprint for key in before}},
         amounts=amounts(config),
         words=(config.learner,),
-        reads={first.stage: run.folder(first), "tracker": tracker, "perception": run.folder(eyes)},
+        reads={"tracker": tracker, **{key.stage: run.folder(key) for key in before}},
     )
+
+
+def needs_eyes(run: Run) -> bool:
+    """Whether the recipe's policy remembers a goal that has to be found."""
+    return run.part("imitate").remembers and not run.task.goal.given
 
 
 def is_complete(folder: Path) -> bool:

@@ -116,14 +116,15 @@ def to_matrix(q: Array) -> Array:
     return _xp(q).stack(rows, -1).reshape((*q.shape[:-1], 3, 3))
 
 
-def from_matrix(m: np.ndarray) -> np.ndarray:
-    """Quaternions of NumPy rotation matrices (..., 3, 3), with w >= 0."""
-    m = np.asarray(m, dtype=float)
+def from_matrix(m: Array) -> Array:
+    """Quaternions of rotation matrices (..., 3, 3), with w >= 0; in double precision of NumPy arrays."""
+    xp = _xp(m)
+    m = np.asarray(m, dtype=float) if xp is np else m
     # The column of K with the largest eigenvalue bound is used, so no branch divides by a small number.
     xx, yy, zz = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
-    candidates = np.stack(
+    candidates = xp.stack(
         [
-            np.stack(
+            xp.stack(
                 [
                     1 + xx + yy + zz,
                     m[..., 2, 1] - m[..., 1, 2],
@@ -132,7 +133,7 @@ def from_matrix(m: np.ndarray) -> np.ndarray:
                 ],
                 -1,
             ),
-            np.stack(
+            xp.stack(
                 [
                     m[..., 2, 1] - m[..., 1, 2],
                     1 + xx - yy - zz,
@@ -141,7 +142,7 @@ def from_matrix(m: np.ndarray) -> np.ndarray:
                 ],
                 -1,
             ),
-            np.stack(
+            xp.stack(
                 [
                     m[..., 0, 2] - m[..., 2, 0],
                     m[..., 1, 0] + m[..., 0, 1],
@@ -150,7 +151,7 @@ def from_matrix(m: np.ndarray) -> np.ndarray:
                 ],
                 -1,
             ),
-            np.stack(
+            xp.stack(
                 [
                     m[..., 1, 0] - m[..., 0, 1],
                     m[..., 0, 2] + m[..., 2, 0],
@@ -162,10 +163,10 @@ def from_matrix(m: np.ndarray) -> np.ndarray:
         ],
         -2,
     )
-    best = np.argmax(np.stack([candidates[..., i, i] for i in range(4)], -1), -1)
-    q = np.take_along_axis(candidates, best[..., None, None], -2)[..., 0, :]
-    q = normalize(q)
-    return np.where(q[..., :1] < 0, -q, q)
+    best = xp.stack([candidates[..., i, i] for i in range(4)], -1).argmax(-1)[..., None, None]
+    take = np.take_along_axis if xp is np else xp.take_along_dim
+    q = normalize(take(candidates, best, -2)[..., 0, :])
+    return xp.where(q[..., :1] < 0, -q, q)
 
 
 def to_6d(q: Array) -> Array:
@@ -182,6 +183,13 @@ def to_6d(q: Array) -> Array:
         ],
         -1,
     )
+
+
+def from_6d(columns: Array) -> Array:
+    """Quaternions, with w >= 0, of two columns (..., 6) that need not be quite orthonormal: the inverse of `to_6d`."""
+    a = normalize(columns[..., :3])
+    b = normalize(columns[..., 3:] - (a * columns[..., 3:]).sum(-1)[..., None] * a)
+    return from_matrix(_xp(columns).stack([a, b, _cross(a, b)], -1))
 
 
 def from_yaw(yaw: Array) -> Array:

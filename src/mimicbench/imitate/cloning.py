@@ -5,18 +5,23 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, Protocol, TypeVar
 
-from mimicbench.core.errors import MimicbenchError
-from mimicbench.imitate.dataset import DemoFrames, MapMaker
+from torch import Tensor
+
+from mimicbench.core import rotations as rot
+from mimicbench.core.errors import BadFile, MimicbenchError
+from mimicbench.envs.clips import ClipSet
+from mimicbench.imitate.dataset import DemoFrames, EpisodeGoals, MapMaker
+from mimicbench.imitate.goals import goals_of, known_goal
 from mimicbench.imitate.inputs import InputConfig, Learner
 from mimicbench.imitate.learned import load_learner, save_learner
-from mimicbench.imitate.lerobot import load_demos
-from mimicbench.imitate.perception import load_perception
+from mimicbench.imitate.lerobot import Demos, load_demos
 from mimicbench.imitate.policy import VisionPolicy
 from mimicbench.imitate.spec import Given, ImitateConfig, LearnerSpec
 from mimicbench.imitate.train import TrainConfig, train
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
-from mimicbench.sensors.heightmap import ObjectMaps
+from mimicbench.sensors.elevation import ElevationMaps
+from mimicbench.sensors.heightmap import MapView, ObjectMaps
 from mimicbench.sim.devices import tensor_device
 from mimicbench.tasks.task import Task
 
@@ -54,6 +59,11 @@ class CloneImitation(ImitateConfig):
     """What it is made of, and what it sees."""
     train: TrainConfig = field(default_factory=TrainConfig)
 
+    @property
+    def remembers(self) -> bool:
+        """Whether it remembers its goal."""
+        return self.network.inputs.memory
+
 
 def cloner(name: str, config: type[CloneImitation]) -> LearnerSpec:
     """The learner of that name which clones demonstrations with the network of a configuration."""
@@ -64,22 +74,40 @@ def clone(folder: Path, given: Given, config: CloneImitation) -> dict[str, Any]:
     """Clone demonstrations into a folder, or go on cloning."""
     if given.demonstrations is None:
         raise MimicbenchError(f"{config.learner} clones demonstrations; make some with `mimicbench demos` first")
-    network, robot, objects = config.network, given.clips.robot, given.clips.objects
-    demos = load_demos(given.demonstrations, robot.name, state=network.inputs.body == "state")
-    scene = [objects[object_id] for object_id in sorted(set(demos.object_ids))]
-    maps = _plain_maps(scene) if network.inputs.elevation else None
-    frames = DemoFrames(demos, objects, network.inputs, network.chunk, maps=maps)
+    clips, network = given.clips, replace(config.network, inputs=config.network.inputs.of(given.clips.task))
+    demos = load_demos(given.demonstrations, clips.robot.name, state=network.inputs.body == "state")
+    scene = [clips.objects[object_id] for object_id in sorted(set(demos.object_ids))]
+    maps = _plain_maps(scene, clips.task) if network.inputs.elevation else None
+    goals = _goals(demos, clips) if network.inputs.memory or network.inputs.targets else None
+    frames = DemoFrames(demos, clips.objects, network.inputs, network.chunk, maps, goals)
     course = replace(config.train, seed=given.seed, device=tensor_device(given.context.device))
     trained = train(network, frames, course, folder, given.context.quiet)
     told = {"demonstrations": demos.episodes, "batches": course.steps}
-    notes = {"seed": given.seed, "task": given.clips.task.name, "gains": given.gains, **told}
-    save_learner(folder, trained, robot.name, notes)
+    notes = {"seed": given.seed, "task": clips.task.name, "gains": given.gains, **told}
+    save_learner(folder, trained, clips.robot.name, notes)
     return told
 
 
-def _plain_maps(scene: list[SceneObject]) -> MapMaker:
+def _plain_maps(scene: list[SceneObject], task: Task) -> MapMaker:
     """Maps as vertical rays make them (sensors.elevation.down_map)."""
-    return ObjectMaps(scene).sample
+    still, moved = ObjectMaps(scene), ElevationMaps(scene, MapView(None, task.map_cell))
+
+    def make(index: Tensor, root_pos: Tensor, root_yaw: Tensor, pose: Tensor | None) -> Tensor:
+        if pose is None:
+            return still.sample(index, root_pos, root_yaw, cell=task.map_cell)
+        return moved.sample(root_pos, rot.from_yaw(root_yaw), pose[:, :3], pose[:, 3:], index)
+
+    return make
+
+
+def _goals(demos: Demos, clips: ClipSet) -> EpisodeGoals:
+    """What the demonstrations were to do, by the clips that were tracked."""
+    place = {motion.id: i for i, motion in enumerate(clips.motions)}
+    missing = sorted(set(demos.reference_ids) - set(place))
+    if missing:
+        raise BadFile(f"clip {missing[0]!r} of the demonstrations is missing; make the demonstrations again")
+    found = goals_of(clips)[[place[name] for name in demos.reference_ids]]
+    return EpisodeGoals(clips.task.goal, found, clips.task.map_cell)
 
 
 def clone_loader(config_type: type) -> Callable[[Path, Robot, Task], VisionPolicy]:
@@ -88,7 +116,7 @@ def clone_loader(config_type: type) -> Callable[[Path, Robot, Task], VisionPolic
     def load(folder: Path, robot: Robot, task: Task) -> VisionPolicy:
         """The policy in a folder, with the eyes in the folder `perception` beside it if it remembers."""
         learner, notes = load_learner(folder, robot.name, config_type)
-        eyes = load_perception(folder.parent / "perception", robot.name) if learner.inputs.memory else None
-        return VisionPolicy(learner, eyes, str(notes.get("gains", "improved")))
+        goal = known_goal(folder.parent / "perception", robot, task) if learner.inputs.memory else None
+        return VisionPolicy(learner, goal, str(notes.get("gains", "improved")))
 
     return load

@@ -3,6 +3,7 @@ what to do.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -13,14 +14,27 @@ from mimicbench.core.errors import BadFile
 from mimicbench.core.seeds import digest
 from mimicbench.imitate.inputs import Batch, InputConfig
 from mimicbench.imitate.lerobot import Demos
-from mimicbench.imitate.perception import disturb_seat, seat_in_root, seat_memory, seat_of
 from mimicbench.objects.shape import SceneObject
 from mimicbench.sensors.heightmap import ObjectMaps
+from mimicbench.sensors.targets import TARGET_CELL, target_map
+from mimicbench.tasks.goal import GoalSpec
 
 MAP_NOISE = 0.01
 """[m] deviation of the heights in the maps that are learned from."""
-MapMaker = Callable[[Tensor, Tensor, Tensor], Tensor]
-"""(object index (N,), root position (N, 3), heading (N,)) -> maps (N, 128, 128) relative to the root [m]."""
+MapMaker = Callable[[Tensor, Tensor, Tensor, Tensor | None], Tensor]
+"""(object index (N,), root position (N, 3), heading (N,), the object's position and quaternion (N, 7), None where it
+stands still at the origin) -> maps (N, 128, 128) relative to the root [m]."""
+
+
+@dataclass(frozen=True)
+class EpisodeGoals:
+    """What E demonstrations were to do."""
+
+    spec: GoalSpec
+    start_w: Tensor
+    """(E, G) their goals in the world, as they were at the start."""
+    map_cell: float = TARGET_CELL
+    """[m] Side of a cell of the maps of what robots are told."""
 
 
 class DemoFrames:
@@ -36,6 +50,7 @@ class DemoFrames:
         inputs: InputConfig,
         chunk: int,
         maps: MapMaker | None = None,
+        goals: EpisodeGoals | None = None,
         validation: float = 0.1,
     ) -> None:
         """Prepare everything but the maps, which are made batch by batch.
@@ -45,7 +60,9 @@ class DemoFrames:
             objects: By id, at least those of the demonstrations.
             inputs: What the learner sees.
             chunk: Frames of action that it predicts.
-            maps: Makes the elevation maps; by default the objects' surfaces as seen from the root, with noise.
+            maps: Makes the elevation maps; by default the surfaces of objects that stay where they are, as seen from
+                the root, with noise.
+            goals: What they were to do; needed if the learner has a memory or is told.
             validation: Share of the episodes that is kept apart.
         """
         self.demos, self.inputs, self.chunk = demos, inputs, chunk
@@ -63,26 +80,25 @@ class DemoFrames:
         self.starts = torch.from_numpy(demos.starts)
         self.object_index = torch.tensor([ids.index(object_id) for object_id in demos.object_ids])
         self.state = None if demos.state is None or inputs.body != "state" else torch.from_numpy(demos.state)
-        self.proprio = torch.from_numpy(proprioception(demos.qpos, demos.qvel))
+        self.proprio = torch.from_numpy(proprioception(demos.qpos, demos.qvel, len(demos.joint_names)))
         self.action = torch.from_numpy(demos.action.astype(np.float32))
         self.root_pos = torch.from_numpy(demos.qpos[:, :3].astype(np.float32))
         self.root_yaw = torch.from_numpy(rot.yaw_of(demos.qpos[:, 3:7]).astype(np.float32))
         self.time = (torch.arange(demos.frames) - self.starts[self.episode]) / demos.fps
+        rest = demos.qpos[:, 7 + len(demos.joint_names) :]
+        self.object_pose = torch.from_numpy(rest.astype(np.float32)) if rest.shape[1] else None
         self._maps = maps
         if inputs.elevation and maps is None:
             self._surfaces = ObjectMaps(scene)
-        if inputs.memory:
-            seats = torch.tensor(np.array([seat_of(obj) for obj in scene]), dtype=torch.float32)[self.object_index]
-            first = self.starts[:-1]
-            self.seat = seat_in_root(seats, self.root_pos[first], self.root_yaw[first])
-        # by the reference's id, so that the same clip is never learned from in one run and validated on in the next
-        apart = np.array(
-            [digest(0, "validation", reference) % 1000 < 1000 * validation for reference in demos.reference_ids]
-        )
-        if apart.all() or not apart.any():
-            apart[:] = False
-            apart[0] = demos.episodes > 1 and validation > 0
-        held = torch.from_numpy(apart)[self.episode]
+        if inputs.memory or inputs.targets:
+            if goals is None:
+                raise ValueError("this learner knows its goal; say what it was")
+            first, self._goals = self.starts[:-1], goals
+            self._spec, self.goal = (
+                goals.spec,
+                goals.spec.to_root(goals.start_w, self.root_pos[first], self.root_yaw[first]),
+            )
+        held = torch.from_numpy(_apart(demos, validation))[self.episode]
         self.train_frames, self.validation_frames = torch.nonzero(~held)[:, 0], torch.nonzero(held)[:, 0]
 
     def batch(self, frames: Tensor, generator: torch.Generator | None = None) -> Batch:
@@ -92,7 +108,7 @@ class DemoFrames:
         """
         steps = frames[:, None] + torch.arange(self.chunk)
         last = self.starts[self.episode[frames] + 1][:, None] - 1
-        elevation = self.elevation(frames, generator)[:, None] if self.inputs.elevation else None
+        elevation = self.elevation(frames, generator) if self.inputs.elevation else None
         return Batch(self.vector(frames, generator), elevation, self.action[torch.minimum(steps, last)], steps > last)
 
     def vector(self, frames: Tensor, generator: torch.Generator | None = None) -> Tensor:
@@ -100,20 +116,42 @@ class DemoFrames:
         memory = None
         if self.inputs.memory:
             episode = self.episode[frames]
-            seat = self.seat[episode]
+            goal = self.goal[episode]
             if generator is not None:
-                seat = disturb_seat(seat, generator)
-            memory = seat_memory(seat, *odometry(self.root_pos, self.root_yaw, self.starts[episode], frames))
+                goal = self._goals.spec.disturbed(goal, generator)
+            memory = self._goals.spec.carried(
+                goal, *odometry(self.root_pos, self.root_yaw, self.starts[episode], frames)
+            )
         state = self.proprio[frames] if self.state is None else self.state[frames]
         return self.inputs.vector(state, self.proprio[frames], self.time[frames], memory)
 
     def elevation(self, frames: Tensor, generator: torch.Generator | None = None) -> Tensor:
-        """The maps (B, 128, 128) of frames (B,)."""
+        """The maps (B, channels, 128, 128) of frames (B,)."""
+        seen = self._seen(frames, generator)
+        if not self.inputs.targets:
+            return seen[:, None]
+        places = self._goals.start_w[self.episode[frames]].unflatten(-1, (2, 3)).numpy()
+        heading = rot.from_yaw(self.root_yaw[frames].numpy())
+        told = target_map(self.root_pos[frames].numpy(), heading, places, self._goals.map_cell)
+        return torch.stack([seen, told], 1)
+
+    def _seen(self, frames: Tensor, generator: torch.Generator | None) -> Tensor:
+        """(B, 128, 128) what surrounds the robots."""
         arguments = self.object_index[self.episode[frames]], self.root_pos[frames], self.root_yaw[frames]
         if self._maps is not None:
-            return self._maps(*arguments)
+            return self._maps(*arguments, None if self.object_pose is None else self.object_pose[frames])
         maps = self._surfaces.sample(*arguments, occlusion=True)
         return maps if generator is None else maps + MAP_NOISE * torch.randn(maps.shape, generator=generator)
+
+
+def _apart(demos: Demos, share: float) -> np.ndarray:
+    """(E,) which episodes are kept for validation."""
+    # by the reference's id, so that the same clip is never learned from in one run and validated on in the next
+    apart = np.array([digest(0, "validation", reference) % 1000 < 1000 * share for reference in demos.reference_ids])
+    if apart.all() or not apart.any():
+        apart[:] = False
+        apart[0] = demos.episodes > 1 and share > 0
+    return apart
 
 
 def odometry(root_pos: Tensor, root_yaw: Tensor, start: Tensor, now: Tensor) -> tuple[Tensor, Tensor]:
@@ -125,8 +163,9 @@ def odometry(root_pos: Tensor, root_yaw: Tensor, start: Tensor, now: Tensor) -> 
     return pos, rot.wrap_angle(root_yaw[now] - yaw)
 
 
-def proprioception(qpos: np.ndarray, qvel: np.ndarray) -> np.ndarray:
-    """What a robot measures of itself (F, 10 + 2 J), from simulator positions (F, 7 + J) and velocities (F, 6 + J).
+def proprioception(qpos: np.ndarray, qvel: np.ndarray, joints: int) -> np.ndarray:
+    """What a robot with J joints measures of itself (F, 10 + 2 J), from simulator positions (F, 7 + J + ...) and
+    velocities (F, 6 + J + ...), an object's behind the robot's.
 
     Gravity's direction 3, root height 1, root linear velocity 3 and angular velocity 3 in the root frame, joint angles
     J, joint velocities J.
@@ -138,7 +177,7 @@ def proprioception(qpos: np.ndarray, qvel: np.ndarray) -> np.ndarray:
         qpos[:, 2:3],
         rot.rotate_inverse(quat, qvel[:, :3]),
         qvel[:, 3:6],
-        qpos[:, 7:],
-        qvel[:, 6:],
+        qpos[:, 7 : 7 + joints],
+        qvel[:, 6 : 6 + joints],
     ]
     return np.concatenate(parts, -1).astype(np.float32)

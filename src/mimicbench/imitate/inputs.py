@@ -1,6 +1,6 @@
 """What learners see and give, the same for all of them: a vector, a map, and a chunk of actions."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal
 
 import torch
@@ -8,7 +8,7 @@ from torch import Tensor, nn
 
 from mimicbench.imitate.clock import SIZE as CLOCK_SIZE
 from mimicbench.imitate.clock import clock_features
-from mimicbench.imitate.perception import MEMORY_SIZE
+from mimicbench.tasks.task import Task
 
 STATE_SIZE = 300
 """S_current of the paper: joint angles 19, joint velocities 19, links' positions 60, orientations 60, velocities 60 and
@@ -30,14 +30,28 @@ class InputConfig:
     """Add the time since the start. The last action is then left out: copying one's own past is what fails without
     it."""
     memory: bool = False
-    """Add the seat as perceived in the first map, carried along by odometry."""
+    """Add the goal as it was known first, carried along by odometry, or told."""
+    memory_size: int = 0
+    """Numbers in that memory. The task decides."""
     elevation: bool = True
     """Show the elevation map of the present frame."""
+    targets: bool = False
+    """Beside it show a map of what the robot is told. The task decides."""
 
     @staticmethod
     def timed() -> "InputConfig":
         """The paper's inputs with a clock and a memory of the start."""
         return InputConfig(body="proprio", clock=True, memory=True)
+
+    def of(self, task: Task) -> "InputConfig":
+        """The same for a task."""
+        memory_size = task.goal.memory_size if self.memory else 0
+        return replace(self, memory_size=memory_size, targets=self.elevation and task.goal.given)
+
+    @property
+    def channels(self) -> int:
+        """Of the maps."""
+        return 2 if self.targets else 1
 
     @property
     def size(self) -> int:
@@ -45,7 +59,7 @@ class InputConfig:
         body = PROPRIO_SIZE
         if self.body == "state":
             body = STATE_SIZE - (LAST_ACTION.stop - LAST_ACTION.start if self.clock else 0)
-        return body + (CLOCK_SIZE if self.clock else 0) + (MEMORY_SIZE if self.memory else 0)
+        return body + (CLOCK_SIZE if self.clock else 0) + (self.memory_size if self.memory else 0)
 
     def vector(self, state: Tensor, proprio: Tensor, time: Tensor, memory: Tensor | None) -> Tensor:
         """The input vector (N, size).
@@ -54,7 +68,7 @@ class InputConfig:
             state: (N, 300) S_current.
             proprio: (N, 48).
             time: (N,) since the start [s].
-            memory: (N, 10) of perception.seat_memory; needed if `memory` is on.
+            memory: (N, memory_size) of goals.KnownGoal; needed if `memory` is on.
         """
         if self.body == "proprio":
             parts = [proprio]
@@ -78,7 +92,7 @@ class Batch:
     vector: Tensor
     """(B, size) input vectors."""
     elevation: Tensor | None
-    """(B, 1, 128, 128) maps of the same frames [m], or None if the learner sees none."""
+    """(B, channels, 128, 128) maps of the same frames [m], or None if the learner sees none."""
     actions: Tensor
     """(B, chunk, A) joint position targets of this frame and the next ones [rad]."""
     pad: Tensor

@@ -1,7 +1,7 @@
 """Learning to see a task's goal: maps of objects from random places, turned and mirrored, and the errors on new ones.
 
 Objects that look alike from several sides have several right answers; the loss takes the one that is nearest to what
-the network says, so that it need not tell what nobody can.
+the network says, of those that face the robot, so that it need not tell what nobody can.
 """
 
 import math
@@ -17,10 +17,13 @@ from torch import Tensor
 from torch.nn import functional
 
 from mimicbench.core import rotations as rot
+from mimicbench.core.checkpoint import CONFIG
+from mimicbench.core.parallel import counter
 from mimicbench.core.seeds import digest
 from mimicbench.core.training import NetworkState, OptimizerState, resume_training, save_training
-from mimicbench.imitate.perception import Perception, PerceptionConfig, window
+from mimicbench.imitate.perception import Perception, PerceptionConfig, save_perception, window
 from mimicbench.objects.shape import SceneObject
+from mimicbench.robots.description import Robot
 from mimicbench.robots.rigs import Rig
 from mimicbench.sensors.cameras import CameraMaps
 from mimicbench.sensors.heightmap import CELLS, ObjectMaps
@@ -170,14 +173,16 @@ def train_perception(
 
 
 def _windows(net: Perception, task: Task, objects: Sequence[SceneObject]) -> tuple[Tensor, Tensor, Tensor]:
-    """What the network learns from: windows (N, W, W), their centers (N, 2) and all right answers (N, A, G)."""
+    """What the network learns from: windows (N, W, W), their centers (N, 2) and right answers (N, A, G)
+    that face the robot.
+    """
     views, centers, answers = [], [], []
     for first in range(0, net.config.maps, 512):
         drawn = draw_maps(net.config, task, objects, min(512, net.config.maps - first), f"train {first}")
         view, center = window(drawn.maps + drawn.root_height[:, None, None], net.window, net.cell)
         views.append(view)
         centers.append(center)
-        answers.append(drawn.answers)
+        answers.append(task.goal.facing(drawn.answers))
     return torch.cat(views), torch.cat(centers), torch.cat(answers)
 
 
@@ -220,3 +225,24 @@ def evaluate_perception(
     found = net.perceive(elevation, drawn.root_height)
     errors = net.goal.errors(found, net.goal.nearest(found, drawn.answers))
     return {name: float(error.median()) for name, error in errors.items()}
+
+
+def make_perception(
+    folder: Path,
+    task: Task,
+    robot: Robot,
+    objects: Sequence[SceneObject],
+    held_out: Sequence[SceneObject],
+    config: PerceptionConfig,
+    quiet: bool,
+) -> dict[str, float]:
+    """Learn to find a task's goal beside `objects` in elevation maps; `held_out` measures how well. Does nothing if
+    that is done.
+    """
+    if (folder / CONFIG).exists():
+        return {}
+    with counter(config.steps, "perception", quiet) as tick:
+        network = train_perception(folder, config, task, objects, lambda batches, loss: tick(batches))
+    error = evaluate_perception(network, task, held_out)
+    save_perception(folder, network, robot.name, error)
+    return error

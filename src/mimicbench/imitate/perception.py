@@ -1,5 +1,4 @@
-"""Where is what the task is done with? A small network that reads a task's goal off one elevation map, and the memory
-of it that a policy carries along.
+"""Where is what the task is done with? A small network that reads a task's goal off one elevation map.
 
 What a goal consists of, the task says (`tasks.goal`); it is found in the heading frame of the robot's root.
 
@@ -7,8 +6,8 @@ The network looks at a window around whatever rises from the floor, with each ce
 more channels (what is hidden depends on where one stands), and gives the goal relative to the window. It learns from
 maps as the cameras make them, with what they cannot see left out, and from complete ones.
 
-Part of what is to be found can be hidden. So the network also says how far off it may be, and GoalMemory, which looks
-again while the robot walks, keeps the surest look.
+Part of what is to be found can be hidden. So the network also says how far off it may be, and imitate.goals,
+which looks again while the robot walks, keeps the surest look.
 """
 
 from collections.abc import Mapping
@@ -24,12 +23,8 @@ from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.settings import Positive
 from mimicbench.sensors.heightmap import CELLS
 from mimicbench.tasks.registry import TASKS
-from mimicbench.tasks.seat import describe_seat
-from mimicbench.tasks.sit_chair import TASK as SIT_CHAIR
 from mimicbench.tasks.task import Task
 
-SURE = 0.02
-"""[m] Who expects to be off by less than this does not look again."""
 _RAISED = 0.12
 """[m] above the floor: what is higher belongs to an object; far above the noise."""
 
@@ -160,52 +155,6 @@ def _window_cells(height: Tensor, size: int) -> tuple[Tensor, Tensor]:
     return axes[0], axes[1]
 
 
-class GoalMemory:
-    """What N robots remember of their goal: the surest look at it so far, carried along by odometry."""
-
-    def __init__(self, perception: Perception, robots: int, device: torch.device | str = "cpu") -> None:
-        """Nothing is remembered before the first `look` of each robot. `device` is where perception and senses are."""
-        self.perception = perception
-        self.spec = perception.goal
-        self.goal = torch.zeros(robots, self.spec.size, device=device)
-        """(N, G) in the heading frame of each robot's start."""
-        self.uncertainty = torch.full((robots,), torch.inf, device=device)
-        """(N,) how far off it may be [m]."""
-
-    def forget(self, ids: Tensor) -> None:
-        """Robots `ids` (M,) begin anew."""
-        self.uncertainty[ids] = torch.inf
-
-    def look(
-        self, ids: Tensor, elevation: Tensor, root_height: Tensor, odometry_pos: Tensor, odometry_yaw: Tensor
-    ) -> None:
-        """Robots `ids` (M,) look; who is surer than before remembers what is seen now.
-
-        Args:
-            ids: (M,) who looks.
-            elevation: (M, 128, 128) their maps [m].
-            root_height: (M,) [m].
-            odometry_pos: (M, 2) their positions in the heading frame of their start [m].
-            odometry_yaw: (M,) their headings since then [rad].
-        """
-        seen, uncertainty = self.perception.look(elevation, root_height)
-        found = self.spec.from_root(seen, odometry_pos, odometry_yaw)
-        # a little surer is not enough: what is remembered should not jump about
-        surer = uncertainty < 0.7 * self.uncertainty[ids]
-        self.goal[ids] = torch.where(surer[:, None], found, self.goal[ids])
-        self.uncertainty[ids] = torch.where(surer, uncertainty, self.uncertainty[ids])
-
-    def unsure(self, odometry_pos: Tensor, odometry_yaw: Tensor) -> Tensor:
-        """(M,) robots that should look again: unsure, and not so near yet that the map shows less than before."""
-        now = self.spec.to_root(self.goal, odometry_pos, odometry_yaw)[:, self.spec.where]
-        near = self.perception.config.distance[0] + 0.1
-        return torch.nonzero((self.uncertainty > SURE) & (now.norm(dim=-1) > near))[:, 0]
-
-    def recall(self, odometry_pos: Tensor, odometry_yaw: Tensor) -> Tensor:
-        """The memory (N, memory_size) of all robots, as `GoalSpec.carried`."""
-        return self.spec.carried(self.goal, odometry_pos, odometry_yaw)
-
-
 def save_perception(folder: Path, net: Perception, robot: str, error: Mapping[str, float] | None = None) -> None:
     """Write a checkpoint of kind `perception`, with its errors on unseen objects, if they were measured."""
     notes = {"task": net.task_name, **({} if error is None else {"error": dict(error)})}
@@ -227,25 +176,3 @@ def load_perception(folder: Path, robot: str) -> Perception:
         raise BadCheckpoint(f"{folder} does not say which task's goal it finds; learn it again")
     config = checkpoint.config_as(PerceptionConfig)
     return built(checkpoint, lambda: Perception(config, TASKS.get(task)), [len(config.widths)])
-
-
-# What the planner and the cloners know of their goal, until they take any.
-SEAT = SIT_CHAIR.goal
-SEAT_SIZE, MEMORY_SIZE = SEAT.size, SEAT.memory_size
-seat_of, seat_in_root, seat_memory, disturb_seat = describe_seat, SEAT.to_root, SEAT.carried, SEAT.disturbed
-
-
-class SeatMemory(GoalMemory):
-    """A memory of a seat."""
-
-    @property
-    def seat(self) -> Tensor:
-        """(N, 6) in the heading frame of each robot's start."""
-        return self.goal
-
-    @property
-    def doubt(self) -> Tensor:
-        """(N,) how far off it may be [m]."""
-        return self.uncertainty
-
-    doubtful = GoalMemory.unsure

@@ -1,13 +1,15 @@
 """A planner over the tracker, learned by DAgger: HIT's two stages in closed loop.
 
-The planner sees the robot's own body, a clock, and the seat as it was seen in the first elevation map, carried along by
-odometry. It says what the tracker needs to be told: its reference one and five frames ahead, relative to the body. The
-tracker turns that into joint targets. While learning, the label is the clip's own next frames at the same time index,
-seen from wherever the robot has got to; who drives changes from the tracker on true references to the planner itself.
+The planner sees the robot's own body, a clock, and its goal: found in an elevation map and carried along by odometry,
+or told. It says what the tracker needs to be told: its reference one and five frames ahead and, where an object is
+moved, where that is and is to be, all relative to the body. The tracker turns that into joint targets. While learning,
+the label is the clip's own next frames at the same time index, seen from wherever the robot has got to, and the true
+place of the object, which the planner has to tell by the body that holds it; who drives changes from the tracker on
+true references to the planner itself.
 
-What a clip chose beyond its start and its object is told by its style, such as which way it turns its back to the seat.
+What a clip chose beyond its start and its object is told by its style, such as which way it turns its back to it.
 Two choices have no middle: a planner that has to guess them from where it stands wavers, and falls. So the style is an
-input, and a small network, the chooser, settles it once, by the first look.
+input, and a small network, the chooser, settles it once, by what is known of the goal first.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,13 +26,14 @@ from mimicbench.core.settings import Positive
 from mimicbench.envs.clip_starts import ClipStartConfig
 from mimicbench.imitate.clock import SIZE as CLOCK_SIZE
 from mimicbench.imitate.clock import clock_features
-from mimicbench.imitate.perception import MEMORY_SIZE, SEAT_SIZE, Perception, SeatMemory, load_perception
-from mimicbench.imitate.policy import BODY, look_again, look_first, recall
+from mimicbench.imitate.goals import KnownGoal, known_goal
+from mimicbench.imitate.plan import PlanLayout
+from mimicbench.imitate.policy import BODY
 from mimicbench.robots.description import Robot
-from mimicbench.sensors.observations import Observations
+from mimicbench.sensors.observations import TERMS, Observations, chosen_terms
 from mimicbench.tasks.task import Task
 from mimicbench.track.checkpoint import load_tracker
-from mimicbench.track.spec import Tracker, sizes
+from mimicbench.track.spec import Tracker, TrackerSpec
 from mimicbench.track.tracking import EndConfig, TrackingConfig
 
 
@@ -64,19 +67,47 @@ class PlannerConfig:
     """Threads of the network's arithmetic. Sums round differently with another number, so it is part of the result."""
     tracking: TrackingConfig = field(
         default_factory=lambda: TrackingConfig(
-            ClipStartConfig(first_frame=0.5), push=0.2, ends=EndConfig(0.5, 1.0, 0.25, 0.3)
+            ClipStartConfig(first_frame=0.5), hold=4.0, push=0.2, ends=EndConfig(0.5, 1.0, 0.25, 0.3)
         )
     )
     """Starts, disturbances and ends of training episodes. Pushed no harder than what the tracker survives: who falls
-    teaches nothing."""
+    teaches nothing. They hold the last pose long enough for a slow drift to show, and the clock shows all times to the
+    time limit meanwhile (imitate.dagger)."""
+
+
+@dataclass(frozen=True)
+class PlannerSizes:
+    """What a planner takes and gives, in numbers."""
+
+    body: int
+    """Of what the robot measures of itself."""
+    goal: int
+    """Of the goal as it is known first."""
+    memory: int
+    """Of what is known of it by now."""
+    plan: int
+    """Of what the tracker is told."""
+    style: int
+    """Of what clips choose."""
+
+    @staticmethod
+    def of(robot: Robot, task: Task, spec: TrackerSpec, style: int) -> "PlannerSizes":
+        """For a robot at a task, over a tracker, and clips of so much style."""
+        (body,) = TERMS["proprio"].shape(robot, task)
+        return PlannerSizes(body, task.goal.size, task.goal.memory_size, PlanLayout(spec, robot, task).size, style)
+
+    @property
+    def inputs(self) -> int:
+        """All that it takes."""
+        return self.body + CLOCK_SIZE + self.memory + self.style
 
 
 class PlannerNetwork(nn.Module):
-    """Body, clock, memory and style -> plan; and the first look -> style. All are normalized inside."""
+    """Body, clock, memory and style -> plan; and the goal as known first -> style. All are normalized inside."""
 
-    def __init__(self, joints: int, plan: int, style: int, hidden: tuple[int, ...]) -> None:
-        """For a robot with so many joints, a tracker that is told so many numbers, and clips of so much style."""
+    def __init__(self, sizes: PlannerSizes, hidden: tuple[int, ...]) -> None:
         super().__init__()
+        self.sizes = sizes
         self.input_mean: torch.Tensor
         self.input_std: torch.Tensor
         self.plan_mean: torch.Tensor
@@ -84,13 +115,13 @@ class PlannerNetwork(nn.Module):
         self.style_mean: torch.Tensor
         self.style_std: torch.Tensor
         self.style_is_choice: torch.Tensor
-        inputs, outputs = 10 + 2 * joints + CLOCK_SIZE + MEMORY_SIZE + style, plan
+        inputs, outputs, style = sizes.inputs, sizes.plan, sizes.style
         for name, size in (("input", inputs), ("plan", outputs), ("style", style)):
             self.register_buffer(f"{name}_mean", torch.zeros(size))
             self.register_buffer(f"{name}_std", torch.ones(size))
         self.register_buffer("style_is_choice", torch.zeros(style))
         self.chooser = (
-            nn.Sequential(nn.Linear(SEAT_SIZE, 64), nn.ELU(), nn.Linear(64, 64), nn.ELU(), nn.Linear(64, style))
+            nn.Sequential(nn.Linear(sizes.goal, 64), nn.ELU(), nn.Linear(64, 64), nn.ELU(), nn.Linear(64, style))
             if style
             else nn.Sequential()
         )
@@ -122,13 +153,13 @@ class PlannerNetwork(nn.Module):
         """(N, S) styles with mean 0 and deviation 1, as the chooser gives and the planner takes them."""
         return (style - self.style_mean) / self.style_std
 
-    def choose(self, seat: torch.Tensor) -> torch.Tensor:
-        """(N, S) the normalized style for seats (N, 6) as first seen: the expected one, and the likelier of two
+    def choose(self, goal: torch.Tensor) -> torch.Tensor:
+        """(N, S) the normalized style for goals (N, G) as first known: the expected one, and the likelier of two
         choices.
         """
         if not len(self.style_mean):
-            return seat.new_zeros(len(seat), 0)
-        expected = self.chooser(seat)
+            return goal.new_zeros(len(goal), 0)
+        expected = self.chooser(goal)
         side = torch.where(expected * self.style_std + self.style_mean >= 0, 1.0, -1.0)
         return torch.where(self.style_is_choice > 0, self.normalized_style(side), expected)
 
@@ -136,7 +167,7 @@ class PlannerNetwork(nn.Module):
 def planner_inputs(
     body: torch.Tensor, seconds: torch.Tensor, memory: torch.Tensor, style: torch.Tensor
 ) -> torch.Tensor:
-    """(N, 48 + 13 + 10 + S for the H1) what the planner sees; `style` is normalized."""
+    """(N, PlannerSizes.inputs) what the planner sees; `style` is normalized."""
     return torch.cat([body, clock_features(seconds), memory, style], -1)
 
 
@@ -148,52 +179,48 @@ def styles_of(motions: Sequence[RobotMotion]) -> tuple[tuple[str, ...], torch.Te
     ).reshape(len(motions), len(names))
 
 
-def plan_terms(tracker: Tracker, plan: torch.Tensor, robot: Robot, task: Task) -> dict[str, torch.Tensor]:
-    """The terms that a plan (N, P) tells the tracker, by name."""
-    names = tracker.spec.plan(task)
-    return dict(zip(names, plan.split(sizes(names, robot, task), -1), strict=True))
+def own_terms(spec: TrackerSpec, task: Task) -> tuple[str, ...]:
+    """Names of what a tracker observes that a robot senses itself, all but the last action, which is the tracker's."""
+    names = (term.name for term in chosen_terms(spec.observations, task) if not term.privileged)
+    return tuple(name for name in names if name != "last_action")
 
 
 class PlannerPolicy:
-    """The planner in closed loop: looks, remembers, looks again while unsure, plans every frame for the tracker."""
+    """The planner in closed loop: knows its goal, settles its style, plans every frame for the tracker."""
 
-    observations: tuple[str, ...] = (*BODY, "elevation")
-
-    def __init__(
-        self, robot: Robot, task: Task, network: PlannerNetwork, tracker: Tracker, perception: Perception
-    ) -> None:
-        self._robot, self._task, self._network, self._tracker = robot, task, network, tracker
+    def __init__(self, robot: Robot, task: Task, network: PlannerNetwork, tracker: Tracker, goal: KnownGoal) -> None:
+        self._robot, self._network, self._tracker, self._goal = robot, network, tracker, goal
+        self._layout, self._own = PlanLayout(tracker.spec, robot, task), own_terms(tracker.spec, task)
         self.gains = tracker.spec.gains
-        self._memory = SeatMemory(perception, 0)
+        self.observations: tuple[str, ...] = tuple(dict.fromkeys((*BODY, *goal.observations, *self._own)))
         self._last_action = torch.zeros(0, len(robot.joints))
-        self._style = torch.zeros(0, len(network.style_mean))
+        self._style = torch.zeros(0, network.sizes.style)
 
     def to(self, device: str) -> None:
         """Move the networks to a device."""
         self._network.to(device)
         self._tracker.network.to(device)
-        self._memory = SeatMemory(self._memory.perception.to(device), 0)
+        self._goal.to(device)
         self._last_action, self._style = self._last_action[:0].to(device), self._style[:0].to(device)
 
     @torch.no_grad()
     def reset(self, ids: torch.Tensor, obs: Observations) -> None:
-        """Look at the first map, remember the seat, and settle how to go about it."""
+        """Find out about the goal, and settle how to go about it."""
         robots, device = obs.num_envs, obs["time"].device
         if len(self._last_action) != robots:
-            self._memory = SeatMemory(self._memory.perception, robots, device)
             self._last_action = torch.zeros(robots, len(self._robot.joints), device=device)
-            self._style = torch.zeros(robots, len(self._network.style_mean), device=device)
-        look_first(self._memory, ids, obs)
+            self._style = torch.zeros(robots, self._network.sizes.style, device=device)
+        self._goal.begin(ids, obs)
         self._last_action[ids] = 0.0
-        self._style[ids] = self._network.choose(self._memory.seat[ids])
+        self._style[ids] = self._network.choose(self._goal.goal[ids])
 
     @torch.no_grad()
     def act(self, obs: Observations) -> torch.Tensor:
         """Joint position targets (N, J) [rad]."""
-        look_again(self._memory, obs)
-        inputs = planner_inputs(obs["proprio"], obs["time"][:, 0], recall(self._memory, obs), self._style)
-        plan = plan_terms(self._tracker, self._network.plan(inputs), self._robot, self._task)
-        terms = {"proprio": obs["proprio"], "last_action": self._last_action, **plan}
+        memory = self._goal.recall(obs)
+        inputs = planner_inputs(obs["proprio"], obs["time"][:, 0], memory, self._style)
+        plan = self._layout.split(self._network.plan(inputs))
+        terms = {**{name: obs[name] for name in self._own}, "last_action": self._last_action, **plan}
         self._last_action = self._tracker.action(terms)
         return self._tracker.target(self._robot, terms, self._last_action)
 
@@ -213,14 +240,14 @@ def save_planner(
 
 
 def load_planner(folder: Path, robot: Robot, task: Task) -> PlannerPolicy:
-    """Read a planner with the `tracker` and the `perception` in the folders beside it. Raises BadCheckpoint."""
+    """Read a planner with the `tracker` and, if the task's goal has to be found, the `perception` in the folders beside
+    it. Raises BadCheckpoint.
+    """
     checkpoint = load_checkpoint(folder, "planner", robot.name)
     config = checkpoint.config_as(PlannerConfig)
     tracker = load_tracker(folder.parent / "tracker", robot)
-    perception = load_perception(folder.parent / "perception", robot.name)
+    goal = known_goal(folder.parent / "perception", robot, task)
     style = checkpoint.tensors["style_mean"].size if "style_mean" in checkpoint.tensors else 0
-    plan = sum(sizes(tracker.spec.plan(task), robot, task))
-    network = built(
-        checkpoint, lambda: PlannerNetwork(len(robot.joints), plan, style, config.hidden), [len(config.hidden)]
-    )
-    return PlannerPolicy(robot, task, network, tracker, perception)
+    sizes = PlannerSizes.of(robot, task, tracker.spec, style)
+    network = built(checkpoint, lambda: PlannerNetwork(sizes, config.hidden), [len(config.hidden)])
+    return PlannerPolicy(robot, task, network, tracker, goal)

@@ -1,95 +1,60 @@
-"""Learners in their closed loop: what they look at, when they look again, and what they do."""
+"""Learners in their closed loop."""
 
 import torch
 from torch import Tensor
 
 from mimicbench.core.errors import MimicbenchError
+from mimicbench.imitate.goals import KnownGoal
 from mimicbench.imitate.inputs import Learner
-from mimicbench.imitate.perception import Perception, SeatMemory
 from mimicbench.sensors.observations import Observations
 
 BODY = ("proprio", "time", "odometry")
-"""What every policy with a memory observes beside maps."""
-LOOK_EVERY = 1.0
-"""[s] between the looks of a robot that is not sure yet where the seat is."""
-
-
-def look_first(memory: SeatMemory, ids: Tensor, obs: Observations) -> None:
-    """Robots `ids` (M,) begin anew and remember the seat as they see it now."""
-    memory.forget(ids)
-    _look(memory, ids, obs)
-
-
-def _look(memory: SeatMemory, ids: Tensor, obs: Observations) -> None:
-    """Robots `ids` (M,) look at the map of this frame."""
-    odometry = obs["odometry"][ids]
-    memory.look(ids, obs.of("elevation", ids), obs["proprio"][ids, 3], odometry[:, :2], odometry[:, 2])
-
-
-def look_again(memory: SeatMemory, obs: Observations) -> None:
-    """Robots that are not sure look again, at every whole multiple of LOOK_EVERY since their start."""
-    time, odometry = obs["time"][:, 0], obs["odometry"]
-    looks = time / LOOK_EVERY
-    due = (time > 0) & ((looks - looks.round()).abs() * LOOK_EVERY < 1e-3)
-    if not due.any():
-        return
-    ids = memory.doubtful(odometry[:, :2], odometry[:, 2])
-    ids = ids[due[ids]]
-    if len(ids):
-        _look(memory, ids, obs)
-
-
-def recall(memory: SeatMemory, obs: Observations) -> Tensor:
-    """(N, M) what robots remember by now."""
-    odometry = obs["odometry"]
-    return memory.recall(odometry[:, :2], odometry[:, 2])
+"""What every policy observes beside maps and goals."""
 
 
 class VisionPolicy:
-    """A learner in its closed loop: sees, remembers the seat if it was taught to, and takes the first predicted
-    action, every frame.
+    """A learner in its closed loop: sees, knows its goal if it was taught to, and takes the first predicted action,
+    every frame.
     """
 
-    def __init__(self, learner: Learner, perception: Perception | None = None, gains: str = "improved") -> None:
+    def __init__(self, learner: Learner, goal: KnownGoal | None = None, gains: str = "improved") -> None:
         """`gains` are those of the tracker whose demonstrations it cloned."""
         self.gains = gains
-        if learner.inputs.memory and perception is None:
-            raise MimicbenchError(
-                "this policy remembers the seat that it saw at the start; give it a perception checkpoint too"
-            )
+        if learner.inputs.memory and goal is None:
+            raise MimicbenchError("this policy remembers its goal; give it what it knows of that, too")
         self.learner = learner.eval()
+        self._goal = goal if learner.inputs.memory else None
         inputs = learner.inputs
-        self.observations: tuple[str, ...] = (
+        self._maps = (
+            *(("heightmap",) if inputs.elevation else ()),
+            *(("target_elevation",) if inputs.targets else ()),
+        )
+        wanted = (
             *(("state",) if inputs.body == "state" else ()),
             *BODY,
-            *(("heightmap",) if inputs.elevation else ()),
-            *(("elevation",) if inputs.memory else ()),
+            *self._maps,
+            *(self._goal.observations if self._goal else ()),
         )
-        self._memory = None if perception is None or not learner.inputs.memory else SeatMemory(perception, 0)
+        self.observations: tuple[str, ...] = tuple(dict.fromkeys(wanted))
 
     def to(self, device: str) -> None:
         """Move the networks to a device."""
         self.learner.to(device)
-        if self._memory is not None:
-            self._memory = SeatMemory(self._memory.perception.to(device), 0)
+        if self._goal is not None:
+            self._goal.to(device)
 
     @torch.no_grad()
     def reset(self, ids: Tensor, obs: Observations) -> None:
-        """Look and remember the seat."""
-        if self._memory is None:
-            return
-        if len(self._memory.doubt) != obs.num_envs:
-            self._memory = SeatMemory(self._memory.perception, obs.num_envs, obs["time"].device)
-        look_first(self._memory, ids, obs)
+        """Find out about the goal, and remember it."""
+        if self._goal is not None:
+            self._goal.begin(ids, obs)
 
     @torch.no_grad()
     def act(self, obs: Observations) -> Tensor:
-        """Joint position targets (N, 19) [rad]."""
-        memory = None
-        if self._memory is not None:
-            look_again(self._memory, obs)
-            memory = recall(self._memory, obs)
+        """Joint position targets (N, J) [rad]."""
         inputs = self.learner.inputs
+        memory = None if self._goal is None else self._goal.recall(obs)
         state = obs["state"] if inputs.body == "state" else obs["proprio"]
         vector = inputs.vector(state, obs["proprio"], obs["time"][:, 0], memory)
-        return self.learner.predict(vector, obs["heightmap"][:, None] if inputs.elevation else None)
+        maps = torch.stack([obs[name] for name in self._maps], 1) if self._maps else None
+        return self.learner.predict(vector, maps)

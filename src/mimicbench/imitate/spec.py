@@ -25,6 +25,11 @@ class ImitateConfig:
     clones: ClassVar[bool] = False
     """Whether it learns from demonstrations."""
 
+    @property
+    def remembers(self) -> bool:
+        """Whether it remembers its goal, so that it needs eyes for what has to be found."""
+        return True
+
     @staticmethod
     def chosen(tree: Mapping[str, Any]) -> type["ImitateConfig"]:
         """The class of the learner that a tree of values names. Raises UnknownName."""
@@ -35,7 +40,7 @@ class ImitateConfig:
 
 @dataclass(frozen=True)
 class Given:
-    """What a learner learns from. Beside its folder are copies of the tracker and of the eyes that it may use."""
+    """What a learner learns from. Beside its folder are copies of the tracker, and of the eyes if it uses any."""
 
     clips: ClipSet
     """Clips of the training objects."""

@@ -46,6 +46,8 @@ class Term:
     """Whether the task has it."""
     some: Callable[[StepContext, Tensor], Tensor] | None = None
     """(n, *shape) of robots (n,) alone, if that is cheaper than picking them out of all."""
+    turns: tuple[int, ...] = ()
+    """Where in it rotation vectors begin: half a turn is the same to the left and to the right."""
     low: float = -BOUND
     high: float = BOUND
     dtype: torch.dtype = torch.float32
@@ -153,6 +155,7 @@ def _ahead(steps: int) -> list[Term]:
             lambda context: object_in_root(context.state, context.reference(steps).object),
             privileged=True,
             exists=_moves,
+            turns=(3,),
         ),
     ]
 
@@ -188,6 +191,7 @@ _TERMS = (
         lambda context: object_in_root(context.state, context.object),
         privileged=True,
         exists=_moves,
+        turns=(3,),
     ),
     Term(
         "body_target",

@@ -25,8 +25,10 @@ def describe_berth(obj: SceneObject) -> np.ndarray:
     return np.array([*middle, 0.0, 1.0, head[1], head[0], height, sides[along], sides[1 - along]])
 
 
-def berth(window: float) -> GoalSpec:
-    """Goals for what one lies on, of objects that fit into a window [m]."""
+def berth(window: float, near: float) -> GoalSpec:
+    """Goals for what one lies on, of objects that fit into a window [m], whose front is less than `near` [m] from the
+    middle.
+    """
     return GoalSpec(
         fields=(
             Field("middle", "place", noise=0.04, spread=0.2),
@@ -38,4 +40,5 @@ def berth(window: float) -> GoalSpec:
         ),
         describe=describe_berth,
         window=window,
+        near=near,
     )

@@ -58,6 +58,8 @@ class GoalSpec:
     Raises BadObject if the object has none."""
     window: float = 0.0
     """[m] Side of the part of the map to look at, with room for every object at any angle; 0 if goals are given."""
+    near: float = 0.0
+    """[m] Who is no farther from the goal's middle is at the object, may have moved it, and does not look any more."""
 
     @property
     def given(self) -> bool:
@@ -121,8 +123,20 @@ class GoalSpec:
         most = max(map(len, each))
         return torch.tensor(np.array([answers[np.arange(most) % len(answers)] for answers in each])).float()
 
+    def facing(self, answers: Tensor) -> Tensor:
+        """(N, A, G) right answers in heading frames, each whose front (the first direction) is turned away from the
+        robot replaced by the one that faces it most: clips start in front of their objects.
+        """
+        import torch
+
+        (x, y), (s, c) = self.where, self._directions[0]
+        length = answers[..., (x, y)].norm(dim=-1).clamp(min=1e-6)
+        front = -(answers[..., c] * answers[..., x] + answers[..., s] * answers[..., y]) / length
+        most = answers[torch.arange(len(answers), device=answers.device), front.argmax(-1)]
+        return torch.where((front > 0)[..., None], answers, most[:, None])
+
     def told(self, wrist_goal_w: Tensor) -> Tensor:
-        """(..., G) given goals, from places of the wrists (..., 2, 3) in the world [m]."""
+        """(..., G) given goals, from places of the wrists (..., 2, 3) [m]."""
         return wrist_goal_w.flatten(-2)
 
     def to_root(self, goal: Tensor, root_pos: Tensor, root_yaw: Tensor) -> Tensor:
@@ -157,9 +171,12 @@ class GoalSpec:
             odometry_pos: (..., 2) the root's position in the heading frame of the start, by its own reckoning [m].
             odometry_yaw: (...) its heading since then [rad].
         """
+        return self.joined(goal, self.to_root(goal, odometry_pos, odometry_yaw))
+
+    def joined(self, goal: Tensor, now: Tensor) -> Tensor:
+        """What is remembered (..., memory_size), of goals (..., G) in the heading frame of the start, and of now."""
         import torch
 
-        now = self.to_root(goal, odometry_pos, odometry_yaw)
         return torch.cat([goal, now[..., self._moving]], -1)
 
     def now(self, memory: Tensor) -> Tensor:

@@ -54,7 +54,7 @@ TASK = Task(
         Shortfall("an ankle {} too high", lambda body, obj: _worse(_above, body, obj)),
         Shortfall("an ankle {} too low", lambda body, obj: _worse(_below, body, obj)),
     ),
-    goal=berth(window=3.6),
+    goal=berth(window=3.6, near=1.3),
     in_last_frame=False,
     requires_seat=True,
     upright=False,

@@ -29,7 +29,7 @@ TASK = Task(
         Shortfall("pelvis {} too low", lambda body, obj: obj.seat_height - body.pelvis_pos_w[:, 2]),
         Shortfall("an ankle {} too low", lambda body, obj: 0.5 * obj.high[:, 2] - body.ankle_pos_w[..., 2].min(-1)),
     ),
-    goal=berth(window=3.6),
+    goal=berth(window=3.6, near=0.9),
     in_last_frame=False,
     requires_seat=True,
     upright=False,

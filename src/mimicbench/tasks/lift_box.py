@@ -47,6 +47,7 @@ TASK = Task(
         ),
         describe=describe_box,
         window=1.28,
+        near=0.75,
     ),
     in_last_frame=True,
     requires_seat=False,

@@ -122,7 +122,7 @@ class ACT(Learner):
         self.state_to_token = nn.Linear(config.inputs.size, width)
         self.token_positions = nn.Parameter(torch.randn(1, 2, width))
         if config.inputs.elevation:
-            self.map_encoder = Encoder(config.encoder)
+            self.map_encoder = Encoder(replace(config.encoder, channels=config.inputs.channels))
             self.map_to_token = nn.Conv2d(config.encoder.widths[-1], width, 1)
             self.register_buffer("map_positions", _sine_positions_2d(config.encoder.side, width), persistent=False)
         self.encoder_layers = nn.ModuleList(_EncoderLayer(config) for _ in range(config.encoder_layers))

@@ -5,7 +5,7 @@ hidden layers gives the action; the loss is the mean squared error. The original
 needs a photograph's size; here they keep the 4 x 4 grid of a 128 x 128 map.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import torch
 from torch import Tensor, nn
@@ -67,7 +67,7 @@ class BC(Learner):
         self.config = config
         size = config.inputs.size
         if config.inputs.elevation:
-            self.map_encoder = Encoder(config.encoder)
+            self.map_encoder = Encoder(replace(config.encoder, channels=config.inputs.channels))
             widths = (config.encoder.widths[-1], *config.reduce)
             self.reduce = nn.Sequential(
                 *(nn.Conv2d(a, b, 5, padding=2) for a, b in zip(widths[:-1], widths[1:], strict=True))

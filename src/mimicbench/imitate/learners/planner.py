@@ -17,7 +17,7 @@ class PlannerImitation(ImitateConfig):
 
     planner: PlannerConfig = field(default_factory=PlannerConfig)
 
-    tracker: ClassVar[str | None] = "residual"
+    tracker: ClassVar[str | None] = None
 
 
 def learn(folder: Path, given: Given, config: PlannerImitation) -> dict[str, Any]:

@@ -1,0 +1,150 @@
+"""What learns from demonstrations, and stages from clips to policies, where objects move and where goals are told."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+import making
+from learning import ONE, ROBOT, clip_of, shape_of, tracker
+from mimicbench.benchmark import run_stage
+from mimicbench.benchmark.graph import start
+from mimicbench.benchmark.judging import judge
+from mimicbench.benchmark.recipe import EvaluateConfig
+from mimicbench.envs.clip_starts import ClipStarts
+from mimicbench.envs.reference import ReferenceBank
+from mimicbench.envs.vec_env import VecEnv
+from mimicbench.evaluate.rollout import run_policy
+from mimicbench.imitate import cloning
+from mimicbench.imitate.clock import clock_features
+from mimicbench.imitate.dataset import DemoFrames
+from mimicbench.imitate.demos import demonstrations
+from mimicbench.imitate.goals import GivenGoal
+from mimicbench.imitate.learners.bc import BCImitation
+from mimicbench.imitate.learners.bc_clock import BCClockImitation
+from mimicbench.imitate.learners.planner import PlannerImitation
+from mimicbench.imitate.lerobot import load_demos
+from mimicbench.imitate.perception import Perception, PerceptionConfig, save_perception
+from mimicbench.imitate.planner import PlannerConfig
+from mimicbench.imitate.spec import Given
+from mimicbench.imitate.stored.demo_writer import DemoWriter
+from mimicbench.imitate.train import TrainConfig
+from mimicbench.policies.loading import load_policy
+from mimicbench.sim.rows import Rows
+from mimicbench.tasks.registry import TASKS
+from mimicbench.track.ppo import PPOConfig
+from mimicbench.track.rollout import RolloutConfig, track_clips
+from mimicbench.track.train import TrackConfig
+
+OTHERS = ("lift-box", "touch-points")
+
+
+@pytest.fixture(scope="module")
+def demonstrated(tmp_path_factory):
+    """Clips of a task, and where demonstrations of them are, all of which count as successes."""
+    made = {}
+
+    def of(name):
+        if name not in made:
+            clips, folder = clip_of(TASKS.get(name)), tmp_path_factory.mktemp(name)
+            follower = tracker(shape_of("residual", *TASKS.all()))
+            rollout = track_clips(follower, clips, RolloutConfig(record=True, settle=0.1), ONE)
+            done = torch.ones_like(rollout.verdict.success)
+            rollout = replace(rollout, verdict=replace(rollout.verdict, success=done, diverged=~done))
+            writer = DemoWriter(folder, ROBOT.name, clips.task.title, ROBOT.joint_names)
+            for demo in demonstrations(rollout, clips, 0):
+                writer.add(demo)
+            writer.finish()
+            made[name] = clips, folder
+        return made[name]
+
+    return of
+
+
+def test_the_papers_clone_sees_what_it_is_told(demonstrated, tmp_path):
+    clips, folder = demonstrated("touch-points")
+    config = BCImitation(train=TrainConfig(steps=2, batch=8))
+    cloning.clone(tmp_path / "policy", Given(clips, folder, 0, "improved", making.QUIET), config)
+    policy = load_policy(tmp_path / "policy", ROBOT, clips.task)
+    assert {"heightmap", "target_elevation"} <= set(policy.observations) and policy.learner.inputs.channels == 2
+    assert not run_policy(policy, replace(clips, task=replace(clips.task, time_limit=0.1)), env_config=ONE)[0].errors
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_a_clone_knows_its_goal(name, demonstrated, tmp_path):
+    clips, folder = demonstrated(name)
+    config = BCClockImitation(train=TrainConfig(steps=2, batch=8))
+    assert config.remembers and not BCImitation().remembers
+    given = Given(clips, folder, 0, "improved", making.QUIET)
+    cloning.clone(tmp_path / "policy", given, config)
+    save = name != "touch-points"
+    if save:
+        eyes = Perception(PerceptionConfig(widths=(4, 4, 4), hidden=8), clips.task)
+        save_perception(tmp_path / "perception", eyes, ROBOT.name)
+    policy = load_policy(tmp_path / "policy", ROBOT, clips.task)
+    assert policy.learner.inputs.memory_size == clips.task.goal.memory_size
+    assert isinstance(policy._goal, GivenGoal) != save
+    (run,) = run_policy(policy, replace(clips, task=replace(clips.task, time_limit=0.2)), env_config=ONE)
+    assert not run.errors
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_what_is_learned_from_is_what_will_be_observed(name, demonstrated):
+    """Body, memory and map of a demonstration's frame, and of an environment in the same state."""
+    clips, folder = demonstrated(name)
+    inputs = replace(BCClockImitation().network.inputs, elevation=True).of(clips.task)
+    demos = load_demos(folder, ROBOT.name, state=False)
+    scene = list(clips.objects.values())
+    frames = DemoFrames(
+        demos, clips.objects, inputs, 1, cloning._plain_maps(scene, clips.task), cloning._goals(demos, clips)
+    )
+    bank = ReferenceBank(clips.motions, ROBOT)
+    env = VecEnv(clips.task, ROBOT, clips.scenes, ONE, bank=bank)
+    starts = ClipStarts(bank, env.physics.add_objects(clips.scenes), ROBOT)
+    env.reset(Rows.every(1, env.device), starts.at(torch.zeros(1).long(), torch.zeros(1).long()))
+    known = GivenGoal(clips.task.goal)
+    senses = ("proprio", "time", "odometry", "heightmap", "targets", "target_elevation")
+    obs = first = env.observe(senses)
+    dict(first)  # while the robot is there
+    for step in range(int(bank.lengths[0])):
+        obs = env.observe(senses)
+        if step == 0 and clips.task.goal.given:
+            known.begin(torch.tensor([0]), obs)
+        env.step(torch.from_numpy(demos.executed_action[step])[None])
+    last = torch.tensor([int(bank.lengths[0]) - 1])
+    batch = frames.batch(last)
+    assert batch.elevation is not None
+    torch.testing.assert_close(batch.vector[:, : 48 + 13], inputs_of(obs), atol=1e-4, rtol=0)
+    torch.testing.assert_close(batch.elevation[:, 0], obs["heightmap"], atol=2e-3, rtol=0)
+    if clips.task.goal.given:
+        told = frames.elevation(torch.tensor([0]))[:, 1]
+        assert 1 <= (told > -first["proprio"][:, 3] + 0.1).sum() <= 2, "each target in one cell"
+        torch.testing.assert_close(told, first["target_elevation"], atol=2e-3, rtol=0)
+        memory = batch.vector[:, -clips.task.goal.memory_size :]
+        torch.testing.assert_close(memory, known.recall(obs), atol=5e-3, rtol=0)
+
+
+def inputs_of(obs):
+    return torch.cat([obs["proprio"], clock_features(obs["time"][:, 0])], -1)
+
+
+@pytest.mark.parametrize("task", OTHERS)
+def test_from_clips_to_a_policy(task, tmp_path):
+    tiny = PPOConfig(hidden=(16,), steps=8, epochs=1, minibatches=2)
+    planner = PlannerConfig(hidden=(16,), samples=32, num_envs=4, steps=4, batches=1, batch=8, memory=64)
+    recipe = making.small(
+        task,
+        objects=8,
+        clips=6,
+        track=TrackConfig(samples=64, num_envs=8, evaluate_clips=1, ppo=tiny),
+        imitate=PlannerImitation(perception=PerceptionConfig(maps=8, steps=2, batch=4), planner=planner),
+        evaluate=EvaluateConfig(episodes=2),
+    )
+    stage = run_stage("imitate", recipe, tmp_path, making.QUIET)
+    told = TASKS.get(task).goal.given
+    assert (stage.folder / "perception").exists() != told
+    assert (tmp_path / task / "perception").exists() != told, "nobody learns to see what is told"
+    rows = judge(start(recipe, tmp_path, making.QUIET), "planner")
+    assert len(rows) == 2 and not any(row.error for row in rows)
+    assert np.isfinite([row.max_energy for row in rows]).all()
