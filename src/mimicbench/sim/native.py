@@ -13,9 +13,9 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
 from mimicbench.sim.broken import BrokenLog, BrokenScene
 from mimicbench.sim.kinematics import Kinematics
-from mimicbench.sim.physics import LinkState, ObjectState, PhysicsConfig, RobotState
+from mimicbench.sim.physics import LinkState, ObjectState, PhysicsConfig, RobotState, compile_scene
 from mimicbench.sim.rows import Rows
-from mimicbench.sim.scene import SUBSTEPS, build_model
+from mimicbench.sim.scene import SUBSTEPS
 
 _WARNINGS = {
     mujoco.mjtWarning.mjWARN_BADQPOS: "positions are not finite, or too large",
@@ -72,17 +72,7 @@ class NativePhysics:
             # however many come by
             while len(self._compiled) >= max(KEPT_MODELS, 2 * self.num_envs):
                 del self._compiled[next(iter(self._compiled))]
-            config = self.config
-            self._compiled[obj.id] = build_model(
-                self.robot,
-                obj,
-                config.gains,
-                config.control,
-                config.visuals,
-                self._meshes,
-                config.friction,
-                config.mass,
-            )
+            self._compiled[obj.id] = compile_scene(self.robot, obj, self.config, self._meshes)
         return self._compiled[obj.id]
 
     def model(self, env: int) -> mujoco.MjModel:

@@ -16,6 +16,7 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
 from mimicbench.sim.broken import BrokenLog
 from mimicbench.sim.rows import Rows
+from mimicbench.sim.scene import build_model
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,11 @@ class PhysicsConfig:
     """Times the mass and inertia that the robot's links have."""
     broken_dir: Path | None = None
     """Where scenes whose physics breaks are written; None: a new temporary folder."""
+
+
+def compile_scene(robot: Robot, obj: SceneObject, config: PhysicsConfig, meshes: bool | None = None) -> mujoco.MjModel:
+    """The scene of a robot and an object; `meshes` as in `build_model`."""
+    return build_model(robot, obj, config.gains, config.control, config.visuals, meshes, config.friction, config.mass)
 
 
 @dataclass(frozen=True)

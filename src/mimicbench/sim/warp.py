@@ -6,6 +6,7 @@ Numbers have 32 bits, and a GPU adds up in no fixed order: unlike the native bac
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import mujoco
 import mujoco_warp as mjw  # pyright: ignore[reportMissingImports]
@@ -16,9 +17,9 @@ import warp as wp  # pyright: ignore[reportMissingImports]
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
 from mimicbench.sim.broken import BrokenLog, BrokenScene
-from mimicbench.sim.physics import LinkState, ObjectState, PhysicsConfig, RobotState
+from mimicbench.sim.physics import LinkState, ObjectState, PhysicsConfig, RobotState, compile_scene
 from mimicbench.sim.rows import Rows
-from mimicbench.sim.scene import SUBSTEPS, build_model
+from mimicbench.sim.scene import SUBSTEPS
 from mimicbench.sim.warp_breaks import Breaks
 from mimicbench.sim.warp_device import open_device, program
 from mimicbench.sim.warp_kernels import accumulate, guard
@@ -51,14 +52,7 @@ class WarpPhysics:
         self._broken_log = BrokenLog(self.config.broken_dir)
         self._wp_device = open_device(device)
         self._models: dict[str, mujoco.MjModel] = {}
-        base = build_model(
-            robot,
-            objects[0],
-            self.config.gains,
-            self.config.control,
-            friction=self.config.friction,
-            mass=self.config.mass,
-        )
+        base = compile_scene(robot, objects[0], replace(self.config, visuals=False))
         joints = len(robot.joints)
         self._joint_q, self._joint_v = slice(7, 7 + joints), slice(6, 6 + joints)
         self._object_q, self._object_v = slice(7 + joints, 14 + joints), slice(6 + joints, 12 + joints)
@@ -127,16 +121,7 @@ class WarpPhysics:
         if obj.id not in self._models:
             if len(self._models) >= _MODELS_KEPT:
                 self._models.clear()
-            config = self.config
-            self._models[obj.id] = build_model(
-                self.robot,
-                obj,
-                config.gains,
-                config.control,
-                config.visuals,
-                friction=config.friction,
-                mass=config.mass,
-            )
+            self._models[obj.id] = compile_scene(self.robot, obj, self.config)
         return self._models[obj.id]
 
     def qpos(self) -> np.ndarray:
