@@ -41,7 +41,7 @@ from mimicbench.report.render import (
 )
 from mimicbench.report.sheet import contact_sheet
 from mimicbench.report.showcase import Clip, Recording, Showcase, ShowConfig, draw, moments, positions
-from mimicbench.report.tables import Reported, Table, to_csv, to_latex, to_markdown, to_terminal
+from mimicbench.report.tables import Reported, Table, text, to_csv, to_latex, to_markdown, to_terminal
 from mimicbench.report.video import strip, write_video
 from mimicbench.report.write import ReportInputs, draw_plots, write_report
 from mimicbench.robots.registry import ROBOTS
@@ -214,6 +214,22 @@ def test_writers_by_hand():
     assert "75.0 % [30.1–95.4] (3/4)" in to_terminal(TABLE)
     with pytest.raises(MimicbenchError, match="1 cells under 2 columns"):
         Table("t", "", ("a", "b"), (("x",),))
+
+
+@pytest.mark.parametrize("width", [200, 100, 80, 50, 30])
+def test_terminals_break_no_words(width: int):
+    found = compare.summaries(INPUTS.rows)
+    table = compare.beside_paper_table("sit-chair", [replace(one, policy="act-clock") for one in found])
+    shown = to_terminal(table, width)
+    cells = {word for row in table.rows for cell in row for word in text(cell).split()}
+    words = {word for word in shown.replace("│", " ").replace("┃", " ").split() if word[0] not in "─━┌└├┏┡"}
+    assert cells <= words
+    assert max(map(len, shown.splitlines())) <= max(width, 45)
+    assert ("┏" in shown) == (width >= 80), "narrow terminals get a block of lines for each row"
+
+
+def test_what_is_markup_elsewhere_is_text_on_the_terminal():
+    assert "[red]a [/] b" in to_terminal(Table("t", "", ("[bold]n",), (("[red]a [/] b",),)))
 
 
 def test_comparison_with_the_paper():

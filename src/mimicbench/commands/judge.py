@@ -138,11 +138,9 @@ def table(
 
 def _tables(task: str, rows: list[EpisodeRow]) -> None:
     """Print the headline tables."""
-    from rich.console import Console
-
     from mimicbench.report.compare import summaries
-    from mimicbench.report.tables import to_rich
+    from mimicbench.report.tables import to_terminal
     from mimicbench.report.write import headline_tables
 
     for table in headline_tables(task, summaries(rows))[:2]:
-        Console().print(to_rich(table))
+        print(to_terminal(table))
