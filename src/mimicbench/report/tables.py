@@ -5,6 +5,7 @@ A table is data; every writer shows the same cells, so the same rows of episodes
 
 import csv
 import io
+import re
 import shutil
 from dataclasses import dataclass
 
@@ -160,6 +161,10 @@ def to_csv(table: Table) -> str:
     return stream.getvalue()
 
 
+_WORD = re.compile(r"\S+(?: %(?!\S))?")
+"""What stays on one line: a word, or a number with its percent sign."""
+
+
 def to_rich(table: Table, width: int = 160) -> RichTable:
     """For `rich.print` on a terminal of that many columns.
 
@@ -200,7 +205,7 @@ def _widths(table: Table, room: int) -> list[int] | None:
     None if there is no room for the words.
     """
     columns = [[name, *(text(row[i]) for row in table.rows)] for i, name in enumerate(table.columns)]
-    widths = [max((cell_len(word) for cell in column for word in cell.split()), default=1) for column in columns]
+    widths = [max((cell_len(word) for cell in column for word in _WORD.findall(cell)), default=1) for column in columns]
     whole_cells = [max(map(cell_len, column)) for column in columns]
     if sum(widths) > room:
         return None

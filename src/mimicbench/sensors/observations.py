@@ -217,12 +217,6 @@ def refuse_privileged(names: Sequence[str | Term], who: str) -> None:
             )
 
 
-def flat_size(names: Sequence[str | Term], robot: Robot, task: Task) -> int:
-    """Numbers in these terms of one robot, laid out one after the other."""
-    sizes = [torch.Size(term.shape(robot, task)).numel() for term in chosen_terms(names, task)]
-    return sum(sizes)
-
-
 class Observations(Mapping[str, Tensor]):
     """What N robots observe at one control step: terms by name. All that a policy ever sees."""
 

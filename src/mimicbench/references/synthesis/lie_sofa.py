@@ -62,18 +62,6 @@ def synthesize_lie_sofa(clip_id: str, obj: SceneObject, seed: int) -> HumanMotio
     return lie_down(clip_id, course, route, start_yaw, style)
 
 
-def make_lie_sofa(
-    clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: LieStyle
-) -> HumanMotion:
-    """The clip that follows from a start, a sofa and a style, in closed form.
-
-    The point between the ankles starts at `start_xy` (2,) [m] with heading `start_yaw` [rad].
-    """
-    body, berth, route = _plan(obj, start_xy, style)
-    course = lie_course("lie-sofa", obj, body, berth, lambda _: route, gait_of(style), style)
-    return lie_down(clip_id, course, route, start_yaw, style)
-
-
 def lie_sofa_courses(obj: SceneObject, style: LieStyle) -> tuple[Course, ...]:
     """The one way to lie down on a sofa in a style."""
     body = roam_body(style.body_scale)
