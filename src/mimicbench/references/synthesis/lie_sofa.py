@@ -19,6 +19,7 @@ from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait, plan_footsteps
 from mimicbench.references.locomotion.route import Route, around_box
 from mimicbench.references.locomotion.walking import draw_start
+from mimicbench.references.synthesis.synthesis import Synthesis
 
 MARGIN = 0.40
 """Between the way and the sofa [m]."""
@@ -123,3 +124,6 @@ def find_berth(obj: SceneObject, body: Body) -> Berth:
     return Berth(
         height, pillow, np.array([0.0, side]), np.array([1.0, 0.0]), lying, seat, stop, room, bool(end.any()), False
     )
+
+
+SYNTHESIS = Synthesis("lie-sofa", synthesize_lie_sofa, LieStyle, lambda obj, style, _: lie_sofa_courses(obj, style))
