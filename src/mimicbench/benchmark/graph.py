@@ -205,19 +205,21 @@ def make_perception_stage(run: Run) -> Stage:
 
 
 def make_imitate_stage(run: Run) -> Stage:
-    """Learn the recipe's policy: its folder holds copies of the tracker and of the eyes that it uses."""
+    """Learn the recipe's policy: its folder holds copies of the tracker and, unless goals are given, of its eyes."""
     from mimicbench.imitate.registry import LEARNERS
     from mimicbench.imitate.spec import Given
     from mimicbench.track.checkpoint import load_tracker
 
     config: ImitateConfig = run.part("imitate")
-    clips, tracker, eyes = retargeted(run), tracker_for_learning(run), make_perception_stage(run)
+    clips, tracker = retargeted(run), tracker_for_learning(run)
+    eyes = None if run.task.goal.given else make_perception_stage(run)
     demos = make_demo_stage(run) if config.clones else None
     with _opened(run, keys.imitate_key(run, tracker), *PARTS, trained=True) as stage:
         if stage.complete:
             return stage
         copy_checkpoint(tracker, stage.folder / keys.TRACKER)
-        copy_checkpoint(eyes.folder, stage.folder / keys.PERCEPTION)
+        if eyes is not None:
+            copy_checkpoint(eyes.folder, stage.folder / keys.PERCEPTION)
         gains = config.gains or load_tracker(tracker, run.robot).spec.gains
         dataset = None if demos is None else demos.folder / "dataset"
         given = Given(clips.split("train"), dataset, run.recipe.seed, gains, run.context)

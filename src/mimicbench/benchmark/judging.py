@@ -86,8 +86,8 @@ def who_of(run: Run, name: str) -> Who:
         own = run.folder(keys.imitate_key(run.changed(imitate=config), tracker))
         if keys.is_complete(own):
             return Who(name, own / keys.POLICY)
-    shipped = keys.SHIPPED / run.recipe.task / learner
-    if not (shipped / CONFIG).exists():
+    shipped = keys.shipped(run, learner)
+    if shipped is None:
         raise _nobody(run, f"imitate --learner {learner}", name)
     return Who(learner, shipped)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from mimicbench.benchmark.recipe import Recipe, stage_type
-from mimicbench.core.checkpoint import CONFIG, MODEL
+from mimicbench.core.checkpoint import CONFIG, MODEL, checkpoint_robot
 from mimicbench.core.errors import BadFile
 from mimicbench.core.files import digest_of
 from mimicbench.core.run import RunContext
@@ -142,6 +142,12 @@ def track_key(run: Run) -> StageKey:
     )
 
 
+def shipped(run: Run, name: str) -> Path | None:
+    """The checkpoint of that name which comes with the package for the recipe's task and robot, if there is one."""
+    folder = SHIPPED / run.recipe.task / name
+    return folder if (folder / CONFIG).exists() and checkpoint_robot(folder) == run.recipe.robot else None
+
+
 def tracker_folder(run: Run) -> Path | None:
     """The tracker that the recipe means: trained here, or the shipped one if that was trained as the recipe says.
 
@@ -150,9 +156,8 @@ def tracker_folder(run: Run) -> Path | None:
     own = run.folder(track_key(run))
     if is_complete(own):
         return own / CHECKPOINT
-    shipped = SHIPPED / run.recipe.task / TRACKER
     same = identity(run.part("track")) == identity(stage_type("track")())
-    return shipped if same and (shipped / CONFIG).exists() else None
+    return shipped(run, TRACKER) if same else None
 
 
 def demo_key(run: Run, tracker: Path) -> StageKey:
@@ -176,16 +181,17 @@ def perception_key(run: Run) -> StageKey:
 
 
 def imitate_key(run: Run, tracker: Path) -> StageKey:
-    """The recipe's policy, learned with the tracker in a folder."""
-    config, eyes = run.part("imitate"), perception_key(run)
-    first = demo_key(run, tracker) if config.clones else retarget_key(run)
+    """The recipe's policy, learned with the tracker in a folder, and with eyes where there is something to find."""
+    config = run.part("imitate")
+    stages = [demo_key(run, tracker) if config.clones else retarget_key(run)]
+    stages += [] if run.task.goal.given else [perception_key(run)]
     return run.key(
         "imitate",
         identity(config),
-        {first.stage: first.fingerprint, "tracker": digest_of(tracker / MODEL), "perception": eyes.fingerprint},
+        {**{key.stage: key.fingerprint for key in stages}, "tracker": digest_of(tracker / MODEL)},
         amounts=amounts(config),
         words=(config.learner,),
-        reads={first.stage: run.folder(first), "tracker": tracker, "perception": run.folder(eyes)},
+        reads={**{key.stage: run.folder(key) for key in stages}, "tracker": tracker},
     )
 
 

@@ -99,7 +99,7 @@ def beside_paper_table(task: str, found: Sequence[Summary]) -> Table:
                 )
     return Table(
         "beside_paper",
-        f"Ours beside the paper's ({TASKS[task]})",
+        f"Ours beside the paper's ({TASKS.get(task, task)})",
         ("Stage", "Method", "K, ours", "K, paper", "K and P, ours", "K and P, paper", "Stays, ours"),
         tuple(rows),
         note="Ours with 95 % Wilson intervals and k/n. Simulator, objects, clips and starts differ "
