@@ -367,11 +367,27 @@ def test_report_of_one_perfect_policy(tmp_path):
     assert "No episode failed." in html
 
 
-def test_texts_are_escaped():
-    assert page.tag("p", "x", "n") == '<p class="n">x</p>'
-    assert "&lt;b&gt;" in page.paragraph("<b>") and "&lt;b&gt;" in page.table(
-        Table("t", "", ("<b>",), (("<b>",),), note="<b>")
+def test_nothing_unescaped_gets_into_a_page(tmp_path):
+    evil = "<script>\"'&"
+    cells = Table("t", evil, (evil, "K"), ((evil, Rate(1, 2)), (evil, Reported(3))), note=evil, source=evil)
+    (tmp_path / "picture").write_bytes(b"1")
+    pieces = (
+        page.paragraph(evil),
+        page.heading(evil),
+        page.table(cells),
+        page.code(evil),
+        page.facts({evil: evil}),
+        page.folded(evil, page.paragraph(evil)),
+        page.stage(evil, evil, tmp_path / "picture"),
+        page.videos([(evil, tmp_path / "picture")]),
+        page.plot(plots.rates_plot("rates", {evil: [(evil, plots.Mark(Rate(1, 2), 0))]}), evil),
     )
+    sections = [page.Section(evil, page.joined(pieces)), page.Section("plain text", evil), page.Section("none", "")]
+    html = page.page(evil, evil, evil, [page.Tile(evil, evil, evil, (evil,))], sections, evil)
+    assert "<script" not in html and html.count("&lt;script&gt;") >= 20
+    assert not re.search(r"=\"[^\"]*<script", html)
+    mixed = page.paragraph("x") + evil  # type: ignore[operator]
+    assert "<script" not in mixed and mixed.startswith("<p>x</p>"), "plain text beside a piece is escaped"
 
 
 # --- pictures

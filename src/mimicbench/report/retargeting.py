@@ -259,7 +259,7 @@ def write_comparison(folder: Path, found: Comparison, pictures: Mapping[str, tup
         write_jpeg(folder / f"retargeting-{task}.jpg", picture, 82)
         shown.append(page.stage(task, caption, folder / f"retargeting-{task}.jpg"))
     sections = [page.Section(data.title, page.table(data)) for data in found.tables()]
-    sections += [page.Section("The same clip by every method", "".join(shown))] if shown else []
+    sections += [page.Section("The same clip by every method", page.joined(shown))] if shown else []
     names = ", ".join(dict.fromkeys(METHODS.get(result.method).title for result in found.results))
     text = page.page(
         "From people to the robot",
