@@ -16,6 +16,7 @@ from mimicbench.benchmark.recipe import stage_type
 from mimicbench.core.checkpoint import CONFIG, MODEL
 from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
 from mimicbench.core.files import digest_of
+from mimicbench.imitate.registry import LEARNERS
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
     from mimicbench.envs.clips import ClipSet
     from mimicbench.evaluate.rows import EpisodeRow
 
-BEST = "planner"
-"""The shipped policy that `best` means."""
 TRIES = 4
 """Times that more clips are made because K left too many out."""
 
@@ -75,7 +74,7 @@ def who_of(run: Run, name: str) -> Who:
         if tracker is None:
             raise _nobody(run, "track", name)
         return Who(name, tracker)
-    learner = BEST if name == "best" else name
+    learner = next(iter(LEARNERS)) if name == "best" else name
     try:
         config = stage_type("imitate", {"learner": learner})()
     except UnknownName as error:

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 from mimicbench.benchmark.presets import Chosen, preset_tree
 from mimicbench.core.errors import BadFile
 from mimicbench.core.settings import BadSetting, Count, Seed, check, merge, read, to_tree
+from mimicbench.robots.registry import DEFAULT_ROBOT
+from mimicbench.tasks.registry import DEFAULT_TASK
 
 if TYPE_CHECKING:  # some of these bring torch, which the earlier stages do without
     from mimicbench.imitate.demos import DemosConfig
@@ -48,9 +50,9 @@ class EvaluateConfig:
 class Common:
     """What all stages share."""
 
-    task: str = "sit-chair"
+    task: str = DEFAULT_TASK
     """Which task."""
-    robot: str = "h1"
+    robot: str = DEFAULT_ROBOT
     """Which robot."""
     seed: Seed = 0
     """Same seed, same results, whatever the number of workers."""

@@ -14,6 +14,24 @@ TASKS = {"sit-chair": "SC", "sit-sofa": "SS", "lie-bed": "LB", "lie-sofa": "LS",
 """Our name of each task -> the paper's abbreviation, in the paper's order."""
 
 
+COUNTERPARTS = {
+    ("track", "hst"): "Improved HST",
+    ("track", "tracker"): "Improved HST",
+    ("track", "phc"): "Simplified PHC",
+    ("track", "hst-original"): "Original HST",
+    ("imitate", "act"): "ACT",
+    ("imitate", "hit"): "HIT",
+    ("imitate", "bc"): "Behavior Cloning",
+    ("imitate", "diffusion"): "Diffusion Policy",
+    ("imitate", "ppo"): "PPO",
+    ("imitate", "omnih2o"): "OmniH2O",
+    ("imitate", "humanplus"): "HumanPlus",
+}
+"""(stage, name of ours) -> the method of the paper that it is."""
+RANKING = ("optimization", "omnih2o", "copy-rotation")
+"""The paper's finding: each method of retargeting does better than the next."""
+
+
 @dataclass(frozen=True)
 class PaperRate:
     """One entry of the paper's tables."""

@@ -213,9 +213,9 @@ def _pictures_html(inputs: ReportInputs, pictures: list[Shown] | str) -> Markup:
         return page.paragraph(pictures[:1].upper() + pictures[1:] + ("" if pictures.endswith(".") else "."))
     assert inputs.showcase is not None
     obj = inputs.showcase.obj
-    seat = f", seat at {obj.seat_height:.2f} m" if obj.seat_height is not None else ""
+    labeled = f", seat at {obj.seat_height:.2f} m" if obj.seat_height is not None else ""
     intro = page.paragraph(
-        f"The same object in every row: {obj.id} ({obj.kind}{seat}, {obj.split} split). Moments are "
+        f"The same object in every row: {obj.id} ({obj.kind}{labeled}, {obj.split} split). Moments are "
         "chosen where as much has happened since the last one."
     )
     strips = page.joined(page.stage(shown.clip.title, shown.clip.note, shown.strip) for shown in pictures)
