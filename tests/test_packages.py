@@ -54,6 +54,13 @@ def test_names_are_known_without_an_import(installed, package, registry, module,
     assert name in call(installed, "-c", "import " + OURS.format(package, registry, module)).split()
 
 
+def test_their_tasks_are_environments(installed):
+    script = (
+        "import gymnasium, mimicbench; env = gymnasium.make('mimicbench/StandBy-v0', split='all'); env.reset(seed=0)"
+    )
+    assert call(installed, "-c", script + "; print(env.unwrapped.spec.kwargs['task'])").strip() == "stand-by"
+
+
 def test_all_of_them_run_through_everything(installed, tmp_path):
     small = {
         "objects.count": 8,
