@@ -13,6 +13,7 @@ from mimicbench.core.errors import MimicbenchError, UnknownName
 from mimicbench.core.motion import RobotMotion
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.initial_states import InitialState, stacked
+from mimicbench.envs.policy import refuse_privileged
 from mimicbench.envs.reference import ReferenceBank
 from mimicbench.envs.vec_env import EnvConfig, VecEnv
 from mimicbench.evaluate.rollout import run_policy
@@ -24,7 +25,6 @@ from mimicbench.sensors.observations import (
     Observations,
     Term,
     chosen_terms,
-    refuse_privileged,
 )
 from mimicbench.sensors.opengl import NoPictures
 from mimicbench.sim.rows import Rows
