@@ -14,7 +14,7 @@ from mimicbench.references.body.posing import Trunk, pose
 from mimicbench.references.checks.quality import bearing_points, stance_slides
 from mimicbench.references.locomotion.feet import rolled
 from mimicbench.references.locomotion.gait import Gait
-from mimicbench.references.locomotion.replan import in_stride, walk_from
+from mimicbench.references.locomotion.replan import walk_from
 from mimicbench.references.locomotion.route import Route, around_box
 from mimicbench.references.locomotion.states import BodyState, state_of_motion, state_of_walk
 from mimicbench.references.locomotion.walking import FPS, Excerpt, Walk, walk
@@ -235,19 +235,6 @@ def test_state_of_a_clip_is_that_of_its_walk():
     unlabeled = HumanMotion("bare", "none", body.skeleton, FPS, way.pelvis_pos_w, clip(body, way).local_quat, "none")
     with pytest.raises(BadMotion, match="contact labels"):
         state_of_motion(unlabeled, 3)
-
-
-@pytest.mark.parametrize("phase", [0.0, 0.3, 0.55, 0.8])
-def test_people_begin_in_stride(phase: float):
-    body, gait = BODIES[0], Gait(speed=0.65)
-    state = in_stride(body, np.array([2.0, 0.3]), np.pi, gait, phase)
-    assert state.place == pytest.approx([2.0, 0.3], abs=1e-6) and state.yaw == pytest.approx(np.pi)
-    assert state.pelvis_vel_w[0] == pytest.approx(-0.64, abs=0.18)
-    new = walk_from(body, state, Route(np.stack([state.place, GOAL])), STOP, 0.0, gait, 1.0)
-    assert new.pelvis_pos_w[0] == pytest.approx(state.pelvis_pos_w, abs=1e-9)
-    assert new.feet.pos_w[0] == pytest.approx(state.feet.pos_w, abs=1e-3)
-    speed = np.linalg.norm(np.diff(new.pelvis_pos_w[:, :2], axis=0), axis=-1)[:20] * FPS
-    assert speed.min() > 0.35 and speed.max() < 1.1  # no halt
 
 
 def test_a_plan_takes_milliseconds():

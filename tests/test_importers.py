@@ -32,7 +32,6 @@ from mimicbench.references.importers.joint_names import split_name
 from mimicbench.references.importers.recording import Wishes
 from mimicbench.references.importers.registry import FORMATS, detect_format, import_recording
 from mimicbench.references.importers.rest_pose import axis_up, hanging_turns, turned
-from mimicbench.references.importers.roam import read_pose
 from mimicbench.references.importers.stride import stride_scale
 from mimicbench.references.make import Recordings, import_references
 from mimicbench.references.recordings.fit_object import nearby_distance, sample_body
@@ -541,21 +540,12 @@ def test_every_real_file_is_imported_or_refused_with_a_reason(path):
 
 
 @real
-def test_every_goal_pose_can_be_read_but_is_no_clip():
+def test_no_goal_pose_is_a_clip():
     paths = sorted((DATA / "roam" / "final_poses").glob("*.txt"))
     for path in paths:
         with pytest.raises(BadMotion, match="static goal pose"):
             import_recording(path)
-        pose = read_pose(path)
-        thighs = np.linalg.norm(pose[[18, 23]] - pose[[17, 22]], axis=-1)
-        assert pose.shape == (27, 3) and (thighs > 0.3).all() and (thighs < 0.5).all()
-        assert -0.05 < pose[:, 2].min() < 0.6, "z is up and the floor at 0"
     assert len(paths) == 40
-    standing = read_pose(DATA / "roam" / "InitTrainPose.txt")
-    assert standing[ROAM.index("HeadSite"), 2] == pytest.approx(1.617, abs=1e-3)
-    assert standing[ROAM.index("LeftUpLeg"), 1] > 0.05 and standing[ROAM.index("LeftToeBaseSite"), 0] > 0.1, (
-        "left is y, forward is x"
-    )
 
 
 @real

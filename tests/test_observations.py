@@ -2,6 +2,8 @@
 sense.
 """
 
+import math
+
 import numpy as np
 import pytest
 import torch
@@ -11,6 +13,7 @@ from mimicbench.core.errors import MimicbenchError, UnknownName
 from mimicbench.core.motion import RobotMotion
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.initial_states import InitialState, stacked
+from mimicbench.envs.policy import refuse_privileged
 from mimicbench.envs.reference import ReferenceBank
 from mimicbench.envs.vec_env import EnvConfig, VecEnv
 from mimicbench.evaluate.rollout import run_policy
@@ -22,8 +25,6 @@ from mimicbench.sensors.observations import (
     Observations,
     Term,
     chosen_terms,
-    flat_size,
-    refuse_privileged,
 )
 from mimicbench.sensors.opengl import NoPictures
 from mimicbench.sim.rows import Rows
@@ -81,7 +82,8 @@ def test_every_term_has_its_shape(task, robot):
         assert torch.equal(obs.of(term.name, ids), some)
         assert float(found.min()) >= term.low and float(found.max()) <= term.high, term.name
     names = ["proprio", "targets", "time"]
-    assert obs.flat([name for name in names if name in obs]).shape == (3, flat_size(names, robot, task))
+    numbers = sum(math.prod(term.shape(robot, task)) for term in chosen_terms(names, task))
+    assert obs.flat([name for name in names if name in obs]).shape == (3, numbers)
     env.close()
 
 

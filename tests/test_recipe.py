@@ -13,13 +13,16 @@ from mimicbench.benchmark import Recipe, keys, run_stage
 from mimicbench.benchmark.finding import stages_of
 from mimicbench.benchmark.graph import start
 from mimicbench.benchmark.judging import judge, rows_path
-from mimicbench.benchmark.presets import PRESETS, preset_tree
+from mimicbench.benchmark.presets import PRESETS, Chosen, preset_tree
 from mimicbench.benchmark.recipe import EvaluateConfig, check_recipe, read_recipe, recipe_tree, stage_type
 from mimicbench.commands.parsing import read_call
 from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
 from mimicbench.core.settings import Amount, BadSetting, Within, amounts, check, identity, merge, read
 from mimicbench.core.stage import read_stage
 from mimicbench.evaluate.rows import read_rows, rows_made_from
+from mimicbench.imitate.cloning import CloneImitation
+from mimicbench.imitate.learners.act import ACTConfig
+from mimicbench.imitate.learners.bc import BCConfig
 from mimicbench.imitate.spec import ImitateConfig
 from mimicbench.objects.make import ObjectsConfig
 from mimicbench.references.make import ReferencesConfig
@@ -133,7 +136,7 @@ def test_every_preset_is_a_recipe_for_every_task(preset, task):
 
 
 def test_the_paper_is_the_paper():
-    recipe = read_recipe(preset_tree("paper", "sit-chair"))
+    recipe = read_recipe(preset_tree("paper", Chosen("sit-chair")))
     assert recipe.objects == ObjectsConfig(count=4600) and recipe.references == ReferencesConfig(count=5000)
     assert recipe.retarget == RetargetConfig("optimization", "paper")
     assert recipe.track is not None and recipe.track.tracking.ends.max_pos_error == 0.5
@@ -153,6 +156,17 @@ def test_a_learner_without_its_tracker_is_told():
     check_recipe(Recipe(imitate=Stubborn()))
     with pytest.raises(BadSetting, match="needs the tracker 'residual', but track.tracker is 'hst'"):
         check_recipe(Recipe(imitate=Stubborn(), track=TrackConfig(tracker="hst")))
+
+
+@pytest.mark.parametrize(("learner", "network"), [("act", ACTConfig()), ("bc", BCConfig())])
+def test_the_papers_learners_have_its_sizes_and_training(learner, network):
+    for task, batches in (("sit-chair", 937_500), ("lift-box", 166_750)):
+        tree = recipe_tree(["paper"], None, {"task": task, "imitate": {"learner": learner}})
+        imitate = read_recipe(tree).imitate
+        assert isinstance(imitate, CloneImitation) and imitate.network == network and imitate.learner == learner
+        train = imitate.train
+        assert (train.steps, train.batch, train.learning_rate, train.weight_decay) == (batches, 8, 1e-5, 1e-4)
+        assert (train.schedule, train.warmup, train.clip, train.average) == ("constant", 0.0, 0.0, 0.0)
 
 
 def test_files_that_are_no_recipes(tmp_path):

@@ -9,11 +9,12 @@ from mimicbench.core import registry
 from mimicbench.core.errors import MimicbenchError, UnknownName
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.references.importers.registry import FORMATS
+from mimicbench.references.synthesis.registry import SYNTHESES
 from mimicbench.retarget.registry import METHODS
 from mimicbench.robots.registry import ROBOTS
 from mimicbench.tasks.registry import TASKS
 
-REGISTRIES = (TASKS, ROBOTS, FAMILIES, FORMATS, METHODS)
+REGISTRIES = (TASKS, ROBOTS, FAMILIES, SYNTHESES, FORMATS, METHODS)
 STOOLS = """
 from mimicbench.objects.family import Family
 from mimicbench.objects.families.chair import make_chair

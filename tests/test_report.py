@@ -41,7 +41,7 @@ from mimicbench.report.render import (
 )
 from mimicbench.report.sheet import contact_sheet
 from mimicbench.report.showcase import Clip, Recording, Showcase, ShowConfig, draw, moments, positions
-from mimicbench.report.tables import Reported, Table, to_csv, to_latex, to_markdown, to_terminal
+from mimicbench.report.tables import Reported, Table, text, to_csv, to_latex, to_markdown, to_terminal
 from mimicbench.report.video import strip, write_video
 from mimicbench.report.write import ReportInputs, draw_plots, write_report
 from mimicbench.robots.registry import ROBOTS
@@ -216,6 +216,22 @@ def test_writers_by_hand():
         Table("t", "", ("a", "b"), (("x",),))
 
 
+@pytest.mark.parametrize("width", [200, 100, 80, 50, 30])
+def test_terminals_break_no_words(width: int):
+    found = compare.summaries(INPUTS.rows)
+    table = compare.beside_paper_table("sit-chair", [replace(one, policy="act-clock") for one in found])
+    shown = to_terminal(table, width)
+    cells = {word for row in table.rows for cell in row for word in text(cell).split()}
+    words = {word for word in shown.replace("│", " ").replace("┃", " ").split() if word[0] not in "─━┌└├┏┡"}
+    assert cells <= words
+    assert max(map(len, shown.splitlines())) <= max(width, 45)
+    assert ("┏" in shown) == (width >= 80), "narrow terminals get a block of lines for each row"
+
+
+def test_what_is_markup_elsewhere_is_text_on_the_terminal():
+    assert "[red]a [/] b" in to_terminal(Table("t", "", ("[bold]n",), (("[red]a [/] b",),)))
+
+
 def test_comparison_with_the_paper():
     found = compare.summaries(INPUTS.rows)
     assert [s.policy for s in found] == ["act", "bc<script>", "hst"]
@@ -351,11 +367,27 @@ def test_report_of_one_perfect_policy(tmp_path):
     assert "No episode failed." in html
 
 
-def test_texts_are_escaped():
-    assert page.tag("p", "x", "n") == '<p class="n">x</p>'
-    assert "&lt;b&gt;" in page.paragraph("<b>") and "&lt;b&gt;" in page.table(
-        Table("t", "", ("<b>",), (("<b>",),), note="<b>")
+def test_nothing_unescaped_gets_into_a_page(tmp_path):
+    evil = "<script>\"'&"
+    cells = Table("t", evil, (evil, "K"), ((evil, Rate(1, 2)), (evil, Reported(3))), note=evil, source=evil)
+    (tmp_path / "picture").write_bytes(b"1")
+    pieces = (
+        page.paragraph(evil),
+        page.heading(evil),
+        page.table(cells),
+        page.code(evil),
+        page.facts({evil: evil}),
+        page.folded(evil, page.paragraph(evil)),
+        page.stage(evil, evil, tmp_path / "picture"),
+        page.videos([(evil, tmp_path / "picture")]),
+        page.plot(plots.rates_plot("rates", {evil: [(evil, plots.Mark(Rate(1, 2), 0))]}), evil),
     )
+    sections = [page.Section(evil, page.joined(pieces)), page.Section("plain text", evil), page.Section("none", "")]
+    html = page.page(evil, evil, evil, [page.Tile(evil, evil, evil, (evil,))], sections, evil)
+    assert "<script" not in html and html.count("&lt;script&gt;") >= 20
+    assert not re.search(r"=\"[^\"]*<script", html)
+    mixed = page.paragraph("x") + evil  # type: ignore[operator]
+    assert "<script" not in mixed and mixed.startswith("<p>x</p>"), "plain text beside a piece is escaped"
 
 
 # --- pictures

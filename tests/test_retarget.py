@@ -19,10 +19,8 @@ from mimicbench.retarget.baselines.adam import adam
 from mimicbench.retarget.baselines.speed import frames_per_second
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.grounding import ground, sole_heights, stance
-from mimicbench.retarget.h1_tables import UNIHSI_H1
 from mimicbench.retarget.kinematics import Jacobian, Links, Pose, tree_of
-from mimicbench.retarget.mapping import Bound, bind
-from mimicbench.retarget.mappings import find_mapping
+from mimicbench.retarget.mapping import Bound, bind, find_mapping
 from mimicbench.retarget.methods import optimization as opt
 from mimicbench.retarget.methods.copy_rotation import copy_rotations
 from mimicbench.retarget.methods.optimization import PAPER, OptimizationConfig, optimize
@@ -31,6 +29,7 @@ from mimicbench.retarget.solver import _solve_with, move, solve
 from mimicbench.robots.registry import ROBOTS
 
 H1 = ROBOTS.get("h1")
+UNIHSI_H1 = find_mapping("unihsi", H1)
 TREE = tree_of(H1)
 LIMITS = H1.joint_range
 SIDES = {"left": "right", "right": "left"}
@@ -128,10 +127,10 @@ def test_shifts_lay_surface_on_surface_for_every_size() -> None:
 
 def test_errors_name_what_is_missing() -> None:
     motion = walk(4)
-    with pytest.raises(UnknownName, match="unihsi -> h1"):
+    with pytest.raises(UnknownName, match="becomes a h1 .*unihsi"):
         retargeted(replace(motion, skeleton=replace(motion.skeleton, name="centaur")))
-    with pytest.raises(UnknownName, match="unihsi -> h1"):
-        find_mapping("unihsi", "r2d2")
+    with pytest.raises(UnknownName, match="becomes a h1 .*unihsi"):
+        find_mapping("r2d2", H1)
     names = tuple("left_fin" if name == "left_foot" else name for name in UNIHSI.joint_names)
     with pytest.raises(BadMotion, match="no joint 'left_foot'"):
         bind(UNIHSI_H1, replace(UNIHSI, joint_names=names), H1)

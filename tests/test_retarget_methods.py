@@ -30,11 +30,9 @@ from mimicbench.retarget.baselines.adam import adam
 from mimicbench.retarget.baselines.mink_ik import solve_frames
 from mimicbench.retarget.baselines.speed import RetargetBenchConfig, bench_retargeting
 from mimicbench.retarget.clip import Clip
-from mimicbench.retarget.h1_tables import CORE4D_H1, ROAM_H1, UNIHSI_H1
 from mimicbench.retarget.kinematics import Pose, tree_of
 from mimicbench.retarget.make import Places, RetargetConfig, make_retargeted, read_retargeted
-from mimicbench.retarget.mapping import bind
-from mimicbench.retarget.mappings import find_mapping
+from mimicbench.retarget.mapping import bind, find_mapping
 from mimicbench.retarget.methods import optimization as opt
 from mimicbench.retarget.methods.copy_rotation import copy_rotations
 from mimicbench.retarget.methods.omnih2o import align
@@ -44,6 +42,7 @@ from mimicbench.retarget.solver import solve
 from mimicbench.robots.registry import ROBOTS
 
 H1 = ROBOTS.get("h1")
+UNIHSI_H1, ROAM_H1, CORE4D_H1 = H1.mappings
 TREE = tree_of(H1)
 SKELETONS = (UNIHSI, ROAM, CORE4D)
 FEET = ("left_foot", "right_foot")
@@ -155,7 +154,7 @@ TABLES = {
 @pytest.mark.parametrize("name", TABLES)
 def test_tables_are_the_appendix(name: str) -> None:
     mapping, skeleton, paper = TABLES[name]
-    assert find_mapping(name, "h1") is mapping
+    assert find_mapping(name, H1) is mapping
     bound = bind(mapping, skeleton, H1, "paper")
     assert set(zip(bound.joints.tolist(), bound.links.tolist(), strict=True)) == paper and len(bound.links) == 14
     assert (bound.turn_joints == bound.joints).all() and (bound.turn_links == bound.links).all()
@@ -166,7 +165,7 @@ def test_tables_are_the_appendix(name: str) -> None:
 
 @pytest.mark.parametrize("skeleton", SKELETONS, ids=lambda skeleton: skeleton.name)
 def test_aligned_skeleton_has_the_robots_limbs(skeleton: Skeleton) -> None:
-    aligned = align(skeleton, find_mapping(skeleton.name, "h1"), H1)
+    aligned = align(skeleton, find_mapping(skeleton.name, H1), H1)
     assert aligned.parents == skeleton.parents and aligned.joint_names == skeleton.joint_names
     rest, _ = forward_kinematics(aligned, np.zeros(3), np.tile(rot.IDENTITY, (len(aligned.joint_names), 1)))
     body = body_of(skeleton)
@@ -231,7 +230,7 @@ def test_recovers_what_the_robot_itself_did(skeleton: Skeleton) -> None:
     with.
     """
     motion, t = reach(skeleton, 10), np.linspace(0, 1, 10)[:, None]
-    bound, limits = bind(find_mapping(skeleton.name, "h1"), skeleton, H1, "paper"), H1.joint_range
+    bound, limits = bind(find_mapping(skeleton.name, H1), skeleton, H1, "paper"), H1.joint_range
     middle = limits.mean(1)
     truth = Pose(
         np.hstack([t, 0.1 * t, 1 + 0 * t]),
@@ -398,8 +397,8 @@ def test_unreachable_goals_end_here(tmp_path: Path) -> None:
         made = retargeted(tmp_path, stage)
         told = made.summary
         assert (told["clips"], told["fulfilled"], told["kept"], told["rejected_for"]) == (2, 2, 1, {"goal_error": 1})
-        assert [motion.id for motion in read_retargeted(made.folder, "h1")] == ["near"]
-        marked = RobotMotion.load(made.folder / "far.npz", "h1")
+        assert [motion.id for motion in read_retargeted(made.folder, H1)] == ["near"]
+        marked = RobotMotion.load(made.folder / "far.npz", H1)
         assert not marked.success and marked.measures["fulfilled"] == 1.0 and marked.measures["goal_error"] > 0.1
         header = read_json(made.folder / "header.json")
         assert isinstance(header, dict)

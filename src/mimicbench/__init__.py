@@ -24,13 +24,22 @@ EPISODE_STEPS = {name: 500 if task in ("touch-points", "lift-box") else 1000 for
 
 
 def register_environments(gymnasium: ModuleType) -> None:
-    """Tell Gymnasium, the module, where its `make` and `make_vec` find the environments."""
+    """Tell Gymnasium, the module, where its `make` and `make_vec` find the environments, other packages' included."""
+    from importlib.metadata import entry_points
+
     for name, task in ENVIRONMENTS.items():
         gymnasium.register(
             f"mimicbench/{name}-v0",
             "mimicbench.envs.gym:TaskEnv",
             vector_entry_point="mimicbench.envs.gym_vector:TaskVectorEnv",
             max_episode_steps=EPISODE_STEPS[name],
+            kwargs={"task": task},
+        )
+    for task in (point.name for point in entry_points(group="mimicbench.tasks")):  # their time limits are not known yet
+        gymnasium.register(
+            f"mimicbench/{''.join(word.capitalize() for word in task.split('-'))}-v0",
+            "mimicbench.envs.gym:TaskEnv",
+            vector_entry_point="mimicbench.envs.gym_vector:TaskVectorEnv",
             kwargs={"task": task},
         )
 

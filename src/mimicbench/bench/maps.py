@@ -15,7 +15,7 @@ import torch
 from mimicbench.core import rotations as rot
 from mimicbench.core.seeds import rng
 from mimicbench.objects.registry import make_object
-from mimicbench.robots.registry import ROBOTS
+from mimicbench.robots.registry import DEFAULT_ROBOT, ROBOTS
 from mimicbench.sensors.elevation import ElevationMaps
 from mimicbench.sensors.heightmap import MapView
 from mimicbench.sim.backends import make_physics
@@ -113,7 +113,7 @@ def _take_turns(
 
 def _stand_around(task: Task, robots: int, config: MapBenchConfig) -> Physics:
     """Robots 0.2 to 1.2 m from the rectangles around the task's objects, facing them."""
-    robot, random = ROBOTS.get("h1"), rng(0, "bench", "maps", task.name)
+    robot, random = ROBOTS.get(DEFAULT_ROBOT), rng(0, "bench", "maps", task.name)
     pool = [make_object(f"{task.family}-0-{index:05d}") for index in range(min(config.pool, robots))]
     objects = [pool[n % len(pool)] for n in range(robots)]
     physics = make_physics(config.device, robot, objects, workers=config.workers)

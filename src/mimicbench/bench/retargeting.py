@@ -9,7 +9,7 @@ from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.report.tables import Table
 from mimicbench.retarget.baselines.speed import RetargetBenchConfig, bench_retargeting
 from mimicbench.retarget.clip import Clip
-from mimicbench.robots.registry import ROBOTS
+from mimicbench.robots.registry import DEFAULT_ROBOT, ROBOTS
 from mimicbench.tasks.registry import TASKS
 
 
@@ -21,7 +21,7 @@ class ClipsConfig:
     """The first one's first clip is also what Adam and mink get."""
     clips: int = 2
     """Of each task, each on an object of its own."""
-    robot: str = "h1"
+    robot: str = DEFAULT_ROBOT
     seed: int = 0
 
 

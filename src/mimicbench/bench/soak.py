@@ -19,12 +19,13 @@ from mimicbench.core.seeds import rng
 from mimicbench.envs.gym_vector import TaskVectorEnv
 from mimicbench.envs.spaces import action_space
 from mimicbench.objects.registry import FAMILIES
+from mimicbench.references.paper import PAPER_SETS
 from mimicbench.robots.description import Robot
-from mimicbench.robots.registry import ROBOTS
+from mimicbench.robots.registry import DEFAULT_ROBOT, ROBOTS
 from mimicbench.sim.scene import build_model
 from mimicbench.tasks.registry import TASKS
 
-PAPER_COUNTS = {"chair": 4600, "sofa": 1500, "bed": 350, "couch": 1800, "household": 2300, "box": 30}
+PAPER_COUNTS = {TASKS.get(task).family: paper.objects for task, paper in PAPER_SETS.items()}
 """Objects of each family in the paper's table: 10.6 thousand."""
 CONTROLS = ("position", "torque")
 
@@ -87,9 +88,10 @@ def soak(config: SoakConfig, say: Callable[[str], None]) -> dict[str, Any]:
 
     `sound` sums up whether all is as it should be.
     """
-    robot = ROBOTS.get("h1")
+    robot = ROBOTS.get(DEFAULT_ROBOT)
     compiled = [
-        compile_family(robot, family, config.objects or PAPER_COUNTS[family], config.seed, say) for family in FAMILIES
+        compile_family(robot, family, config.objects or PAPER_COUNTS[family], config.seed, say)
+        for family in PAPER_COUNTS
     ]
     steps = max(1, config.steps // (len(TASKS) * len(CONTROLS)))
     parts = {

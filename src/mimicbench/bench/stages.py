@@ -13,7 +13,7 @@ from mimicbench.objects.registry import FAMILIES
 from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.retarget.baselines.speed import frames_per_second
 from mimicbench.retarget.clip import Clip
-from mimicbench.retarget.registry import METHODS
+from mimicbench.retarget.registry import DEFAULT_METHOD, METHODS
 from mimicbench.robots.description import Robot
 from mimicbench.sim.backends import check_device
 from mimicbench.tasks.task import Task
@@ -55,7 +55,7 @@ def bench(
     synthesis = (time.perf_counter() - started) / CLIPS
     say(f"one clip synthesized in {1e3 * synthesis:.0f} ms")
     method, clips = (
-        METHODS.get("optimization"),
+        METHODS.get(DEFAULT_METHOD),
         [Clip(human, obj, robot) for human, obj in zip(humans, objects, strict=True)],
     )
     retarget = frames_per_second(clips[: max(2, CLIPS // 4)], method)

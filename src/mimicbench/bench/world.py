@@ -19,9 +19,9 @@ from mimicbench.bench.memory import resident_bytes
 from mimicbench.bench.sensors import bench_senses
 from mimicbench.core.seeds import rng
 from mimicbench.envs.gym_vector import TaskVectorEnv
-from mimicbench.objects.registry import make_object
-from mimicbench.robots.registry import ROBOTS
-from mimicbench.tasks.registry import TASKS
+from mimicbench.objects.registry import FAMILIES
+from mimicbench.robots.registry import DEFAULT_ROBOT, ROBOTS
+from mimicbench.tasks.registry import DEFAULT_TASK, TASKS
 
 WITHOUT_MAP = ("proprio", "state", "time")
 _TURN = 0.25
@@ -86,8 +86,8 @@ def bench_world(config: WorldBenchConfig, say: Callable[[str], None]) -> dict[st
     rows = [bench_task(task, envs, config, say) for task in config.tasks for envs in config.sizes]
     memory = [_memory_row(config.tasks[0], envs, config, say) for envs in config.sizes] if config.memory else []
     senses = bench_senses(
-        ROBOTS.get("h1"),
-        [make_object(f"chair-0-{index:05d}") for index in range(16)],
+        ROBOTS.get(DEFAULT_ROBOT),
+        [FAMILIES.get(TASKS.get(DEFAULT_TASK).family).make(index, 0) for index in range(16)],
         config.seconds / 4,
         device=config.device,
     )

@@ -16,6 +16,7 @@ from mimicbench.benchmark.recipe import stage_type
 from mimicbench.core.checkpoint import CONFIG, MODEL
 from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
 from mimicbench.core.files import digest_of
+from mimicbench.imitate.registry import LEARNERS
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
     from mimicbench.envs.clips import ClipSet
     from mimicbench.evaluate.rows import EpisodeRow
 
-BEST = "planner"
-"""The shipped policy that `best` means."""
 TRIES = 4
 """Times that more clips are made because K left too many out."""
 
@@ -75,7 +74,7 @@ def who_of(run: Run, name: str) -> Who:
         if tracker is None:
             raise _nobody(run, "track", name)
         return Who(name, tracker)
-    learner = BEST if name == "best" else name
+    learner = next(iter(LEARNERS)) if name == "best" else name
     try:
         config = stage_type("imitate", {"learner": learner})()
     except UnknownName as error:
@@ -86,15 +85,15 @@ def who_of(run: Run, name: str) -> Who:
         own = run.folder(keys.imitate_key(run.changed(imitate=config), tracker))
         if keys.is_complete(own):
             return Who(name, own / keys.POLICY)
-    shipped = keys.SHIPPED / run.recipe.task / learner
-    if not (shipped / CONFIG).exists():
+    shipped = keys.shipped(run, learner)
+    if shipped is None:
         raise _nobody(run, f"imitate --learner {learner}", name)
     return Who(learner, shipped)
 
 
 def _nobody(run: Run, command: str, name: str) -> MimicbenchError:
     task = run.recipe.task
-    shipped = sorted(keys.shipped_trackers())
+    shipped = sorted(keys.shipped_trackers(run.recipe.robot))
     told = "" if task in shipped else f"nothing is shipped for {task} (only for {', '.join(shipped)}), and "
     return MimicbenchError(
         f"{told}no {name} was made by this recipe in {run.workdir}; make it with `mimicbench {command} --task {task} "

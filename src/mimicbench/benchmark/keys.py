@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from mimicbench.benchmark.recipe import Recipe, stage_type
-from mimicbench.core.checkpoint import CONFIG, MODEL
+from mimicbench.core.checkpoint import CONFIG, MODEL, checkpoint_robot
 from mimicbench.core.errors import BadFile
 from mimicbench.core.files import digest_of, read_json
 from mimicbench.core.run import RunContext
@@ -160,6 +160,12 @@ def track_key(run: Run) -> StageKey:
     )
 
 
+def shipped(run: Run, name: str) -> Path | None:
+    """The checkpoint of that name which comes with the package for the recipe's task and robot, if there is one."""
+    folder = SHIPPED / run.recipe.task / name
+    return folder if (folder / CONFIG).exists() and checkpoint_robot(folder) == run.recipe.robot else None
+
+
 def tracker_folder(run: Run) -> Path | None:
     """The tracker that the recipe means: trained here, or the shipped one if that was trained as the recipe says.
 
@@ -169,17 +175,17 @@ def tracker_folder(run: Run) -> Path | None:
     if is_complete(own):
         return own / CHECKPOINT
     same = identity(run.part("track")) == identity(stage_type("track")())
-    return shipped_trackers().get(run.recipe.task) if same else None
+    return shipped_trackers(run.recipe.robot).get(run.recipe.task) if same else None
 
 
-def shipped_trackers() -> dict[str, Path]:
-    """The tracker that comes with the package, for each task that one was trained for.
+def shipped_trackers(robot: str) -> dict[str, Path]:
+    """The robot's tracker that comes with the package, for each task that one was trained for.
 
     That of several tasks comes first; policies that were learned over another have that beside them.
     """
     found = {}
     for folder in (*sorted(SHIPPED.glob(f"*/{TRACKER}")), SHIPPED / TRACKER):
-        if (folder / CONFIG).exists():
+        if (folder / CONFIG).exists() and checkpoint_robot(folder) == robot:
             notes = read_json(folder / CONFIG)["notes"]
             found |= {task: folder for task in notes.get("tasks", [notes.get("task")])}
     return found

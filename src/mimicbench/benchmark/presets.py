@@ -7,6 +7,7 @@ another seed than what is shipped was trained with.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from mimicbench.core.errors import UnknownName
@@ -36,6 +37,52 @@ ENDS: Tree = {"max_pos_error": 0.5, "max_angle_error": 1e3, "max_drop": 0.5, "ma
 """0.5 m off the reference (F.4), and nothing else: the threshold of the height is not given, and within that."""
 
 
+PAPER_MAP: Tree = {
+    "channels": 1,
+    "cells": 128,
+    "pool": 1,
+    "widths": [64, 128, 256, 512],
+    "blocks": [2, 2, 2, 2],
+    "strides": [1, 2, 2, 2],
+}
+"""ResNet-18 on the whole elevation map."""
+PAPER_NETWORKS: Mapping[str, Tree] = {
+    "act": {
+        "encoder": PAPER_MAP,
+        "chunk": 100,
+        "hidden": 512,
+        "feedforward": 3200,
+        "heads": 8,
+        "posterior_layers": 4,
+        "encoder_layers": 4,
+        "decoder_layers": 7,
+        "latent": 32,
+        "dropout": 0.1,
+        "kl_weight": 10.0,
+    },
+    "bc": {"encoder": PAPER_MAP, "reduce": [128, 64, 32], "hidden": 1024},
+}
+"""ACT's and CNNMLP's sizes, by learner, as the public code of ACT has them."""
+EPOCHS, BATCH = 2000, 8
+"""Of ACT's training: an epoch shows one frame of each demonstration."""
+
+
+def _paper_training(clips: int) -> Tree:
+    """AdamW at a fixed 1e-5, no warm-up, no limit of the gradient, the last weights; three quarters of the clips are on
+    training objects.
+    """
+    return {
+        "steps": EPOCHS * (clips * 3 // 4) // BATCH,
+        "batch": BATCH,
+        "learning_rate": 1e-5,
+        "schedule": "constant",
+        "warmup": 0.0,
+        "weight_decay": 1e-4,
+        "clip": 0.0,
+        "average": 0.0,
+    }
+
+
 def _sizes(objects: int, clips: int, tracked: int, episodes: int, policies: tuple[str, ...]) -> Tree:
     return {
         "objects": {"count": objects},
@@ -44,48 +91,65 @@ def _sizes(objects: int, clips: int, tracked: int, episodes: int, policies: tupl
     }
 
 
-def _paper_size(task: str) -> Tree:
+@dataclass(frozen=True)
+class Chosen:
+    """Names on which the values of a preset depend."""
+
+    task: str
+    learner: str | None = None
+    """None where nobody names one."""
+
+
+def _paper_size(chosen: Chosen) -> Tree:
     from mimicbench.references.paper import PAPER_SETS
 
+    task = chosen.task
     if task not in PAPER_SETS:
         raise UnknownName("task of the paper", task, list(PAPER_SETS))
     return {"objects": {"count": PAPER_SETS[task].objects}, "references": {"count": PAPER_SETS[task].clips}}
 
 
-def _paper(task: str) -> Tree:
-    """The paper's best combination: optimization, improved HST, ACT on the elevation map."""
+def _paper(chosen: Chosen) -> Tree:
+    """The paper's best combination: optimization, improved HST, ACT on the elevation map; or another learner of the
+    paper's, if one is named.
+    """
+    sizes, learner = _paper_size(chosen), chosen.learner or "act"
+    imitate: Tree = {"learner": learner}
+    if learner in PAPER_NETWORKS:
+        clips = sizes["references"]["count"]
+        imitate |= {"network": PAPER_NETWORKS[learner], "train": _paper_training(clips)}
     starts = {"pos_noise": 0.0, "angle_noise": 0.0, "vel_noise": 0.0}
     tracking = {"focus": 0.0, "hold": 0.0, "push": 0.0, "starts": starts, "ends": ENDS}
     return merge(
-        _paper_size(task),
+        sizes,
         {
             "retarget": {"method": "optimization", "variant": "paper"},
             "track": {"tracker": "hst", "num_envs": 2048, "ppo": HST_PPO, "tracking": tracking},
-            "imitate": {"learner": "act"},
+            "imitate": imitate,
         },
     )
 
 
-def _omnih2o(task: str) -> Tree:
+def _omnih2o(chosen: Chosen) -> Tree:
     """OmniH2O's retargeting under the paper's tracker and best imitation."""
-    return merge(_paper(task), {"retarget": {"method": "omnih2o", "variant": "paper"}})
+    return merge(_paper(chosen), {"retarget": {"method": "omnih2o", "variant": "paper"}})
 
 
-PRESETS: Mapping[str, Callable[[str], Tree]] = {
-    "ours": lambda task: {},
+PRESETS: Mapping[str, Callable[[Chosen], Tree]] = {
+    "ours": lambda _: {},
     "paper": _paper,
     "omnih2o": _omnih2o,
     "paper-size": _paper_size,
-    "new-objects": lambda task: {"seed": 1},
-    "smoke": lambda task: _sizes(16, 16, 16, 16, ("planner",)),
-    "default": lambda task: _sizes(120, 128, 128, 128, ("planner", "act-clock", "bc-clock")),
-    "full": lambda task: _sizes(400, 2000, 256, 400, ("planner", "act", "bc", "act-clock", "bc-clock")),
+    "new-objects": lambda _: {"seed": 1},
+    "smoke": lambda _: _sizes(16, 16, 16, 16, ("planner",)),
+    "default": lambda _: _sizes(120, 128, 128, 128, ("planner", "act-clock", "bc-clock")),
+    "full": lambda _: _sizes(400, 2000, 256, 400, ("planner", "act", "bc", "act-clock", "bc-clock")),
 }
 PROFILES = ("smoke", "default", "full")
 
 
-def preset_tree(name: str, task: str) -> Tree:
-    """The values of a preset for a task. Raises UnknownName."""
+def preset_tree(name: str, chosen: Chosen) -> Tree:
+    """The values of a preset for what is chosen besides. Raises UnknownName."""
     if name not in PRESETS:
         raise UnknownName("preset", name, list(PRESETS))
-    return PRESETS[name](task)
+    return PRESETS[name](chosen)

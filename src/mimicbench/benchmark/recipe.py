@@ -9,9 +9,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mimicbench.benchmark.presets import preset_tree
+from mimicbench.benchmark.presets import Chosen, preset_tree
 from mimicbench.core.errors import BadFile
 from mimicbench.core.settings import BadSetting, Count, Seed, check, merge, read, to_tree
+from mimicbench.robots.registry import DEFAULT_ROBOT
+from mimicbench.tasks.registry import DEFAULT_TASK
 
 if TYPE_CHECKING:  # some of these bring torch, which the earlier stages do without
     from mimicbench.imitate.demos import DemosConfig
@@ -48,9 +50,9 @@ class EvaluateConfig:
 class Common:
     """What all stages share."""
 
-    task: str = "sit-chair"
+    task: str = DEFAULT_TASK
     """Which task."""
-    robot: str = "h1"
+    robot: str = DEFAULT_ROBOT
     """Which robot."""
     seed: Seed = 0
     """Same seed, same results, whatever the number of workers."""
@@ -112,13 +114,17 @@ def read_file(path: Path) -> dict[str, Any]:
 def recipe_tree(presets: Sequence[str], file: Path | None, names: Mapping[str, Any]) -> dict[str, Any]:
     """Presets, then a file, then what is said elsewhere, as one tree of values.
 
-    A preset may differ from task to task, so the task is found first. Raises BadSetting for an unknown preset.
+    A preset may differ from task to task and from learner to learner, so those are found first. Raises UnknownName
+    for an unknown preset.
     """
     said = read_file(file) if file is not None else {}
     chosen = said.pop("preset", [])
     presets = [*([chosen] if isinstance(chosen, str) else chosen), *presets]
-    task = str(merge(said, names).get("task", Recipe.task))
-    return merge(*(preset_tree(name, task) for name in presets), said, names)
+    heard = merge(said, names)
+    imitate = heard.get("imitate")
+    learner = imitate.get("learner") if isinstance(imitate, Mapping) else None
+    chosen = Chosen(str(heard.get("task", Recipe.task)), None if learner is None else str(learner))
+    return merge(*(preset_tree(name, chosen) for name in presets), said, names)
 
 
 def read_recipe(tree: Mapping[str, Any], source: str = "") -> Recipe:

@@ -13,10 +13,11 @@ import tyro
 from mimicbench.commands.options import Device, Json, Seed, Task, Workdir, Workers
 from mimicbench.core.run import to_stderr as say
 from mimicbench.core.settings import Amount, Count, Within
+from mimicbench.tasks.registry import DEFAULT_TASK
 
 
 def stages(
-    task: Task = "sit-chair",
+    task: Task = DEFAULT_TASK,
     seconds: Annotated[float, Within(0.01, 3600), tyro.conf.arg(help="how long each part is measured")] = 10.0,
     workers: Workers = 0,
     device: Device = "cpu",
@@ -24,10 +25,10 @@ def stages(
 ) -> None:
     """Measure how fast this machine makes clips, retargets, simulates and learns."""
     from mimicbench.bench.stages import bench as measure
-    from mimicbench.robots.registry import ROBOTS
+    from mimicbench.robots.registry import DEFAULT_ROBOT, ROBOTS
     from mimicbench.tasks.registry import TASKS
 
-    _measured(measure(ROBOTS.get("h1"), TASKS.get(task), workers, seconds, say, device), as_json)
+    _measured(measure(ROBOTS.get(DEFAULT_ROBOT), TASKS.get(task), workers, seconds, say, device), as_json)
 
 
 def retarget(

@@ -115,6 +115,7 @@ def table(
     form: Annotated[
         Literal["terminal", "markdown", "latex", "csv"], tyro.conf.arg(name="format", help="how to print it")
     ] = "terminal",
+    paper: Annotated[bool, tyro.conf.arg(help="print the paper's own tables, too")] = False,
 ) -> None:
     """Print the results in files of episode rows (`<workdir>/<task>/evaluate/*.parquet`) beside the paper's, one
     table per task.
@@ -122,8 +123,9 @@ def table(
     from mimicbench.evaluate.rows import read_rows
     from mimicbench.report import tables
     from mimicbench.report.compare import beside_paper_table, summaries
+    from mimicbench.report.paper_tables import TABLES, paper_table
 
-    if not files:
+    if not files and not paper:
         raise MimicbenchError("give at least one file of episode rows: mimicbench table work/*/evaluate/*.parquet")
     write = {
         "terminal": tables.to_terminal,
@@ -134,15 +136,15 @@ def table(
     rows = [row for path in files for row in read_rows(path)]
     for task in dict.fromkeys(row.task for row in rows):
         print(write(beside_paper_table(task, summaries([row for row in rows if row.task == task]))))
+    for one in TABLES if paper else ():
+        print(write(paper_table(one)))
 
 
 def _tables(task: str, rows: list[EpisodeRow]) -> None:
     """Print the headline tables."""
-    from rich.console import Console
-
     from mimicbench.report.compare import summaries
-    from mimicbench.report.tables import to_rich
+    from mimicbench.report.tables import to_terminal
     from mimicbench.report.write import headline_tables
 
     for table in headline_tables(task, summaries(rows))[:2]:
-        Console().print(to_rich(table))
+        print(to_terminal(table))

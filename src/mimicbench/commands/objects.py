@@ -12,11 +12,12 @@ from mimicbench.commands.options import WORK, Axis, Json, Seed, SetName, Task, W
 from mimicbench.commands.telling import stage_line, stage_summary, tell
 from mimicbench.core.run import RunContext, to_stderr
 from mimicbench.core.settings import Count
+from mimicbench.tasks.registry import DEFAULT_TASK
 
 
 def draw(
     out: Annotated[Path, tyro.conf.arg(help="the picture, a PNG file")],
-    task: Task = "sit-chair",
+    task: Task = DEFAULT_TASK,
     count: Annotated[Count, tyro.conf.arg(help="how many objects, the first ones")] = 24,
     source: Annotated[str, tyro.conf.arg(help="`made`, or the name of an imported set")] = "made",
     workdir: Workdir = WORK,
@@ -38,7 +39,7 @@ def draw(
 
 def import_(
     files: tyro.conf.Positional[tuple[Path, ...]],
-    task: Task = "sit-chair",
+    task: Task = DEFAULT_TASK,
     unit: Annotated[
         Literal["m", "cm", "mm", "in", "normalized"] | None,
         tyro.conf.arg(help="unit of the files' numbers; guessed if not given"),

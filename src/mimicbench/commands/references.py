@@ -26,6 +26,7 @@ from mimicbench.commands.telling import stage_line, stage_summary, tell
 from mimicbench.core.run import RunContext, to_stderr
 from mimicbench.core.settings import Count
 from mimicbench.references.importers.registry import AUTO, FORMATS
+from mimicbench.tasks.registry import DEFAULT_TASK
 
 if TYPE_CHECKING:
     from mimicbench.core.stage import Stage
@@ -68,7 +69,7 @@ def remake(
 
 
 def augment(
-    task: Tasks = "sit-chair",
+    task: Tasks = DEFAULT_TASK,
     kinds: Annotated[
         tuple[Literal["mirror", "speed", "start", "size"], ...],
         tyro.conf.arg(
@@ -158,7 +159,7 @@ def _stats_beside_real(stages: Mapping[str, Stage], folders: tuple[Path, ...], a
 
 def import_(
     files: tyro.conf.Positional[tuple[Path, ...]],
-    task: Task = "sit-chair",
+    task: Task = DEFAULT_TASK,
     form: Annotated[
         str, tyro.conf.arg(name="format", help=f"the files' format, by default found out: {', '.join(FORMATS)}")
     ] = AUTO,

@@ -32,13 +32,11 @@ def tell_rates(groups: Sequence[Sequence[EpisodeRow]], as_json: bool) -> None:
     """Print the rates of each group of episodes, of one policy each."""
     from mimicbench.evaluate.rows import summarize
     from mimicbench.report.compare import results_table
-    from mimicbench.report.tables import to_rich
+    from mimicbench.report.tables import to_terminal
 
     found = [summarize(rows) for rows in groups]
     if as_json:
         tell([one.to_dict() for one in found], True, "")
         return
-    from rich.console import Console
-
     for task in dict.fromkeys(one.task for one in found):
-        Console().print(to_rich(results_table([one for one in found if one.task == task])))
+        print(to_terminal(results_table([one for one in found if one.task == task])))

@@ -150,6 +150,11 @@ def checkpoint_kind(folder: Path) -> str:
     return _read_header(folder)["kind"]
 
 
+def checkpoint_robot(folder: Path) -> str:
+    """Name of the robot that a folder's checkpoint drives, without reading its arrays. Raises BadCheckpoint."""
+    return _read_header(folder)["robot"]
+
+
 def read_tensors(path: Path) -> dict[str, np.ndarray]:
     """The arrays of a safetensors file, bounded in size. Raises BadCheckpoint."""
     if not path.is_file():

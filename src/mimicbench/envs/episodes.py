@@ -14,7 +14,7 @@ from mimicbench.envs.metrics import EpisodeMetrics
 from mimicbench.envs.rule_starts import Starts
 from mimicbench.envs.vec_env import EnvConfig, VecEnv
 from mimicbench.objects.shape import SceneObject
-from mimicbench.robots.registry import ROBOTS
+from mimicbench.robots.registry import DEFAULT_ROBOT, ROBOTS
 from mimicbench.sensors.observations import BOUND, TERMS, chosen_terms
 from mimicbench.sim.backends import check_device
 from mimicbench.sim.physics import PhysicsConfig
@@ -65,7 +65,7 @@ class GymConfig:
     pool: int = 1000
     """How many objects of the task's family there are to meet, both splits together: numbers 0 to pool - 1 of seed
     0."""
-    robot: str = "h1"
+    robot: str = DEFAULT_ROBOT
     """The robot."""
     workers: int = 0
     """Threads that step the physics; 0: all processors. Never changes a result. Single environments use one."""

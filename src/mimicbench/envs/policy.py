@@ -1,10 +1,12 @@
 """What a policy is to whoever judges it or runs it."""
 
+from collections.abc import Sequence
 from typing import Protocol
 
 from torch import Tensor
 
-from mimicbench.sensors.observations import Observations
+from mimicbench.core.errors import MimicbenchError
+from mimicbench.sensors.observations import TERMS, Observations, Term
 
 
 class Policy(Protocol):
@@ -26,3 +28,14 @@ class Policy(Protocol):
     def act(self, obs: Observations) -> Tensor:
         """Joint position targets (N, J) [rad] for all robots."""
         ...
+
+
+def refuse_privileged(names: Sequence[str | Term], who: str) -> None:
+    """Raises MimicbenchError if any of the terms is privileged: `who` is to act on its own senses."""
+    for name in names:
+        term = name if isinstance(name, Term) else TERMS.get(name)
+        if term is not None and term.privileged:
+            raise MimicbenchError(
+                f"{who} asks for {term.name!r}, which no robot can sense; judge it on its own senses: choose from "
+                + ", ".join(each.name for each in TERMS.values() if not each.privileged)
+            )

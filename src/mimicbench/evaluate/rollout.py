@@ -12,12 +12,11 @@ from mimicbench.core.motion import RobotMotion
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.initial_states import stacked, start_of
 from mimicbench.envs.metrics import PHASES, Verdict
-from mimicbench.envs.policy import Policy
+from mimicbench.envs.policy import Policy, refuse_privileged
 from mimicbench.envs.vec_env import EnvConfig, VecEnv
 from mimicbench.evaluate.guard import Guard
 from mimicbench.evaluate.rows import EpisodeRow
 from mimicbench.objects.shape import SceneObject
-from mimicbench.sensors.observations import refuse_privileged
 from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.rows import Rows
 from mimicbench.sim.scene import CONTROL_DT

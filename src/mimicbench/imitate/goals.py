@@ -32,8 +32,11 @@ class KnownGoal(Protocol):
 
     observations: tuple[str, ...]
     """Names of the terms that it needs."""
-    goal: Tensor
-    """(N, G) as it was first known, in the heading frame of each robot's start."""
+
+    @property
+    def goal(self) -> Tensor:
+        """(N, G) as it was first known, in the heading frame of each robot's start."""
+        ...
 
     def to(self, device: str) -> None:
         """Move its networks to a device. All robots have to begin anew."""

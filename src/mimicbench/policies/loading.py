@@ -11,10 +11,10 @@ from types import ModuleType
 
 from mimicbench.core.checkpoint import checkpoint_kind
 from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
-from mimicbench.envs.policy import Policy
+from mimicbench.envs.policy import Policy, refuse_privileged
 from mimicbench.policies.registry import LOADERS
 from mimicbench.robots.description import Robot
-from mimicbench.sensors.observations import chosen_terms, refuse_privileged
+from mimicbench.sensors.observations import chosen_terms
 from mimicbench.tasks.task import Task
 
 

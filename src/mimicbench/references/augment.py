@@ -253,7 +253,8 @@ def _variants_of(
     for one, on in sides:
         for kind in config.kinds:
             if kind != "mirror":
-                yield from ((one, on, kind, copy) for copy in range(config.copies))
+                for copy in range(config.copies):
+                    yield one, on, kind, copy
 
 
 def _other_side(name: str) -> str:

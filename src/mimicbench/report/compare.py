@@ -9,23 +9,8 @@ import numpy as np
 
 from mimicbench.evaluate.intervals import Rate
 from mimicbench.evaluate.rows import ENERGY_LIMITS, EpisodeRow, Summary, group, summarize
-from mimicbench.report.paper_tables import CITATION, TASKS, PaperRate, methods
+from mimicbench.report.paper_tables import CITATION, COUNTERPARTS, TASKS, PaperRate, methods
 from mimicbench.report.tables import Cell, Reported, Table
-
-COUNTERPARTS = {
-    ("track", "hst"): "Improved HST",
-    ("track", "tracker"): "Improved HST",
-    ("track", "phc"): "Simplified PHC",
-    ("track", "hst-original"): "Original HST",
-    ("imitate", "act"): "ACT",
-    ("imitate", "hit"): "HIT",
-    ("imitate", "bc"): "Behavior Cloning",
-    ("imitate", "diffusion"): "Diffusion Policy",
-    ("imitate", "ppo"): "PPO",
-    ("imitate", "omnih2o"): "OmniH2O",
-    ("imitate", "humanplus"): "HumanPlus",
-}
-"""(stage, name of ours) -> the method of the paper that it is."""
 
 NEAR = 0.15
 """[m] Who ends farther than this from the object was still on the way, or had lost it."""
@@ -99,7 +84,7 @@ def beside_paper_table(task: str, found: Sequence[Summary]) -> Table:
                 )
     return Table(
         "beside_paper",
-        f"Ours beside the paper's ({TASKS[task]})",
+        f"Ours beside the paper's ({TASKS.get(task, task)})",
         ("Stage", "Method", "K, ours", "K, paper", "K and P, ours", "K and P, paper", "Stays, ours"),
         tuple(rows),
         note="Ours with 95 % Wilson intervals and k/n. Simulator, objects, clips and starts differ "

@@ -1,14 +1,24 @@
-"""The pieces of a page that needs nothing from outside: tables, plots, pictures and videos, all inside one file."""
+"""The pieces of a page that needs nothing from outside: tables, plots, pictures and videos, all inside one file.
+
+They stand in `page.html.jinja`, whose values are escaped. A piece is Markup: put together with `joined` or `+` it stays
+one, and a plain text that is put beside it, or in its place, is escaped.
+"""
 
 import base64
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from html import escape
+from functools import cache
 from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
 
 from mimicbench.evaluate.intervals import Rate
 from mimicbench.report.plots import inline
 from mimicbench.report.tables import Cell, Reported, Table, text
+
+HERE = Path(__file__).parent
 
 
 @dataclass(frozen=True)
@@ -24,71 +34,62 @@ class Tile:
 
 @dataclass(frozen=True)
 class Section:
-    """A heading and ready HTML."""
+    """A heading and what stands below it."""
 
     title: str
-    body: str
+    body: Markup
+    """Pieces of this module; a plain text would be escaped."""
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """A cell as it is shown."""
+
+    words: str
+    interval: str = ""
 
 
 def page(title: str, eyebrow: str, lead: str, tiles: Iterable[Tile], sections: Iterable[Section], footer: str) -> str:
-    """A whole page. Texts are escaped here; the bodies of sections are HTML already."""
-    css = Path(__file__).with_name("page.css").read_text()
-    parts = [f"<h2>{escape(section.title)}</h2>\n{section.body}" for section in sections]
-    return (
-        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<meta name="viewport" '
-        'content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)} · {escape(eyebrow)}</title>\n<style>\n{css}</style>\n</head>\n<body>\n<main>\n"
-        f'<p class="eyebrow">{escape(eyebrow)}</p>\n<h1>{escape(title)}</h1>\n<p class="lead">{escape(lead)}</p>\n'
-        f'<div class="tiles">{"".join(map(_tile, tiles))}</div>\n'
-        + "\n".join(parts)
-        + f"\n<footer>{escape(footer)}</footer>\n</main>\n</body>\n</html>\n"
-    )
+    """A whole page."""
+    css = Markup((HERE / "page.css").read_text())
+    return str(_piece("page", title, eyebrow, lead, list(tiles), list(sections), footer, css))
 
 
-def _tile(tile: Tile) -> str:
-    unit = f" <small>{escape(tile.unit)}</small>" if tile.unit else ""
-    lines = "".join(tag("div", escape(line), "detail") for line in tile.details if line)
-    return tag(
-        "div", tag("div", escape(tile.what), "what") + tag("div", escape(tile.value) + unit, "value") + lines, "tile"
-    )
+def joined(pieces: Iterable[Markup]) -> Markup:
+    """Pieces one after the other."""
+    return Markup("").join(pieces)
 
 
-def paragraph(words: str, note: bool = False) -> str:
+def heading(words: str) -> Markup:
+    """A heading within a section."""
+    return _piece("heading", words)
+
+
+def paragraph(words: str, note: bool = False) -> Markup:
     """A paragraph of plain text; a small, pale one for notes."""
-    return tag("p", escape(words), "note" if note else "") + "\n"
+    return _piece("paragraph", words, note)
 
 
-def table(data: Table) -> str:
+def table(data: Table) -> Markup:
     """A table with its note. Rows whose only numbers are other people's are paler."""
-    right = [data.numeric(i) for i in range(len(data.columns))]
-    kinds = ["n" if r else "" for r in right]
-    head = "".join(tag("th", escape(column), kind) for column, kind in zip(data.columns, kinds, strict=True))
+    columns = [{"name": column, "kind": "n" if data.numeric(i) else ""} for i, column in enumerate(data.columns)]
     rows = []
     for row in data.rows:
         theirs = any(isinstance(cell, Reported) for cell in row) and not any(isinstance(cell, Rate) for cell in row)
-        cells = "".join(tag("td", _cell(cell), kind) for cell, kind in zip(row, kinds, strict=True))
-        rows.append(tag("tr", cells, "theirs" if theirs else "") + "\n")
-    notes = "".join(
-        paragraph(note, note=True) for note in (data.note, f"Source: {data.source}." if data.source else "") if note
-    )
-    body = f"<thead><tr>{head}</tr></thead><tbody>\n{''.join(rows)}</tbody>"
-    return tag("div", tag("table", body), "scroll") + "\n" + notes
+        rows.append({"kind": "theirs" if theirs else "", "cells": [_shown(cell) for cell in row]})
+    notes = [note for note in (data.note, f"Source: {data.source}." if data.source else "") if note]
+    return _piece("table", columns, rows, notes)
 
 
-def tag(name: str, body: str, kind: str = "") -> str:
-    """An element around HTML, with a class if one is given."""
-    return f'<{name} class="{kind}">{body}</{name}>' if kind else f"<{name}>{body}</{name}>"
-
-
-def _cell(cell: Cell) -> str:
+def _shown(cell: Cell) -> _Shown:
     if isinstance(cell, Rate) and cell.episodes:
-        return f'<b>{cell.percent()}</b><span class="ci">{cell.interval()} · {cell.counts()}</span>'
-    return escape("–" if cell is None else text(cell))
+        return _Shown(cell.percent(), f"{cell.interval()} · {cell.counts()}")
+    return _Shown("–" if cell is None else text(cell))
 
 
-def plot(svg: str, caption: str = "") -> str:
-    """A plot in the page's colors."""
-    return tag("figure", inline(svg) + (tag("figcaption", escape(caption)) if caption else "")) + "\n"
+def plot(svg: str, caption: str = "") -> Markup:
+    """A plot of `plots`, in the page's colors."""
+    return _piece("plot", Markup(inline(svg)), caption)
 
 
 def data_uri(path: Path, kind: str) -> str:
@@ -96,37 +97,39 @@ def data_uri(path: Path, kind: str) -> str:
     return f"data:{kind};base64,{base64.b64encode(path.read_bytes()).decode()}"
 
 
-def stage(title: str, note: str, strip: Path) -> str:
+def stage(title: str, note: str, strip: Path) -> Markup:
     """A strip of pictures beside its title."""
-    picture = f'<img alt="{escape(title)}: moments from start to end" src="{data_uri(strip, "image/jpeg")}">'
-    return f'<div class="stage"><div><h3>{escape(title)}</h3><p>{escape(note)}</p></div>{picture}</div>\n'
+    return _piece("stage", title, note, data_uri(strip, "image/jpeg"))
 
 
-def videos(titled: Iterable[tuple[str, Path]]) -> str:
+def videos(titled: Iterable[tuple[str, Path]]) -> Markup:
     """Videos two abreast; they start by themselves, without sound, over and over."""
-    parts = [
-        '<figure><video controls muted loop autoplay playsinline preload="auto" '
-        f'src="{data_uri(path, "video/mp4")}"></video>'
-        f"<figcaption>{escape(title)}</figcaption></figure>"
-        for title, path in titled
-    ]
-    return f'<div class="videos">{"".join(parts)}</div>\n'
+    return _piece("videos", [(title, data_uri(path, "video/mp4")) for title, path in titled])
 
 
-def facts(pairs: Mapping[str, str]) -> str:
+def facts(pairs: Mapping[str, str]) -> Markup:
     """Names and values below each other."""
-    return (
-        "<dl>"
-        + "".join(f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>" for name, value in pairs.items())
-        + "</dl>\n"
-    )
+    return _piece("facts", list(pairs.items()))
 
 
-def code(words: str) -> str:
+def code(words: str) -> Markup:
     """Preformatted text."""
-    return f"<pre>{escape(words)}</pre>\n"
+    return _piece("code", words)
 
 
-def folded(summary: str, body: str) -> str:
-    """HTML that opens on a click."""
-    return f"<details><summary>{escape(summary)}</summary>\n{body}</details>\n"
+def folded(summary: str, body: Markup) -> Markup:
+    """Pieces that open on a click."""
+    return _piece("folded", summary, body)
+
+
+def _piece(name: str, *values: Any) -> Markup:
+    """What a macro of the template makes of values."""
+    return Markup(getattr(_macros(), name)(*values))
+
+
+@cache
+def _macros() -> Any:
+    environment = Environment(
+        loader=FileSystemLoader(HERE), autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True
+    )
+    return environment.get_template("page.html.jinja").module

@@ -14,6 +14,24 @@ TASKS = {"sit-chair": "SC", "sit-sofa": "SS", "lie-bed": "LB", "lie-sofa": "LS",
 """Our name of each task -> the paper's abbreviation, in the paper's order."""
 
 
+COUNTERPARTS = {
+    ("track", "hst"): "Improved HST",
+    ("track", "tracker"): "Improved HST",
+    ("track", "phc"): "Simplified PHC",
+    ("track", "hst-original"): "Original HST",
+    ("imitate", "act"): "ACT",
+    ("imitate", "hit"): "HIT",
+    ("imitate", "bc"): "Behavior Cloning",
+    ("imitate", "diffusion"): "Diffusion Policy",
+    ("imitate", "ppo"): "PPO",
+    ("imitate", "omnih2o"): "OmniH2O",
+    ("imitate", "humanplus"): "HumanPlus",
+}
+"""(stage, name of ours) -> the method of the paper that it is."""
+RANKING = ("optimization", "omnih2o", "copy-rotation")
+"""The paper's finding: each method of retargeting does better than the next."""
+
+
 @dataclass(frozen=True)
 class PaperRate:
     """One entry of the paper's tables."""
@@ -162,32 +180,6 @@ TABLES: tuple[PaperTable, ...] = (
     ),
 )
 
-
-@dataclass(frozen=True)
-class PaperDataset:
-    """One row of the paper's statistics on human skill references. Sizes are mean and deviation."""
-
-    objects: str
-    length: tuple[float, float]
-    """[cm]"""
-    width: tuple[float, float]
-    """[cm]"""
-    height: tuple[float, float]
-    """[cm]"""
-    references: str
-    duration: tuple[float, float]
-    """[s]"""
-
-
-DATASET: Mapping[str, PaperDataset] = {
-    "sit-chair": PaperDataset("4.6K", (57.8, 14.9), (55.6, 15.1), (80.6, 17.6), "5.0K", (14.8, 0.5)),
-    "sit-sofa": PaperDataset("1.5K", (131.1, 21.1), (63.0, 21.7), (57.3, 21.8), "7.6K", (12.1, 0.0)),
-    "lie-bed": PaperDataset("350", (227.3, 42.7), (177.7, 39.4), (85.7, 27.0), "1.6K", (24.8, 0.7)),
-    "lie-sofa": PaperDataset("1.8K", (191.2, 28.3), (86.7, 25.2), (78.5, 25.7), "6.1K", (12.1, 0.0)),
-    "touch-points": PaperDataset("2.3K", (59.6, 19.2), (53.2, 16.2), (56.1, 16.7), "2.3K", (3.3, 0.2)),
-    "lift-box": PaperDataset("30", (67.3, 6.4), (43.4, 6.2), (88.9, 7.8), "890", (4.3, 0.2)),
-}
-"""Table `tab:dataset_statistics`."""
 
 _MAIN = {
     "tracking": ("tab:supp_experiment_tracking",),

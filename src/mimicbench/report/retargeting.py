@@ -15,7 +15,7 @@ from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.evaluate.intervals import Rate
 from mimicbench.objects.shape import SceneObject
 from mimicbench.report import page
-from mimicbench.report.paper_tables import CITATION, TABLES
+from mimicbench.report.paper_tables import CITATION, RANKING, TABLES
 from mimicbench.report.render import Picture, frame_all, human_frames, robot_frames
 from mimicbench.report.showcase import moments, positions
 from mimicbench.report.tables import Cell, Reported, Table, to_csv, to_markdown
@@ -24,8 +24,6 @@ from mimicbench.retarget.registry import METHODS
 from mimicbench.robots.registry import ROBOTS
 from mimicbench.sim.scene import build_model
 
-ORDER = ("optimization", "omnih2o", "copy-rotation")
-"""The paper's finding: each does better than the next (its comparison of retargeting algorithms)."""
 STILL = Picture(320, 300, 1024)
 MOMENTS = 5
 
@@ -100,9 +98,9 @@ class Comparison:
         found = {}
         for task in dict.fromkeys(result.task for result in self.results):
             by_name = {result.method: result for result in self.results if result.task == task}
-            if not all(name in by_name for name in ORDER):
+            if not all(name in by_name for name in RANKING):
                 continue
-            first, second, third = (by_name[name] for name in ORDER)
+            first, second, third = (by_name[name] for name in RANKING)
             found[task] = {}
             for what in ("wrist_error", "pelvis_error", "position_error"):
                 errors = [result.mean(what) or 0.0 for result in (first, second, third)]
@@ -259,7 +257,7 @@ def write_comparison(folder: Path, found: Comparison, pictures: Mapping[str, tup
         write_jpeg(folder / f"retargeting-{task}.jpg", picture, 82)
         shown.append(page.stage(task, caption, folder / f"retargeting-{task}.jpg"))
     sections = [page.Section(data.title, page.table(data)) for data in found.tables()]
-    sections += [page.Section("The same clip by every method", "".join(shown))] if shown else []
+    sections += [page.Section("The same clip by every method", page.joined(shown))] if shown else []
     names = ", ".join(dict.fromkeys(METHODS.get(result.method).title for result in found.results))
     text = page.page(
         "From people to the robot",

@@ -8,7 +8,7 @@ import numpy as np
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.objects.shape import SceneObject
 from mimicbench.report.render import FIELD_OF_VIEW, Camera, Painter, Picture
-from mimicbench.robots.registry import ROBOTS
+from mimicbench.robots.registry import DEFAULT_ROBOT, ROBOTS
 from mimicbench.sensors.opengl import draw_apart
 from mimicbench.sim.scene import ROBOT_GROUP, VISUAL_GROUP, build_model
 
@@ -39,6 +39,6 @@ def contact_sheet(
 
 def draw_object(picture: Picture, camera: Camera, obj: SceneObject) -> np.ndarray:
     """A picture (H, W, 3), uint8, of one object alone."""
-    with Painter(build_model(ROBOTS.get("h1"), obj, visuals=True), picture, camera) as painter:
+    with Painter(build_model(ROBOTS.get(DEFAULT_ROBOT), obj, visuals=True), picture, camera) as painter:
         painter.option.geomgroup[VISUAL_GROUP] = painter.option.geomgroup[ROBOT_GROUP] = 0
         return painter.draw()

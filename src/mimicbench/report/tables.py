@@ -5,9 +5,13 @@ A table is data; every writer shows the same cells, so the same rows of episodes
 
 import csv
 import io
+import re
+import shutil
 from dataclasses import dataclass
 
+from rich.cells import cell_len
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table as RichTable
 
 from mimicbench.core.errors import MimicbenchError
@@ -108,7 +112,7 @@ _LATEX = {
 def to_latex(table: Table) -> str:
     """A LaTeX `table` with booktabs rules."""
 
-    def escape(value: str) -> str:
+    def escaped(value: str) -> str:
         return "".join(_LATEX.get(character, character) for character in value)
 
     align = "".join("r" if table.numeric(i) else "l" for i in range(len(table.columns)))
@@ -117,12 +121,12 @@ def to_latex(table: Table) -> str:
         r"\centering",
         rf"\begin{{tabular}}{{{align}}}",
         r"\toprule",
-        " & ".join(map(escape, table.columns)) + r" \\",
+        " & ".join(map(escaped, table.columns)) + r" \\",
         r"\midrule",
-        *(" & ".join(escape(text(cell)) for cell in row) + r" \\" for row in table.rows),
+        *(" & ".join(escaped(text(cell)) for cell in row) + r" \\" for row in table.rows),
         r"\bottomrule",
         r"\end{tabular}",
-        rf"\caption{{{escape(' '.join(part for part in (table.title + '.', table.note, table.source) if part))}}}",
+        rf"\caption{{{escaped(' '.join(part for part in (table.title + '.', table.note, table.source) if part))}}}",
         rf"\label{{tab:{table.name}}}",
         r"\end{table}",
     ]
@@ -157,24 +161,66 @@ def to_csv(table: Table) -> str:
     return stream.getvalue()
 
 
-def to_rich(table: Table) -> RichTable:
-    """For `rich.print`."""
+_WORD = re.compile(r"\S+(?: %(?!\S))?")
+"""What stays on one line: a word, or a number with its percent sign."""
+
+
+def to_rich(table: Table, width: int = 160) -> RichTable:
+    """For `rich.print` on a terminal of that many columns.
+
+    Cells are broken between words, never inside of them. Narrow terminals get no space beside the cells' rulers; where
+    the words do not fit even then, each row becomes a block of lines `column, value`.
+    """
+    columns = len(table.columns)
+    widths = _widths(table, width - 3 * columns - 1)
+    padding = 1 if widths is not None else 0
+    widths = widths or _widths(table, width - columns - 1)
     shown = RichTable(
-        title=table.title, caption=table.note or None, title_justify="left", caption_justify="left", title_style="bold"
+        title=table.title,
+        caption=table.note or None,
+        title_justify="left",
+        caption_justify="left",
+        title_style="bold",
+        show_header=widths is not None,
+        padding=(0, padding),
     )
+    if widths is None:
+        for style in ("bold", ""):
+            shown.add_column(style=style, overflow="fold")
+        for row in table.rows:
+            for column, cell in zip(table.columns, row, strict=True):
+                shown.add_row(escape(column), escape(text(cell)))
+            shown.add_section()
+        return shown
     for i, column in enumerate(table.columns):
-        shown.add_column(
-            column, justify="right" if table.numeric(i) else "left", overflow="fold"
-        )  # narrow terminals break numbers rather than hide digits
+        shown.add_column(escape(column), justify="right" if table.numeric(i) else "left", width=widths[i])
     for row in table.rows:
-        # brackets are rich's markup, and ours around intervals
-        shown.add_row(*(text(cell).replace("[", "\\[") for cell in row))
+        shown.add_row(*(escape(text(cell)) for cell in row))
     return shown
 
 
-def to_terminal(table: Table, width: int = 160) -> str:
-    """As the terminal shows it, without colors."""
-    console = Console(width=width, file=io.StringIO(), color_system=None)
-    console.print(to_rich(table))
+def _widths(table: Table, room: int) -> list[int] | None:
+    """Widths of all columns, `room` together at most: room for each word, then for more of them where most is lacking.
+
+    None if there is no room for the words.
+    """
+    columns = [[name, *(text(row[i]) for row in table.rows)] for i, name in enumerate(table.columns)]
+    widths = [max((cell_len(word) for cell in column for word in _WORD.findall(cell)), default=1) for column in columns]
+    whole_cells = [max(map(cell_len, column)) for column in columns]
+    if sum(widths) > room:
+        return None
+    for _ in range(room - sum(widths)):
+        lacking = [wanted - width for wanted, width in zip(whole_cells, widths, strict=True)]
+        if max(lacking) <= 0:
+            break
+        widths[lacking.index(max(lacking))] += 1
+    return widths
+
+
+def to_terminal(table: Table, width: int | None = None) -> str:
+    """As a terminal of that many columns shows it, without colors; of this one's, if None."""
+    columns = width or shutil.get_terminal_size((160, 24)).columns
+    console = Console(width=columns, file=io.StringIO(), color_system=None)
+    console.print(to_rich(table, columns))
     assert isinstance(console.file, io.StringIO)
     return console.file.getvalue()

@@ -96,35 +96,7 @@ def write_video(path: Path, frames: Iterable[np.ndarray], fps: float, quality: i
         for frame in frames:
             if writer is None:
                 shape = frame.shape
-                if shape[0] % 2 or shape[1] % 2 or shape[2:] != (3,) or frame.dtype != np.uint8:
-                    raise MimicbenchError(
-                        "a video needs pictures of even height and width with three bytes per pixel, "
-                        f"not {shape} of {frame.dtype}"
-                    )
-                options = [
-                    "-crf",
-                    str(quality),
-                    "-preset",
-                    "medium",
-                    "-movflags",
-                    "+faststart",
-                    "-fflags",
-                    "+bitexact",
-                    "-flags:v",
-                    "+bitexact",
-                ]
-                writer = _write_frames(
-                    str(temporary),
-                    (shape[1], shape[0]),
-                    fps=fps,
-                    codec="libx264",
-                    pix_fmt_out="yuv420p",
-                    quality=None,
-                    macro_block_size=2,
-                    output_params=options,
-                    ffmpeg_log_level="error",
-                )
-                writer.send(None)
+                writer = _opened(temporary, frame, fps, quality)
             if frame.shape != shape:
                 raise MimicbenchError(
                     f"the pictures of a video must have one size; {shape} is followed by {frame.shape}"
@@ -143,3 +115,27 @@ def write_video(path: Path, frames: Iterable[np.ndarray], fps: float, quality: i
             writer.close()
         temporary.unlink(missing_ok=True)
     return count
+
+
+def _opened(path: Path, first: np.ndarray, fps: float, quality: int) -> Any:
+    """A writer of pictures like the first, ready to be sent it."""
+    height, width, *rest = first.shape
+    if height % 2 or width % 2 or rest != [3] or first.dtype != np.uint8:
+        raise MimicbenchError(
+            "a video needs pictures of even height and width with three bytes per pixel, "
+            f"not {first.shape} of {first.dtype}"
+        )
+    same_bytes = ["-fflags", "+bitexact", "-flags:v", "+bitexact"]
+    writer = _write_frames(
+        str(path),
+        (width, height),
+        fps=fps,
+        codec="libx264",
+        pix_fmt_out="yuv420p",
+        quality=None,
+        macro_block_size=2,
+        output_params=["-crf", str(quality), "-preset", "medium", "-movflags", "+faststart", *same_bytes],
+        ffmpeg_log_level="error",
+    )
+    writer.send(None)
+    return writer

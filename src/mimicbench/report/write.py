@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
+from markupsafe import Markup
+
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.files import write_atomic
 from mimicbench.evaluate.rows import EpisodeRow, Summary, group, write_rows
@@ -161,9 +163,7 @@ def _page(
     learned = [(curve.name, drawn[name]) for i, curve in enumerate(inputs.curves) if (name := f"curve-{i}") in drawn]
     if learned:
         sections.append(
-            page.Section(
-                "Learning", "".join(page.tag("h3", page.escape(name)) + page.plot(svg) for name, svg in learned)
-            )
+            page.Section("Learning", page.joined(page.heading(name) + page.plot(svg) for name, svg in learned))
         )
     sections.append(page.Section("Where failures happen", _failures_html(rows, tables, drawn)))
     sections.append(page.Section("Where the numbers come from", _provenance_html(inputs.provenance)))
@@ -208,23 +208,23 @@ def _tiles(task: str, found: Sequence[Summary]) -> list[page.Tile]:
     return tiles
 
 
-def _pictures_html(inputs: ReportInputs, pictures: list[Shown] | str) -> str:
+def _pictures_html(inputs: ReportInputs, pictures: list[Shown] | str) -> Markup:
     if isinstance(pictures, str):
         return page.paragraph(pictures[:1].upper() + pictures[1:] + ("" if pictures.endswith(".") else "."))
     assert inputs.showcase is not None
     obj = inputs.showcase.obj
-    seat = f", seat at {obj.seat_height:.2f} m" if obj.seat_height is not None else ""
+    labeled = f", seat at {obj.seat_height:.2f} m" if obj.seat_height is not None else ""
     intro = page.paragraph(
-        f"The same object in every row: {obj.id} ({obj.kind}{seat}, {obj.split} split). Moments are "
+        f"The same object in every row: {obj.id} ({obj.kind}{labeled}, {obj.split} split). Moments are "
         "chosen where as much has happened since the last one."
     )
-    strips = "".join(page.stage(shown.clip.title, shown.clip.note, shown.strip) for shown in pictures)
+    strips = page.joined(page.stage(shown.clip.title, shown.clip.note, shown.strip) for shown in pictures)
     return (
         intro + strips + page.videos((f"{shown.clip.title}, {shown.seconds:.1f} s", shown.video) for shown in pictures)
     )
 
 
-def _failures_html(rows: Sequence[EpisodeRow], tables: dict[str, Table], drawn: dict[str, str]) -> str:
+def _failures_html(rows: Sequence[EpisodeRow], tables: dict[str, Table], drawn: dict[str, str]) -> Markup:
     failed = [(row, kind) for row in rows if (kind := compare.failure(row))]
     body = page.plot(drawn["failures"]) if "failures" in drawn else page.paragraph("No episode failed.")
     body += page.folded("How episodes fail, in numbers", page.table(tables["failures"]))
@@ -264,7 +264,7 @@ def _failures_html(rows: Sequence[EpisodeRow], tables: dict[str, Table], drawn: 
     return body
 
 
-def _provenance_html(provenance: Provenance) -> str:
+def _provenance_html(provenance: Provenance) -> Markup:
     body = page.facts({"seed": str(provenance.seed), **provenance.versions, **provenance.hardware})
     if provenance.commands:
         body += page.code("\n".join(provenance.commands))

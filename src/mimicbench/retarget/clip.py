@@ -9,8 +9,7 @@ from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.objects.shape import SceneObject
 from mimicbench.retarget.grounding import ground, stance
 from mimicbench.retarget.kinematics import Pose, Tree
-from mimicbench.retarget.mapping import Bound, Preset, bind
-from mimicbench.retarget.mappings import find_mapping
+from mimicbench.retarget.mapping import Bound, Preset, bind, find_mapping
 from mimicbench.retarget.measures import measure, measure_scene
 from mimicbench.robots.description import Robot
 
@@ -31,7 +30,7 @@ class Clip:
 
     def bind(self, preset: Preset) -> Bound:
         """The mapping between this human and this robot. Raises UnknownName or BadMotion."""
-        return bind(find_mapping(self.motion.skeleton.name, self.robot.name), self.motion.skeleton, self.robot, preset)
+        return bind(find_mapping(self.motion.skeleton.name, self.robot), self.motion.skeleton, self.robot, preset)
 
     def grounded(
         self, tree: Tree, pose: Pose, bound: Bound, measures: Dictionary[str, float] | None = None
@@ -53,7 +52,7 @@ class Clip:
         human = self.motion
         pos_w, quat_w = human.forward_kinematics()
         standing = stance(human, bound, pos_w[:, [joint for joint, _ in bound.feet]])
-        links, mapping = tree.place(pose), find_mapping(human.skeleton.name, self.robot.name)
+        links, mapping = tree.place(pose), find_mapping(human.skeleton.name, self.robot)
         measured = measure(links, pose, bound, self.robot, pos_w, quat_w, human.fps, standing)
         measured |= measure_scene(links, self.robot, mapping, bound, human, self.obj, standing)
         return RobotMotion(

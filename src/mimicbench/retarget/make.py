@@ -15,7 +15,7 @@ from mimicbench.objects.shape import SceneObject, load_object
 from mimicbench.retarget.acceptance import Outcome, outcome, summary
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.mapping import Preset
-from mimicbench.retarget.registry import METHODS
+from mimicbench.retarget.registry import DEFAULT_METHOD, METHODS
 from mimicbench.robots.description import Robot
 from mimicbench.robots.registry import ROBOTS
 
@@ -27,7 +27,7 @@ Fulfils = Callable[[RobotMotion, SceneObject, Robot], bool]
 class RetargetConfig:
     """How to retarget."""
 
-    method: str = "interaction"
+    method: str = DEFAULT_METHOD
     """One of `mimicbench.retarget.registry.METHODS`."""
     variant: Preset | None = None
     """`paper`: tables and loss to the letter; `improved`: what we find to be better; None: the method's default."""

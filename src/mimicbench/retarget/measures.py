@@ -7,11 +7,12 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.shape import SceneObject
 from mimicbench.retarget.grounding import FEET, runs, sole_heights
 from mimicbench.retarget.kinematics import Links, Pose
-from mimicbench.retarget.mapping import Bound, Mapping, followed_points
+from mimicbench.retarget.mapping import Bound, followed_points
 from mimicbench.retarget.samples import Balls, Masses, Scene, balls_of
 from mimicbench.retarget.self_contact import SelfContact
 from mimicbench.retarget.trunk import TRUNK, bears, head_rests, trunk_rests, trunk_up
 from mimicbench.robots.description import Robot
+from mimicbench.robots.mapping import Mapping
 
 DEEP, CLOSE = 0.01, 0.02
 """[m] What counts as penetration, and as contact."""

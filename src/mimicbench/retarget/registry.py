@@ -9,6 +9,8 @@ from mimicbench.core.registry import Registry
 if TYPE_CHECKING:
     from mimicbench.retarget.method import Method
 
+DEFAULT_METHOD = "interaction"
+"""Where nobody names another."""
 METHODS: Registry[Method] = Registry(
     what="retargeting method",
     package="mimicbench.retarget.methods",

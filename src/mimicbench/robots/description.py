@@ -8,6 +8,7 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import UnknownName
+from mimicbench.robots.mapping import Mapping as HumanMapping
 
 Vector = tuple[float, ...]
 
@@ -99,6 +100,8 @@ class Robot:
     visual: tuple[Shape, ...]
     collides: tuple[tuple[str, str], ...]
     """Pairs of self-collision groups that touch each other; all others pass through."""
+    mappings: tuple[HumanMapping, ...] = ()
+    """From human skeletons: whose motions can be retargeted to it."""
 
     @cached_property
     def link_names(self) -> tuple[str, ...]:

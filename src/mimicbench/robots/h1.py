@@ -10,6 +10,8 @@ lift. The buttocks end 0.06 m below the hip pitch axis, so a seated pelvis frame
 """
 
 from mimicbench.robots.description import Gains, Joint, Link, Robot, Shape
+from mimicbench.robots.mapping import Mapping, Pair
+from mimicbench.robots.people import PEOPLE, UNIHSI, Names
 
 _UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 _PLACES = (
@@ -174,6 +176,93 @@ def _visual() -> tuple[Shape, ...]:
     return tuple(shapes)
 
 
+# Standing feet of an H1 are 0.406 m apart, those of the human 0.170 m. With no ankle roll, feet put where the human's
+# are would tilt by
+# 8.5 degrees; where the H1's are, the gait would be a straddle. Half way they tilt by 4 degrees, 3 mm over the width of
+# a sole.
+_ANKLE_OUT, _KNEE_OUT = 0.06, 0.09
+# Down to the sole from the ankles, and down to the underside of the buttocks from the hips and from the pelvis frame:
+# of the H1.
+# The H1's pelvis frame is 0.174 m above its hips, the human's between them: without this every walk would be a crouch.
+# One centimeter is added at the seat: thighs that slope down to the knees meet its front edge before the buttocks meet
+# the seat.
+_SOLE, _HIP_SEAT, _PELVIS_SEAT = 0.07, 0.071, 0.245
+# A foot beside its place skates, a pelvis beside its place does not; and the H1 must reach the floor with legs that may
+# be too short.
+_ANKLE_WEIGHT = 100.0
+# Where the pelvis frame comes to lie depends on how the one trunk of the H1 settles between the human's two; where the
+# hips lie does not.
+_PELVIS_WEIGHT = 0.25
+
+
+def _pairs(names: Names) -> tuple[Pair, ...]:
+    """The table of one human skeleton (appendix B.1), and what `improved` adds to it."""
+    # "the human shoulder is the shoulder roll link for UniHSI, the shoulder pitch link for the others" (appendix B.1)
+    shoulder = "shoulder_roll_link" if names is UNIHSI else "shoulder_pitch_link"
+    seat, pelvis = (_HIP_SEAT, names.hip_seat), (_PELVIS_SEAT, names.pelvis_seat)
+    pairs = [
+        Pair(names.pelvis, "pelvis", "pelvis", surface=pelvis, weight=_PELVIS_WEIGHT),
+        # The H1 has no waist: its one trunk answers for the human's pelvis and, in `improved`, for the human's chest
+        # too.
+        Pair(names.pelvis, "torso_link", "torso_link", surface=pelvis, weight=_PELVIS_WEIGHT, turned_by=names.chest),
+    ]
+    for human, h1, out in (("left", "left", 1.0), ("right", "right", -1.0)):
+        side = names.sides[0 if human == "left" else 1]
+        hip, knee, ankle = (joint.format(side) for joint in (names.hip, names.knee, names.ankle))
+        pairs += [
+            Pair(hip, f"{h1}_hip_yaw_link", f"{h1}_hip_pitch_link", surface=seat, frame=names.pelvis),
+            Pair(hip, f"{h1}_hip_roll_link", f"{h1}_hip_pitch_link", surface=seat, frame=names.pelvis),
+            Pair(knee, f"{h1}_knee_link", f"{h1}_knee_link", (0.02, out * _KNEE_OUT, 0.0)),
+            Pair(
+                ankle,
+                f"{h1}_ankle_link",
+                f"{h1}_ankle_link",
+                (0.0, out * _ANKLE_OUT, 0.0),
+                (_SOLE, names.sole),
+                weight=_ANKLE_WEIGHT,
+            ),
+        ]
+    for h1, side in zip(("left", "right"), names.sides, strict=True):
+        pairs += [
+            Pair(
+                names.shoulder.format(side),
+                f"{h1}_{shoulder}",
+                f"{h1}_shoulder_yaw_link",
+                frame=names.chest,
+                at_rest=True,
+            ),
+            Pair(names.elbow.format(side), f"{h1}_elbow_link", f"{h1}_elbow_link", frame=names.chest, at_rest=True),
+        ]
+    return tuple(pairs)
+
+
+def _mapping(names: Names) -> Mapping:
+    """From one human skeleton: its table, and the points that matter beyond it."""
+    left, right = names.sides
+    return Mapping(
+        skeleton=names.skeleton,
+        leg=(names.hip.format(left), names.knee.format(left), names.ankle.format(left)),
+        leg_length=names.leg_length,
+        pairs=_pairs(names),
+        wrists=((names.wrist.format(left), "left_wrist"), (names.wrist.format(right), "right_wrist")),
+        feet=((names.ankle.format(left), "left_ankle_link"), (names.ankle.format(right), "right_ankle_link")),
+        sole=((-0.10, 0.0, -0.07), (0.20, 0.0, -0.07)),
+        bearers={
+            # on seats higher than its knees the H1's thighs meet the front edge before its buttocks meet the seat
+            "pelvis": ("pelvis", "left_hip_pitch_link", "right_hip_pitch_link"),
+            "back": ("torso_link",),
+            "left_hand": ("left_elbow_link",),
+            "right_hand": ("right_elbow_link",),
+            "left_foot": ("left_ankle_link",),
+            "right_foot": ("right_ankle_link",),
+        },
+        forearms=tuple((names.elbow.format(side), names.wrist.format(side)) for side in names.sides),
+        palm=names.palm,
+        ankle_height=names.sole,
+        trunk="torso_link",
+    )
+
+
 ROBOT = Robot(
     name="h1",
     links=LINKS,
@@ -194,5 +283,6 @@ ROBOT = Robot(
     arms_down={"left_elbow_joint": 1.5707963, "right_elbow_joint": 1.5707963},
     collision=_collision(),
     visual=_visual(),
+    mappings=tuple(_mapping(names) for names in PEOPLE),
     collides=(("left leg", "right leg"), ("left arm", "trunk"), ("right arm", "trunk"), ("left arm", "right arm")),
 )

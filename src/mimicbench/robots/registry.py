@@ -9,6 +9,8 @@ from mimicbench.core.registry import Registry
 if TYPE_CHECKING:
     from mimicbench.robots.description import Robot
 
+DEFAULT_ROBOT = "h1"
+"""Where nobody names another."""
 ROBOTS: Registry[Robot] = Registry(
     what="robot",
     package="mimicbench.robots",

@@ -216,23 +216,6 @@ def chosen_terms(names: Sequence[str | Term], task: Task) -> tuple[Term, ...]:
     return tuple(term for term in found if term.exists(task))
 
 
-def refuse_privileged(names: Sequence[str | Term], who: str) -> None:
-    """Raises MimicbenchError if any of the terms is privileged: `who` is to act on its own senses."""
-    for name in names:
-        term = name if isinstance(name, Term) else TERMS.get(name)
-        if term is not None and term.privileged:
-            raise MimicbenchError(
-                f"{who} asks for {term.name!r}, which no robot can sense; judge it on its own senses: choose from "
-                + ", ".join(each.name for each in TERMS.values() if not each.privileged)
-            )
-
-
-def flat_size(names: Sequence[str | Term], robot: Robot, task: Task) -> int:
-    """Numbers in these terms of one robot, laid out one after the other."""
-    sizes = [torch.Size(term.shape(robot, task)).numel() for term in chosen_terms(names, task)]
-    return sum(sizes)
-
-
 class Observations(Mapping[str, Tensor]):
     """What N robots observe at one control step: terms by name. All that a policy ever sees."""
 

@@ -9,6 +9,8 @@ from mimicbench.core.registry import Registry
 if TYPE_CHECKING:
     from mimicbench.tasks.task import Task
 
+DEFAULT_TASK = "sit-chair"
+"""Where nobody names another."""
 TASKS: Registry[Task] = Registry(
     what="task",
     package="mimicbench.tasks",

@@ -147,11 +147,6 @@ def told(measures: dict[str, float], names: Sequence[str], limits: Limits | None
     return ", ".join(words)
 
 
-def is_good(measures: dict[str, float], limits: Limits | None = None) -> bool:
-    """Whether what `check_clip` measured is within the limits."""
-    return not faults(measures, limits)
-
-
 def faults(
     measures: Mapping[str, float], limits: Limits | None = None, original: Mapping[str, float] | None = None
 ) -> list[str]:

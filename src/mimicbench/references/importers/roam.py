@@ -67,17 +67,6 @@ def import_roam(path: Path, wishes: Wishes) -> Recording:
     return finish(path, Recording(path.stem, skeleton, fps, adopted.pos, local, tuple(assumed), wishes=wishes))
 
 
-def read_pose(path: Path) -> np.ndarray:
-    """(27, 3) places of ROAM's joints [m], z up, of a goal pose or of the first frame of a motion.
-
-    Raises BadFile or BadMotion.
-    """
-    table = read_table(path)[0]
-    if not np.isfinite(table).all() or np.abs(table).max() > 1e4:
-        raise BadMotion(f"{path} holds NaN, infinity, or places far away; it is damaged or not in meters")
-    return rot.rotate(axis_up("y+")[1], table[:, :3])
-
-
 def read_table(path: Path) -> np.ndarray:
     """(T, 27, 3 | 9 | 12) numbers of a text or `.npy` file. Raises BadFile or BadMotion."""
     raw = read_bytes(path, MAX_BYTES)

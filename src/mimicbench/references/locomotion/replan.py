@@ -16,25 +16,13 @@ from mimicbench.references.locomotion.gait import Footsteps, Gait, body_places, 
 from mimicbench.references.locomotion.height import carried_height
 from mimicbench.references.locomotion.landing import land_softly
 from mimicbench.references.locomotion.route import Route, ahead_of
-from mimicbench.references.locomotion.states import LONG_AGO, BodyState, state_of_walk
-from mimicbench.references.locomotion.walking import FPS, UPRIGHT, Walk, follow, hips_of, walk
+from mimicbench.references.locomotion.states import LONG_AGO, BodyState
+from mimicbench.references.locomotion.walking import FPS, UPRIGHT, Walk, follow, hips_of
 
 MOVES = 0.12
 """A pelvis that is faster walks [m/s]."""
 JOINS = 0.6
 """Within so many seconds the pelvis joins the plan."""
-
-
-def in_stride(body: Body, xy: np.ndarray, yaw: float, gait: Gait, phase: float) -> BodyState:
-    """Somebody who walks steadily and passes (2,) [m] in direction `yaw` [rad] at a phase of the gait cycle in [0, 1).
-
-    At phase 0 the left heel strikes.
-    """
-    far = 10 * gait.speed * gait.period
-    way = walk(body, Route(np.array([[0.0, 0.0], [far, 0.0]])), 0.0, np.array([far, 0.0]), 0.0, gait, 0.5)
-    strikes = way.steps.touch_down[way.steps.side == 0]
-    strike = strikes[np.searchsorted(strikes, 4.5 * gait.period + gait.stand)]
-    return state_of_walk(way, round(float(strike + (phase % 1.0) * 2 * gait.period) * FPS)).moved(xy, yaw)
 
 
 def walk_from(

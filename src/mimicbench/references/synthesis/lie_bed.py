@@ -17,6 +17,7 @@ from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait
 from mimicbench.references.locomotion.route import Route, around_box
 from mimicbench.references.locomotion.walking import draw_start
+from mimicbench.references.synthesis.synthesis import Synthesis
 
 TURNS = 5.8
 """When on the clock somebody turns onto the side: after lying on the back [s]."""
@@ -120,3 +121,6 @@ def _route(obj: SceneObject, berth: Berth, start_xy: np.ndarray) -> Route:
     stop = turned @ berth.stop_xy
     before = np.array([max(stop[0] + 0.25, far[0] + MARGIN), stop[1]])
     return Route(around_box(turned @ start_xy, before, near, far, MARGIN).points @ turned)
+
+
+SYNTHESIS = Synthesis("lie-bed", synthesize_lie_bed, LieStyle, lambda obj, style, _: lie_bed_courses(obj, style))

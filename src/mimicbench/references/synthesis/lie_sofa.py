@@ -19,6 +19,7 @@ from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait, plan_footsteps
 from mimicbench.references.locomotion.route import Route, around_box
 from mimicbench.references.locomotion.walking import draw_start
+from mimicbench.references.synthesis.synthesis import Synthesis
 
 MARGIN = 0.40
 """Between the way and the sofa [m]."""
@@ -58,18 +59,6 @@ def synthesize_lie_sofa(clip_id: str, obj: SceneObject, seed: int) -> HumanMotio
         if ends[-1] <= duration:
             break
     body, berth, route, start_yaw = plans[int(np.argmin(ends))]
-    course = lie_course("lie-sofa", obj, body, berth, lambda _: route, gait_of(style), style)
-    return lie_down(clip_id, course, route, start_yaw, style)
-
-
-def make_lie_sofa(
-    clip_id: str, obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: LieStyle
-) -> HumanMotion:
-    """The clip that follows from a start, a sofa and a style, in closed form.
-
-    The point between the ankles starts at `start_xy` (2,) [m] with heading `start_yaw` [rad].
-    """
-    body, berth, route = _plan(obj, start_xy, style)
     course = lie_course("lie-sofa", obj, body, berth, lambda _: route, gait_of(style), style)
     return lie_down(clip_id, course, route, start_yaw, style)
 
@@ -135,3 +124,6 @@ def find_berth(obj: SceneObject, body: Body) -> Berth:
     return Berth(
         height, pillow, np.array([0.0, side]), np.array([1.0, 0.0]), lying, seat, stop, room, bool(end.any()), False
     )
+
+
+SYNTHESIS = Synthesis("lie-sofa", synthesize_lie_sofa, LieStyle, lambda obj, style, _: lie_sofa_courses(obj, style))

@@ -34,6 +34,7 @@ from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait
 from mimicbench.references.locomotion.route import Route
 from mimicbench.references.locomotion.walking import FPS, Walk, follow
+from mimicbench.references.synthesis.synthesis import Synthesis
 
 STRIDES = Gait(speed=0.55, stand=0.5, width=0.185)
 """Short steps, feet as far apart as who bends and squats wants them."""
@@ -155,9 +156,7 @@ def synthesize_lift_box(clip_id: str, obj: SceneObject, seed: int) -> HumanMotio
 
 
 def stand_off(obj: SceneObject, scale: float) -> float:
-    """Where along x the ankles are of somebody of that size who stands before the box [m]: close, with room for the
-    toes.
-    """
+    """Where along x somebody of that size stands before the box [m]: close, with room for the toes."""
     return float(obj.bounds()[1][0]) + core4d_body(scale).toe + 0.035
 
 
@@ -296,3 +295,6 @@ def _stand(
             pos, quat = placed(body, ground, stand[None], clasp + carried)
             pull = float(np.clip(pull + PRESSED - depth(body, pos, quat, obj, carried, FRONT)[0], *PULLS))
     return carried, stand, short
+
+
+SYNTHESIS = Synthesis("lift-box", synthesize_lift_box, LiftStyle, lambda obj, style, _: (lift_course(obj, style),))

@@ -52,12 +52,12 @@ def plan(
     What does not depend on the state is kept for the next plan on the same object in the same style.
 
     Args:
-        task: One of `synthesis.TASKS`.
+        task: One of `synthesis.registry.SYNTHESES`.
         obj: With what.
         state: Where the body is now, and how it moves.
         style: `HumanMotion.style` of a clip of the task.
         clip_id: Name of the plan.
-        wrist_goal_w: (2, 3) where the wrists are to go [m], for touch-points.
+        wrist_goal_w: (2, 3) where the wrists are to go [m], for tasks that tell it.
 
     Raises:
         UnknownName: There is no such task.

@@ -1,53 +1,26 @@
-"""Synthetic human clips: what makes a clip of each task, and what the task asks for wherever its person is."""
+"""What makes a clip of each task, and what the task asks for wherever its person is."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import lru_cache
-from typing import Any, NamedTuple
 
 import numpy as np
 
-from mimicbench.core.errors import BadMotion, UnknownName
+from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import HumanMotion
+from mimicbench.core.registry import Registry
 from mimicbench.objects.shape import SceneObject
-from mimicbench.references.actions.lying_style import LieStyle
-from mimicbench.references.actions.sit_styles import SitStyle
 from mimicbench.references.locomotion.course import Course
-from mimicbench.references.synthesis.lie_bed import lie_bed_courses, synthesize_lie_bed
-from mimicbench.references.synthesis.lie_sofa import lie_sofa_courses, synthesize_lie_sofa
-from mimicbench.references.synthesis.lift_box import LiftStyle, lift_course, synthesize_lift_box
-from mimicbench.references.synthesis.sit_chair import sit_chair_courses, synthesize_sit_chair
-from mimicbench.references.synthesis.sit_sofa import sit_sofa_courses, synthesize_sit_sofa
-from mimicbench.references.synthesis.touch_points import TouchStyle, synthesize_touch_points, touch_course
+from mimicbench.references.synthesis.synthesis import Synthesis
 
-TASKS: dict[str, Callable[[str, SceneObject, int], HumanMotion]] = {
-    "sit-chair": synthesize_sit_chair,
-    "sit-sofa": synthesize_sit_sofa,
-    "lie-bed": synthesize_lie_bed,
-    "lie-sofa": synthesize_lie_sofa,
-    "lift-box": synthesize_lift_box,
-    "touch-points": synthesize_touch_points,
-}
-"""(clip id, object, seed) -> clip."""
-
-
-class Courses(NamedTuple):
-    """How to do a task in a style."""
-
-    style: type
-    """The task's style."""
-    find: Callable[[SceneObject, Any, np.ndarray], tuple[Course, ...]]
-    """(object, style, (2, 3) goals of the wrists [m] or none) -> ways to do it."""
-
-
-COURSES: dict[str, Courses] = {
-    "sit-chair": Courses(SitStyle, lambda obj, style, _: sit_chair_courses(obj, style)),
-    "sit-sofa": Courses(SitStyle, lambda obj, style, _: sit_sofa_courses(obj, style)),
-    "lie-bed": Courses(LieStyle, lambda obj, style, _: lie_bed_courses(obj, style)),
-    "lie-sofa": Courses(LieStyle, lambda obj, style, _: lie_sofa_courses(obj, style)),
-    "lift-box": Courses(LiftStyle, lambda obj, style, _: (lift_course(obj, style),)),
-    "touch-points": Courses(TouchStyle, lambda obj, style, goal: (touch_course(obj, goal, style),)),
-}
+SYNTHESES: Registry[Synthesis] = Registry(
+    what="task with synthetic clips",
+    package="mimicbench.references.synthesis",
+    attribute="SYNTHESIS",
+    kind="mimicbench.references.synthesis.synthesis:Synthesis",
+    group="mimicbench.references",
+)
+"""One module of this package each, or an entry point of somebody else's."""
 KEPT = 64
 """So many objects and styles are remembered with all that was found for them."""
 
@@ -57,9 +30,7 @@ def synthesize(task: str, index: int, obj: SceneObject, seed: int) -> HumanMotio
 
     Raises UnknownName or BadObject.
     """
-    if task not in TASKS:
-        raise UnknownName("task", task, list(TASKS))
-    return TASKS[task](clip_id(task, index, seed), obj, seed)
+    return SYNTHESES.get(task).make(clip_id(task, index, seed), obj, seed)
 
 
 def clip_id(task: str, index: int, seed: int) -> str:
@@ -94,24 +65,26 @@ def courses(
 
     Those of the last KEPT objects and styles are remembered.
 
-    `wrist_goal_w` (2, 3) is where the wrists are to go [m], for touch-points. Raises UnknownName, BadMotion or
+    `wrist_goal_w` (2, 3) is where the wrists are to go [m], for tasks that tell it. Raises UnknownName, BadMotion or
     BadObject.
     """
-    if task not in COURSES:
-        raise UnknownName("task", task, list(COURSES))
+    row = SYNTHESES.get(task)
+    if row.style is None or row.find is None:
+        raise BadMotion(f"clips of {task} cannot be planned anew; its synthesis has no style, or no ways to find")
     goal = np.zeros((0, 3)) if wrist_goal_w is None else wrist_goal_w
-    missing = [field.name for field in fields(COURSES[task].style) if field.name not in style]
+    missing = [field.name for field in fields(row.style) if field.name not in style]
     if missing:
         raise BadMotion(f"this style lacks {', '.join(missing)}; plans need the style of a synthetic clip of {task}")
-    if task == "touch-points" and goal.shape != (2, 3):
+    if row.wrist_goals and goal.shape != (2, 3):
         raise BadMotion(
-            "touch-points needs a place for each wrist: give wrist_goal_w, two places of three numbers, left and right"
+            f"{task} needs a place for each wrist: give wrist_goal_w, two places of three numbers, left and right"
         )
     return _courses(_Request(task, obj, style, goal))
 
 
 @lru_cache(maxsize=KEPT)
 def _courses(request: _Request) -> tuple[Course, ...]:
-    row = COURSES[request.task]
+    row = SYNTHESES.get(request.task)
+    assert row.style is not None and row.find is not None
     style = row.style(**{field.name: request.style[field.name] for field in fields(row.style)})
     return row.find(request.obj, style, request.goal)

@@ -11,6 +11,7 @@ from mimicbench.references.body.body import unihsi_body
 from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait
 from mimicbench.references.locomotion.walking import draw_start
+from mimicbench.references.synthesis.synthesis import Synthesis
 
 SLOW, DROPS = 0.12, 0.12
 """Shares of people who take their time, and who let themselves drop the last centimeters."""
@@ -64,3 +65,6 @@ def gait_of(style: SitStyle) -> Gait:
 def sit_chair_courses(obj: SceneObject, style: SitStyle) -> tuple[Course, ...]:
     """The one way to sit down on a chair in a style."""
     return (sit_course("sit-chair", unihsi_body(style.body_scale), obj, style, gait_of(style)),)
+
+
+SYNTHESIS = Synthesis("sit-chair", synthesize_sit_chair, SitStyle, lambda obj, style, _: sit_chair_courses(obj, style))

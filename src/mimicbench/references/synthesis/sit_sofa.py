@@ -13,6 +13,7 @@ from mimicbench.references.body.body import roam_body
 from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait, plan_footsteps
 from mimicbench.references.locomotion.walking import draw_start
+from mimicbench.references.synthesis.synthesis import Synthesis
 
 REST = 0.6
 """Least time at rest in the end of a clip [s]."""
@@ -88,3 +89,6 @@ def arrival(obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: Sit
         ).end
         - style.lead
     )
+
+
+SYNTHESIS = Synthesis("sit-sofa", synthesize_sit_sofa, SitStyle, lambda obj, style, _: sit_sofa_courses(obj, style))

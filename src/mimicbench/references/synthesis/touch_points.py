@@ -31,6 +31,7 @@ from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait
 from mimicbench.references.locomotion.route import Route
 from mimicbench.references.locomotion.walking import FPS, Walk, follow
+from mimicbench.references.synthesis.synthesis import Synthesis
 
 STRIDES = Gait(speed=0.55, stand=0.5, width=0.185)
 """Short steps, feet as far apart as who bends and squats wants them."""
@@ -216,3 +217,12 @@ def _who_reaches(obj: SceneObject, goal: np.ndarray, size: float) -> tuple[Body,
             break
     assert best is not None
     return best
+
+
+SYNTHESIS = Synthesis(
+    "touch-points",
+    synthesize_touch_points,
+    TouchStyle,
+    lambda obj, style, goal: (touch_course(obj, goal, style),),
+    wrist_goals=True,
+)

@@ -12,9 +12,10 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.curves import minimum_jerk, smooth_above
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.grounding import FEET, runs
-from mimicbench.retarget.mapping import Bound, Mapping, followed_points
+from mimicbench.retarget.mapping import Bound, followed_points
 from mimicbench.retarget.samples import Scene, balls_of
 from mimicbench.retarget.trunk import bears, trunk_rests
+from mimicbench.robots.mapping import Mapping
 
 HANDS = ("left_hand", "right_hand")
 STRETCH = 0.98

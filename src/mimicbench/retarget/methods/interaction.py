@@ -26,8 +26,7 @@ from mimicbench.core.motion import RobotMotion
 from mimicbench.retarget.acceptance import PROMISED
 from mimicbench.retarget.clip import Clip, storable
 from mimicbench.retarget.kinematics import Pose, Tree, tree_of
-from mimicbench.retarget.mapping import Bound, Mapping, followed_points
-from mimicbench.retarget.mappings import find_mapping
+from mimicbench.retarget.mapping import Bound, find_mapping, followed_points
 from mimicbench.retarget.method import Method
 from mimicbench.retarget.methods.anchors import Anchors, anchors_of
 from mimicbench.retarget.methods.copy_rotation import copy_rotations
@@ -38,6 +37,7 @@ from mimicbench.retarget.self_contact import SelfContact
 from mimicbench.retarget.solver import solve
 from mimicbench.retarget.trunk import bears, swung, trunk_rests, trunk_up
 from mimicbench.robots.description import Robot
+from mimicbench.robots.mapping import Mapping
 
 MOST_BACK = 0.2
 """[m] Whoever leans back is put at most so much farther back, or forward, than the person."""
@@ -115,7 +115,7 @@ def make_problem(
     Whoever sits or lies is to do so that much [m] nearer to its feet; who sits has the heels raised by so much [rad].
     """
     motion, robot = clip.motion, clip.robot
-    mapping = find_mapping(motion.skeleton.name, robot.name)
+    mapping = find_mapping(motion.skeleton.name, robot)
     bound = clip.bind("improved")
     tree, limits = tree_of(robot), storable(robot.joint_range)
     pos_w, quat_w = motion.forward_kinematics()
@@ -225,7 +225,7 @@ def _keep_lean(
     A robot without a waist would lean somewhere between pelvis and chest, or as its arms and feet would have it.
     """
     motion, robot = clip.motion, clip.robot
-    mapping = find_mapping(motion.skeleton.name, robot.name)
+    mapping = find_mapping(motion.skeleton.name, robot)
     share, up = _eased(trunk_rests(motion), motion.fps), trunk_up(motion)
     for column in np.flatnonzero(np.isin(links, [0, robot.link_names.index(mapping.trunk)])):
         targets[:, column] = rot.slerp(targets[:, column], swung(targets[:, column], up), share)
@@ -245,7 +245,7 @@ def _to_back(clip: Clip, tree: Tree, start: Pose, leans: np.ndarray) -> np.ndarr
     facing = rot.rotate(pose.root_quat, np.array([1.0, 0.0, 0.0])).mean(0) * [1.0, 1.0, 0.0]
     facing /= np.linalg.norm(facing)
     balls, scene = balls_of(clip.robot), Scene.of(motion, clip.obj)
-    mapping = find_mapping(motion.skeleton.name, clip.robot.name)
+    mapping = find_mapping(motion.skeleton.name, clip.robot)
     trunk = balls.link == clip.robot.link_names.index(mapping.trunk)
     centers = balls.place(tree.place(pose))[:, trunk]
     back = 0.0

@@ -14,18 +14,18 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.motion import RobotMotion
 from mimicbench.core.skeleton import Skeleton, forward_kinematics
 from mimicbench.retarget.clip import Clip
-from mimicbench.retarget.mapping import Mapping
-from mimicbench.retarget.mappings import find_mapping
+from mimicbench.retarget.mapping import find_mapping
 from mimicbench.retarget.method import Method
 from mimicbench.retarget.methods.optimization import PAPER, OptimizationConfig, optimize_towards
 from mimicbench.robots.description import Robot
+from mimicbench.robots.mapping import Mapping
 
 
 def align_and_optimize(clip: Clip, config: OptimizationConfig | None = None) -> RobotMotion:
     """The robot motion that follows the human with the robot's bones. Raises UnknownName or BadMotion."""
     motion = clip.motion
     aligned = replace(
-        motion, skeleton=align(motion.skeleton, find_mapping(motion.skeleton.name, clip.robot.name), clip.robot)
+        motion, skeleton=align(motion.skeleton, find_mapping(motion.skeleton.name, clip.robot), clip.robot)
     )
     return optimize_towards(clip, *aligned.forward_kinematics(), config or OptimizationConfig())
 

@@ -1,0 +1,88 @@
+"""Packages of other people: a task, a robot, a tracker, and a learner with its policy, each of a single file, are
+installed and run through the whole command without a change to ours.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+PACKAGES = Path(__file__).with_name("packages")
+OURS = "sys, mimicbench.{}.registry as r; print(*r.{}.names()); assert not {{'numpy', {!r}}} & set(sys.modules)"
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """Environment variables of a process in which the packages are installed as pip would do it."""
+    site = tmp_path_factory.mktemp("site")
+    for folder in PACKAGES.iterdir():
+        project = tomllib.loads((folder / "pyproject.toml").read_text())["project"]
+        name, version = project["name"], project["version"]
+        (site / f"{name}.py").write_bytes((folder / f"{name}.py").read_bytes())
+        info = site / f"{name}-{version}.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n")
+        groups = project["entry-points"].items()
+        lines = [f"[{group}]\n" + "".join(f"{n} = {where}\n" for n, where in of.items()) for group, of in groups]
+        (info / "entry_points.txt").write_text("".join(lines))
+    paths = os.pathsep.join([str(site), *filter(None, [os.environ.get("PYTHONPATH")])])
+    return {**os.environ, "PYTHONPATH": paths, "MUJOCO_GL": "disabled"}  # drawing would take most of the time
+
+
+def call(environment, *arguments):
+    done = subprocess.run([sys.executable, *arguments], env=environment, capture_output=True, text=True, timeout=900)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.parametrize(
+    ("package", "registry", "module", "name"),
+    [
+        ("tasks", "TASKS", "standing", "stand-by"),
+        ("objects", "FAMILIES", "standing", "pillar"),
+        ("robots", "ROBOTS", "scout", "scout"),
+        ("track", "TRACKERS", "follow", "follow"),
+        ("imitate", "LEARNERS", "still", "still"),
+        ("policies", "LOADERS", "still", "still"),
+    ],
+)
+def test_names_are_known_without_an_import(installed, package, registry, module, name):
+    assert name in call(installed, "-c", "import " + OURS.format(package, registry, module)).split()
+
+
+def test_their_tasks_are_environments(installed):
+    script = (
+        "import gymnasium, mimicbench; env = gymnasium.make('mimicbench/StandBy-v0', split='all'); env.reset(seed=0)"
+    )
+    assert call(installed, "-c", script + "; print(env.unwrapped.spec.kwargs['task'])").strip() == "stand-by"
+
+
+def test_all_of_them_run_through_everything(installed, tmp_path):
+    small = {
+        "objects.count": 8,
+        "references.count": 6,
+        "track.samples": 512,
+        "track.num-envs": 32,
+        "track.ppo.steps": 8,
+        "track.evaluate-clips": 2,
+        "imitate.last": 5,
+        "imitate.perception.maps": 64,
+        "imitate.perception.steps": 4,
+        "evaluate.episodes": 2,
+        "evaluate.tracked": 2,
+    }
+    words = ["run", "--train", "--profile", "smoke", "--task", "stand-by", "--robot", "scout", "--json"]
+    words += ["--track.tracker", "follow", "--imitate.learner", "still", "--evaluate.policy", "tracker", "still"]
+    words += [word for name, value in small.items() for word in (f"--{name}", str(value))]
+    words += ["--workers", "1", "--workdir", str(tmp_path)]
+    told = json.loads(call(installed, "-m", "mimicbench.cli", *words))
+    assert told["task"] == "stand-by" and "Stand by a pillar" in Path(told["report"]).read_text()
+    assert {one["policy"] for one in told["results"]} == {"tracker", "still"}
+    headers = [json.loads(path.read_text()) for path in (tmp_path / "stand-by").glob("*/*/header.json")]
+    assert {"objects", "references", "retarget", "track", "perception", "imitate"} <= {one["stage"] for one in headers}
+    policy = next((tmp_path / "stand-by" / "imitate").glob("still-*/policy/config.json"))
+    assert json.loads(policy.read_text())["robot"] == "scout"
