@@ -114,6 +114,9 @@ def train_tracker(
         "clips": [motion.id for some in clips for motion in some.motions],
     }
     progress = resume_training(folder, identity, parts, fresh)
+    notes = {"seed": seed, "tasks": [some.task.name for some in clips]}
+    if progress["samples"]:  # it may have been killed between the state and the checkpoint
+        save_tracker(folder / "checkpoint", robot, shape, learner.network_tensors(), {**progress, **notes})
     obs = env.observe()
     now = saved = time.monotonic()
     while progress["samples"] < config.samples:
@@ -144,8 +147,7 @@ def train_tracker(
             progress["reward"] = progress["steps"] = 0
         if finished or time.monotonic() - saved > config.save_every:
             save_training(folder, identity, parts, progress)
-            notes = {**progress, "seed": seed, "tasks": [some.task.name for some in clips]}
-            save_tracker(folder / "checkpoint", robot, shape, learner.network_tensors(), notes)
+            save_tracker(folder / "checkpoint", robot, shape, learner.network_tensors(), {**progress, **notes})
             saved = time.monotonic()
         now = time.monotonic()
     env.close()

@@ -30,8 +30,8 @@ def read_table(path: Path, columns: list[str] | None = None) -> pa.Table:
     if not path.is_file():
         raise BadFile(f"{path} does not exist; run `mimicbench demos` again")
     try:
-        table = pq.read_table(path, columns=columns)
-    except (pa.ArrowException, OSError, KeyError) as error:
+        table = pq.read_table(path, columns=columns, page_checksum_verification=True)
+    except (pa.ArrowException, OSError, KeyError, UnicodeDecodeError) as error:
         raise _bad_table(path, error) from None
     missing = sorted(set(columns or []) - set(table.column_names))
     if missing:
@@ -48,8 +48,8 @@ def _bad_table(path: Path, error: Exception) -> BadFile:
 
 
 def write_table(path: Path, table: pa.Table) -> None:
-    """Write a parquet file atomically."""
-    write_atomic(path, lambda stream: pq.write_table(table, stream, compression="snappy"))
+    """Write a parquet file atomically, with checksums."""
+    write_atomic(path, lambda stream: pq.write_table(table, stream, compression="snappy", write_page_checksum=True))
 
 
 def write_tasks(folder: Path, tasks: Sequence[str]) -> None:
