@@ -98,7 +98,7 @@ def demos(folder: Path) -> None:
     writer = DemoWriter(folder, "h1", "sit-chair", tuple(f"joint{i}" for i in range(19)), shard_episodes=2)
     for number in range(5):
         widths = {"state": 300, "action": 19, "executed_action": 19, "qpos": 26, "qvel": 25}
-        arrays = {name: random.normal(size=(6 + number, width)) for name, width in widths.items()}
+        arrays: Any = {name: random.normal(size=(6 + number, width)) for name, width in widths.items()}
         writer.add(Demonstration(**arrays, object_id="chair-0-00001", reference_id=f"clip-{number}", success=True))
     writer.finish()
 
@@ -199,7 +199,7 @@ def campaign(kind: Kind, count: int, seed: int, folder: Path) -> tuple[Counter[s
 
 def main() -> int:
     """0 if nothing was read silently, and nothing ended in a traceback."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--count", type=int, default=5000, help="damaged files, over all kinds")
     parser.add_argument("--seed", type=int, default=0)
     chosen = parser.parse_args()

@@ -170,6 +170,8 @@ def _swaps(node: ast.AST, source: str) -> Iterator[tuple[_Place, str, str]]:
         if symbol:
             yield _Place(right.lineno, left.end_col_offset + between.index(symbol)), symbol, wanted
     if isinstance(node, ast.Constant) and isinstance(node.value, bool):
+        if source.splitlines()[node.lineno - 1].lstrip().startswith("@dataclass"):
+            return
         yield _Place(node.lineno, node.col_offset), str(node.value), str(not node.value)
     elif isinstance(node, ast.Constant) and isinstance(node.value, int | float):
         text = ast.get_source_segment(source, node) or str(node.value)
@@ -226,7 +228,7 @@ def run(changes: list[Change], copy: Path, title: str) -> list[Change]:
 
 def main() -> int:
     """0 if no guarantee survives."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--guards", action="store_true", help="the guarantees alone")
     parser.add_argument("--module", choices=DECISIVE, help="the operators of one module alone")
     parser.add_argument("--most", type=int, default=0, help="try so many operators of a module, drawn at random")

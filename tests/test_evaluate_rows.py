@@ -78,7 +78,7 @@ def test_wilson_axioms(counts):
 def test_rate_format():
     assert str(Rate(366, 400)) == "91.5 % [88.4–93.9] (366/400)"
     assert Rate(1.25, 4).counts() == "1.25/4"
-    assert Rate(0, 0).percent() == "-"
+    assert Rate(0, 0).percent() == "-" and Rate(0, 0).rate == 0
 
 
 def test_energy_average_by_hand():

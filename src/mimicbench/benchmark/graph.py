@@ -13,6 +13,7 @@ from mimicbench.benchmark.keys import Run
 from mimicbench.benchmark.recipe import Recipe, check_recipe
 from mimicbench.core.checkpoint import copy_checkpoint
 from mimicbench.core.errors import BadMotion, UnknownName
+from mimicbench.core.parallel import end_if_imported_by_worker
 from mimicbench.core.run import RunContext
 from mimicbench.core.stage import Stage, StageKey, opened
 from mimicbench.envs.clips import ClipSet
@@ -47,6 +48,7 @@ def start(recipe: Recipe, workdir: Path | str, context: RunContext | None = None
     device.
     """
     check_recipe(recipe)
+    end_if_imported_by_worker()
     run = Run(recipe, Path(workdir), context or RunContext())
     if run.context.device != "cpu":
         from mimicbench.sim.backends import check_device
@@ -155,7 +157,8 @@ def make_track_stage(run: Run) -> Stage:
     with _opened(run, keys.track_key(run), *PARTS[:4], trained=True) as stage:
         if stage.complete:
             return stage
-        train_tracker(stage.folder, train, test, config, run.recipe.seed, env_config(run), report)
+        say = run.context.say
+        train_tracker(stage.folder, train, test, config, run.recipe.seed, env_config(run), report, say)
         return stage.finish(clips=sum(map(len, train)), samples=config.samples, device=run.context.device)
 
 
@@ -176,11 +179,21 @@ def tracker_for_learning(run: Run) -> Path:
     return folder
 
 
+def _tell_tracker(run: Run) -> None:
+    """Say before the first stage if a tracker has to be trained on the way, which takes hours."""
+    if keys.tracker_folder(run) is None:
+        run.context.say(
+            f"no tracker of this recipe is here, and none is shipped for {run.recipe.task}: one is trained first, as by "
+            f"`mimicbench track --task {run.recipe.task} --workdir {run.workdir}`"
+        )
+
+
 def make_demo_stage(run: Run) -> Stage:
     """Let the tracker turn the training clips into demonstrations."""
     from mimicbench.imitate.demos import make_demos
     from mimicbench.track.checkpoint import load_tracker
 
+    _tell_tracker(run)
     clips, folder = retargeted(run), tracker_for_learning(run)
     with _opened(run, keys.demo_key(run, folder), *PARTS[:5]) as stage:
         if stage.complete:
@@ -211,13 +224,16 @@ def make_imitate_stage(run: Run) -> Stage:
     from mimicbench.track.checkpoint import load_tracker
 
     config: ImitateConfig = run.part("imitate")
-    clips, tracker, eyes = retargeted(run), tracker_for_learning(run), make_perception_stage(run)
+    _tell_tracker(run)
+    clips, tracker = retargeted(run), tracker_for_learning(run)
+    eyes = make_perception_stage(run) if config.looks else None
     demos = make_demo_stage(run) if config.clones else None
     with _opened(run, keys.imitate_key(run, tracker), *PARTS, trained=True) as stage:
         if stage.complete:
             return stage
         copy_checkpoint(tracker, stage.folder / keys.TRACKER)
-        copy_checkpoint(eyes.folder, stage.folder / keys.PERCEPTION)
+        if eyes is not None:
+            copy_checkpoint(eyes.folder, stage.folder / keys.PERCEPTION)
         gains = config.gains or load_tracker(tracker, run.robot).spec.gains
         dataset = None if demos is None else demos.folder / "dataset"
         given = Given(clips.split("train"), dataset, run.recipe.seed, gains, run.context)

@@ -177,15 +177,22 @@ def perception_key(run: Run) -> StageKey:
 
 def imitate_key(run: Run, tracker: Path) -> StageKey:
     """The recipe's policy, learned with the tracker in a folder."""
-    config, eyes = run.part("imitate"), perception_key(run)
+    config, settings = run.part("imitate"), identity(run.part("imitate"))
     first = demo_key(run, tracker) if config.clones else retarget_key(run)
+    made_from = {first.stage: first.fingerprint, "tracker": digest_of(tracker / MODEL)}
+    reads = {first.stage: run.folder(first), "tracker": tracker}
+    if config.looks:
+        eyes = perception_key(run)
+        made_from["perception"], reads["perception"] = eyes.fingerprint, run.folder(eyes)
+    else:
+        del settings["perception"]
     return run.key(
         "imitate",
-        identity(config),
-        {first.stage: first.fingerprint, "tracker": digest_of(tracker / MODEL), "perception": eyes.fingerprint},
+        settings,
+        made_from,
         amounts=amounts(config),
         words=(config.learner,),
-        reads={first.stage: run.folder(first), "tracker": tracker, "perception": run.folder(eyes)},
+        reads=reads,
     )
 
 

@@ -17,6 +17,7 @@ from torch import Tensor, nn
 
 from mimicbench.core.checkpoint import MAX_BYTES, BadCheckpoint
 from mimicbench.core.errors import MimicbenchError
+from mimicbench.core.events import append_events, write_events
 from mimicbench.core.files import DIGEST, write_atomic
 
 STATE = "training.safetensors"
@@ -165,16 +166,17 @@ def _digest(header: str, tensors: Mapping[str, Tensor]) -> str:
     found = hashlib.blake2b(header.encode(), digest_size=8)
     for name, tensor in sorted(tensors.items()):
         found.update(f"{name} {tensor.dtype} {tuple(tensor.shape)}".encode())
-        found.update(tensor.detach().cpu().contiguous().view(-1).view(torch.uint8).numpy())
+        found.update(tensor.detach().cpu().contiguous().view(-1).view(torch.uint8).numpy().data)
     return found.hexdigest()
 
 
 def append_metrics(folder: Path, row: Mapping[str, object]) -> None:
-    """Append a line to `metrics.jsonl`; numbers that are none become null."""
+    """Append a line to `metrics.jsonl`, and the same for TensorBoard; numbers that are none become null."""
     folder.mkdir(parents=True, exist_ok=True)
     plain = {name: None if isinstance(value, float) and value != value else value for name, value in row.items()}
     with open(folder / METRICS, "a") as stream:
         stream.write(json.dumps(plain) + "\n")
+    append_events(folder, plain)
 
 
 def read_metrics(path: Path) -> list[dict[str, Any]]:
@@ -191,8 +193,9 @@ def read_metrics(path: Path) -> list[dict[str, Any]]:
 
 
 def forget_after(path: Path, progress: Mapping[str, float]) -> None:
-    """Drop the lines of a metrics file that were written after a save of that progress."""
+    """Drop the lines of a metrics file that were written after a save of that progress, and TensorBoard's, too."""
     if not path.exists():
         return
     kept = [row for row in read_metrics(path) if all(row.get(name, 0) <= value for name, value in progress.items())]
     write_atomic(path, lambda stream: stream.writelines(f"{json.dumps(row)}\n".encode() for row in kept))
+    write_events(path.parent, kept)

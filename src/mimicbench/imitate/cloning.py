@@ -54,6 +54,11 @@ class CloneImitation(ImitateConfig):
     """What it is made of, and what it sees."""
     train: TrainConfig = field(default_factory=TrainConfig)
 
+    @property
+    def looks(self) -> bool:
+        """Who has no memory of the goal sees it in every map, or not at all."""
+        return bool(self.network.inputs.memory)
+
 
 def cloner(name: str, config: type[CloneImitation]) -> LearnerSpec:
     """The learner of that name which clones demonstrations with the network of a configuration."""

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 from mimicbench.core.errors import BadMotion
-from mimicbench.core.parallel import progress
+from mimicbench.core.progress import progress
 from mimicbench.core.settings import Positive, Share
 from mimicbench.core.stage import Stage
 from mimicbench.envs.clips import ClipSet

@@ -18,7 +18,7 @@ from torch.nn import functional
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.seeds import digest
-from mimicbench.core.training import NetworkState, OptimizerState, resume_training, save_training
+from mimicbench.core.training import NetworkState, OptimizerState, append_metrics, resume_training, save_training
 from mimicbench.imitate.perception import Perception, PerceptionConfig, window
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.rigs import Rig
@@ -29,6 +29,10 @@ from mimicbench.tasks.task import Task
 
 CLEAR = 0.2
 """[m] A robot that looks is at least so far from the object's outline."""
+
+
+LOG = 50
+"""Batches per line of metrics."""
 
 
 @dataclass(frozen=True)
@@ -161,6 +165,8 @@ def train_perception(
         optimizer.step()
         progress = {"step": step + 1, "seconds": progress["seconds"] + time.monotonic() - now}
         now = time.monotonic()
+        if (step + 1) % LOG == 0:
+            append_metrics(folder, {**progress, "loss": float(loss.detach())})
         if now - saved > config.save_every:
             save_training(folder, identity, parts, progress)
             saved = now

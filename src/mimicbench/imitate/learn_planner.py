@@ -158,8 +158,8 @@ def train_planner(
         row = {**progress, "loss": float(np.mean(losses)), "failed": failures / max(endings, 1), "teacher_share": share}
         if progress["round"] % 10 == 0 or finished:
             append_metrics(folder, row)
-            if report:
-                report(row)
+        if report:
+            report(row)
         if now - saved > config.save_every or finished:
             save_training(folder, identity, parts, progress)
             saved = time.monotonic()

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mimicbench.core.checkpoint import CONFIG
-from mimicbench.core.parallel import counter
+from mimicbench.core.progress import counter
 from mimicbench.imitate.learn_perception import evaluate_perception, train_perception
 from mimicbench.imitate.perception import PerceptionConfig, save_perception
 from mimicbench.objects.shape import SceneObject
@@ -27,7 +27,9 @@ def make_perception(
     if (folder / CONFIG).exists():
         return {}
     with counter(config.steps, "perception", quiet) as tick:
-        network = train_perception(folder, config, task, objects, lambda batches, loss: tick(batches))
+        network = train_perception(
+            folder, config, task, objects, lambda batches, loss: tick(batches, f"loss {loss:.3f}")
+        )
     error = evaluate_perception(network, task, held_out)
     save_perception(folder, network, robot.name, error)
     return error

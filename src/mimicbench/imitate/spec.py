@@ -25,6 +25,11 @@ class ImitateConfig:
     clones: ClassVar[bool] = False
     """Whether it learns from demonstrations."""
 
+    @property
+    def looks(self) -> bool:
+        """Whether its policy looks for its goal in a map, and so needs the network that does."""
+        return True
+
     @staticmethod
     def chosen(tree: Mapping[str, Any]) -> type["ImitateConfig"]:
         """The class of the learner that a tree of values names. Raises UnknownName."""
