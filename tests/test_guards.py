@@ -17,6 +17,8 @@ from mimicbench.envs.metrics import Verdict
 from mimicbench.imitate.demos import DemosConfig, batches, demonstrations
 from mimicbench.objects.shape import split_of
 from mimicbench.references.checks.quality import Limits, faults
+from mimicbench.retarget.acceptance import PROMISED, outcome, summary, unsolved
+from mimicbench.retarget.acceptance import Limits as Solved
 from mimicbench.retarget.make import RetargetConfig
 from mimicbench.track.ppo import PPOConfig
 from mimicbench.track.rollout import Recording, Rollout
@@ -143,3 +145,22 @@ def test_the_gate_lets_pass_what_is_at_its_limits_and_nothing_beyond():
 def test_the_gate_refuses_what_is_not_a_number():
     for name in measured():
         assert faults({**measured(), name: float("nan")}) == [name]
+
+
+def test_the_limits_of_solved_clips_are_the_documented_ones():
+    assert PROMISED.depth == PROMISED.step_skate == 0.04 and PROMISED.support_lost == 0.1
+    assert PROMISED.lean_error == pytest.approx(0.1396, abs=1e-4), "8 degrees"
+    given = Solved()
+    assert (given.limit_violation, given.velocity_ratio, given.position_error, given.goal_error) == (0, 1, 0.25, 0.1)
+    assert unsolved({}, given) == [] and unsolved({"limit_violation": 1e-9}, given) == ["limit_violation"]
+
+
+def test_rates_of_a_set_count_every_clip():
+    one = summary([outcome({}, True, 10, Solved())])
+    assert (one.rate, one.k_rate, one.kept, one.fulfilled, one.frames) == (1, 1, 1, 1, 10)
+    none = summary([])
+    assert (none.rate, none.k_rate, none.clips) == (0, 0, 0)
+    many = summary([outcome({"goal_error": 1.0}, k, 5, Solved()) for k in (True, False)])
+    assert (many.k_rate, many.rate) == (0.5, 0) and list(many.rejected_for.items()) == [("goal_error", 2), ("K", 1)]
+    tied = summary([outcome({"skate": 0.1, "position_error": 1.0}, False, 5, Solved())])
+    assert list(tied.rejected_for) == ["K", "position_error"], "as many: by name"

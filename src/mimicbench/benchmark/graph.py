@@ -183,7 +183,7 @@ def _tell_tracker(run: Run) -> None:
     """Say before the first stage if a tracker has to be trained on the way, which takes hours."""
     if keys.tracker_folder(run) is None:
         run.context.say(
-            f"no tracker of this recipe is here, and none is shipped for {run.recipe.task}: one is trained first, as by "
+            f"no tracker of this recipe is here, nor one shipped for {run.recipe.task}: one is trained first, as by "
             f"`mimicbench track --task {run.recipe.task} --workdir {run.workdir}`"
         )
 
