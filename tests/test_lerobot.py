@@ -48,6 +48,7 @@ def test_layout(tmp_path):
     fill(tmp_path)
     info = json.loads((tmp_path / "meta/info.json").read_text())
     assert info["codebase_version"] == "v3.0" and info["robot_type"] == "h1" and info["fps"] == 50
+    assert isinstance(info["fps"], int)
     assert (info["total_episodes"], info["total_frames"], info["total_tasks"]) == (5, 5 + 6 + 7 + 8 + 9, 1)
     assert info["splits"] == {"train": "0:5"} and info["video_path"] is None
     assert info["features"]["action"] == {"dtype": "float32", "shape": [19], "names": list(JOINTS)}
@@ -91,6 +92,11 @@ def test_statistics(tmp_path):
     for key in ("mean", "std", "min", "max"):
         np.testing.assert_allclose(stats["action"][key], getattr(actions.astype(float), key)(0), atol=1e-6)
     assert stats["action"]["count"] == [35]
+    lengths = np.array([5, 6, 7, 8, 9])
+    parts = np.split(actions.astype(float), np.cumsum(lengths)[:-1])
+    for key, q in (("q01", 0.01), ("q10", 0.1), ("q50", 0.5), ("q90", 0.9), ("q99", 0.99)):
+        merged = sum(n * np.quantile(part, q, axis=0) for n, part in zip(lengths, parts, strict=True)) / 35
+        np.testing.assert_allclose(stats["action"][key], merged, atol=1e-6)
 
 
 def test_round_trip(tmp_path):

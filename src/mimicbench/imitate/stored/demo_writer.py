@@ -80,7 +80,7 @@ class DemoWriter:
         info = folder / "meta" / "info.json"
         if info.exists():
             found = read_json(info)
-            expected = {"robot_type": robot, "fps": fps}
+            expected = {"robot_type": robot, "fps": round(fps)}
             differs = [key for key, value in expected.items() if found.get(key) != value]
             if differs or found.get("codebase_version") != VERSION or read_tasks(folder) != [task]:
                 raise MimicbenchError(
@@ -150,7 +150,7 @@ class DemoWriter:
             {
                 "codebase_version": VERSION,
                 "robot_type": self.robot,
-                "fps": self.fps,
+                "fps": round(self.fps),  # LeRobot wants a whole number
                 "features": features,
                 "total_episodes": len(self._rows),
                 "total_frames": self._rows[-1]["dataset_to_index"],
