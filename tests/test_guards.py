@@ -1,6 +1,7 @@
 """What numbers rest on and one changed line would undo without a sound: who learns from what, who is judged on what."""
 
 import json
+import shutil
 from dataclasses import fields, replace
 
 import numpy as np
@@ -12,11 +13,14 @@ import making
 from mimicbench.benchmark.graph import retargeted, start
 from mimicbench.benchmark.judging import _of_split, judge, who_of
 from mimicbench.benchmark.recipe import EvaluateConfig
+from mimicbench.core.errors import BadFile
 from mimicbench.core.training import STATE
 from mimicbench.envs.metrics import Verdict
 from mimicbench.imitate.demos import DemosConfig, batches, demonstrations
+from mimicbench.objects.make import ObjectsConfig
 from mimicbench.objects.shape import split_of
 from mimicbench.references.checks.quality import Limits, faults
+from mimicbench.references.make import ReferencesConfig
 from mimicbench.retarget.acceptance import PROMISED, outcome, summary, unsolved
 from mimicbench.retarget.acceptance import Limits as Solved
 from mimicbench.retarget.make import RetargetConfig
@@ -164,3 +168,16 @@ def test_rates_of_a_set_count_every_clip():
     assert (many.k_rate, many.rate) == (0.5, 0) and list(many.rejected_for.items()) == [("goal_error", 2), ("K", 1)]
     tied = summary([outcome({"skate": 0.1, "position_error": 1.0}, False, 5, Solved())])
     assert list(tied.rejected_for) == ["K", "position_error"], "as many: by name"
+
+
+def test_clips_of_a_set_are_on_the_objects_that_they_were_made_on(tmp_path):
+    human, objects = making.make("references", tmp_path), making.make("objects", tmp_path)
+    for stage, name in ((human, "references"), (objects, "objects")):
+        shutil.copytree(stage.folder, tmp_path / "sit-chair" / name / "own")
+    recipe = making.small(references=ReferencesConfig("own"), objects=ObjectsConfig("own"))
+    assert making.make("retarget", tmp_path, recipe).summary["clips"] == 4
+    shutil.rmtree(tmp_path / "sit-chair" / "objects" / "own")
+    other = making.make("objects", tmp_path, making.small(seed=1))
+    shutil.copytree(other.folder, tmp_path / "sit-chair" / "objects" / "own")
+    with pytest.raises(BadFile, match="was made on other objects than"):
+        making.make("retarget", tmp_path, recipe)

@@ -12,7 +12,7 @@ from mimicbench.benchmark import keys
 from mimicbench.benchmark.keys import Run
 from mimicbench.benchmark.recipe import Recipe, check_recipe
 from mimicbench.core.checkpoint import copy_checkpoint
-from mimicbench.core.errors import BadMotion, UnknownName
+from mimicbench.core.errors import BadFile, BadMotion, UnknownName
 from mimicbench.core.parallel import end_if_imported_by_worker
 from mimicbench.core.run import RunContext
 from mimicbench.core.stage import Stage, StageKey, opened
@@ -83,6 +83,8 @@ def make_reference_stage(run: Run) -> Stage:
 def make_retarget_stage(run: Run) -> Stage:
     """Robot clips of the human ones. Raises BadMotion if there is none to retarget."""
     human, objects = make_reference_stage(run), make_object_stage(run)
+    if run.set_name("references") and human.header["made_from"].get("objects") != objects.fingerprint:
+        raise BadFile(f"{human.folder} was made on other objects than {objects.folder} holds now; make both again")
     clips = clips_of(human)
     if not clips:
         raise BadMotion(f"there are no clips in {human.folder}; make it again, or import some")
