@@ -1,6 +1,7 @@
 # make run     the whole pipeline on new chairs with the shipped checkpoints, ending with a table and a report
 # make test    style and tests
 # make check   the same, and types
+# make mutation  changes what numbers rest on, line by line, and lists what no test notices (hours)
 # Each makes its own virtual environment first, once; it needs python3 with venv, and a package index.
 
 PYTHON ?= python3
@@ -21,7 +22,7 @@ PIP := $(BIN)/python -m pip install --quiet --constraint constraints.txt
 READY := $(VENV)/.ready
 INSTALLING := $(VENV)/.installing
 
-.PHONY: help setup run test check format lint type clean
+.PHONY: help setup run test check mutation format lint type clean
 
 help:
 	@grep -E '^# make' Makefile | cut -c3-
@@ -37,6 +38,10 @@ test: lint
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses $(JOBS)
 
 check: type test
+
+mutation: $(READY)
+	@echo "Changing what numbers rest on, line by line: what survives, no test has noticed"
+	OMP_NUM_THREADS=1 $(BIN)/python scripts/mutate.py $(ARGS)
 
 format: $(READY)
 	$(BIN)/ruff format .

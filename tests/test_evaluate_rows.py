@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from mimicbench.core.errors import BadFile, MimicbenchError
 from mimicbench.evaluate.intervals import Rate, wilson
-from mimicbench.evaluate.rows import EpisodeRow, group, read_rows, summarize, write_rows
+from mimicbench.evaluate.rows import EpisodeRow, group, read_rows, rows_made_from, summarize, write_rows
 
 ROW = EpisodeRow(
     task="sit-chair",
@@ -78,7 +78,7 @@ def test_wilson_axioms(counts):
 def test_rate_format():
     assert str(Rate(366, 400)) == "91.5 % [88.4–93.9] (366/400)"
     assert Rate(1.25, 4).counts() == "1.25/4"
-    assert Rate(0, 0).percent() == "-"
+    assert Rate(0, 0).percent() == "-" and Rate(0, 0).rate == 0
 
 
 def test_energy_average_by_hand():
@@ -174,3 +174,19 @@ def test_missing_and_foreign_files(tmp_path):
         )
         with pytest.raises(BadFile, match=message):
             read_rows(foreign)
+
+
+def test_an_effort_below_one_is_one_and_rows_are_held_against_their_digest(tmp_path):
+    assert replace(ROW, max_energy=0.0).holds(1e6) and replace(ROW, max_energy=0.5).max_energy == 0.5
+    path = tmp_path / "rows.parquet"
+    write_rows(path, [ROW], {"clips": "a", "episodes": 1})
+    table = pq.read_table(path)
+    header = json.loads(table.schema.metadata[b"mimicbench"])
+    assert rows_made_from(path) == {"clips": "a", "episodes": 1}
+    for other in ({**header, "made_from": {"clips": "b", "episodes": 1}}, {**header, "strange": 1}):
+        pq.write_table(table.replace_schema_metadata({"mimicbench": json.dumps(other)}), path)
+        with pytest.raises(BadFile, match="not as it was written"):
+            read_rows(path)
+    pq.write_table(table.set_column(table.column_names.index("success"), "success", pa.array([False])), path)
+    with pytest.raises(BadFile):
+        read_rows(path)

@@ -282,3 +282,15 @@ def test_every_learner_is_whole(name):
     config = spec.config()
     assert config.learner == name and type(config).chosen({"learner": name}) is spec.config
     assert spec.config.tracker in (None, "residual") and isinstance(spec.config.clones, bool)
+
+
+def test_nothing_is_learned_from_the_frames_that_judge(demos, chairs, tmp_path):
+    config = tiny("bc", INPUTS["blind"])
+    data = DemoFrames(demos, chairs, config.inputs, config.chunk, validation=0.5)
+    held, learned = set(data.validation_frames.tolist()), set(data.train_frames.tolist())
+    assert held and learned and not held & learned and len(held) + len(learned) == demos.frames
+    episodes = {int(data.episode[frame]) for frame in held}
+    assert not episodes & {int(data.episode[frame]) for frame in learned}, "whole episodes are kept apart"
+    data.action[data.validation_frames] = math.nan  # whoever learned from one would notice
+    trained = train(config, data, TrainConfig(steps=20, batch=32, device="cpu"), tmp_path, quiet=True)
+    assert all(torch.isfinite(value).all() for value in trained.state_dict().values())

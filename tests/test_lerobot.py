@@ -48,6 +48,7 @@ def test_layout(tmp_path):
     fill(tmp_path)
     info = json.loads((tmp_path / "meta/info.json").read_text())
     assert info["codebase_version"] == "v3.0" and info["robot_type"] == "h1" and info["fps"] == 50
+    assert isinstance(info["fps"], int)
     assert (info["total_episodes"], info["total_frames"], info["total_tasks"]) == (5, 5 + 6 + 7 + 8 + 9, 1)
     assert info["splits"] == {"train": "0:5"} and info["video_path"] is None
     assert info["features"]["action"] == {"dtype": "float32", "shape": [19], "names": list(JOINTS)}
@@ -91,6 +92,11 @@ def test_statistics(tmp_path):
     for key in ("mean", "std", "min", "max"):
         np.testing.assert_allclose(stats["action"][key], getattr(actions.astype(float), key)(0), atol=1e-6)
     assert stats["action"]["count"] == [35]
+    lengths = np.array([5, 6, 7, 8, 9])
+    parts = np.split(actions.astype(float), np.cumsum(lengths)[:-1])
+    for key, q in (("q01", 0.01), ("q10", 0.1), ("q50", 0.5), ("q90", 0.9), ("q99", 0.99)):
+        merged = sum(n * np.quantile(part, q, axis=0) for n, part in zip(lengths, parts, strict=True)) / 35
+        np.testing.assert_allclose(stats["action"][key], merged, atol=1e-6)
 
 
 def test_round_trip(tmp_path):
@@ -129,7 +135,7 @@ def test_cut_off_shard(tmp_path):
     fill(tmp_path)
     path = tmp_path / "data/chunk-000/file-001.parquet"
     path.write_bytes(path.read_bytes()[:-50])
-    with pytest.raises(BadFile, match="file-001.parquet cannot be read"):
+    with pytest.raises(BadFile, match="file-001.parquet is not as it was written"):
         load_demos(tmp_path)
 
 
@@ -143,3 +149,32 @@ def test_wrong_use(tmp_path):
         writer(tmp_path, task="lift-box")
     with pytest.raises(MimicbenchError, match="clip-00000 is not usable: qvel"):
         writer(tmp_path / "new").add(replace(demo(0), qvel=np.full((7, 25), np.nan)))
+
+
+def test_every_flipped_bit_of_a_shard_is_noticed(tmp_path):
+    fill(tmp_path)
+    path, random = tmp_path / "data/chunk-000/file-000.parquet", np.random.default_rng(0)
+    whole = path.read_bytes()
+    (tmp_path / "meta/digests.json").unlink()  # without the digests beside them, by the checksums of the pages
+    reads = 0
+    for place in random.integers(4, len(whole) * 3 // 4, 30):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
+        try:
+            load_demos(tmp_path)
+            reads += 1
+        except BadFile as error:
+            assert "\n" not in str(error)
+    assert reads <= 3, "only headers of pages, which change nothing that is read"
+
+
+def test_a_shard_that_was_cut_off_before_its_episodes_gets_its_digest_when_it_is_whole(tmp_path):
+    out = writer(tmp_path)
+    for number in range(2):
+        out.add(demo(number))
+    orphan = tmp_path / "data/chunk-000/file-001.parquet"
+    orphan.write_bytes(b"half")
+    again = writer(tmp_path)
+    again.finish()
+    for number in range(2, 4):
+        again.add(demo(number))
+    assert load_demos(tmp_path).episodes == 4

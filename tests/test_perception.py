@@ -11,7 +11,7 @@ import torch
 import mimicbench
 from mimicbench.core.checkpoint import BadCheckpoint
 from mimicbench.core.errors import MimicbenchError
-from mimicbench.core.files import read_json, write_json
+from mimicbench.core.files import read_record, write_record
 from mimicbench.imitate.goals import GoalMemory
 from mimicbench.imitate.learn_perception import draw_maps, evaluate_perception, goal_loss, train_perception, turned
 from mimicbench.imitate.perception import (
@@ -103,11 +103,11 @@ def test_what_is_told_need_not_be_learned(tmp_path):
 
 def test_a_checkpoint_of_no_task_is_refused(tmp_path):
     save_perception(tmp_path, Perception(SIGHT, SIT), "h1")
-    config = read_json(tmp_path / "config.json")
-    write_json(tmp_path / "config.json", {**config, "notes": {}})
+    config = read_record(tmp_path / "config.json")
+    write_record(tmp_path / "config.json", {**config, "notes": {}})
     with pytest.raises(BadCheckpoint, match="does not say which task's goal it finds"):
         load_perception(tmp_path, "h1")
-    write_json(tmp_path / "config.json", {**config, "notes": {"task": "lie-bed"}})
+    write_record(tmp_path / "config.json", {**config, "notes": {"task": "lie-bed"}})
     with pytest.raises(BadCheckpoint):  # another goal has another number of outputs
         load_perception(tmp_path, "h1")
 

@@ -12,7 +12,7 @@ import pytest
 import making
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile
-from mimicbench.core.files import read_json, write_json
+from mimicbench.core.files import read_record, write_record
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.families.bed import make_bed
 from mimicbench.objects.families.chair import make_chair
@@ -154,9 +154,9 @@ def test_what_is_missing_is_made_again_the_same(tmp_path: Path):
     first = making.references_by(folder, objects, every_other, 4)
     bytes_of = {path.name: path.read_bytes() for path in folder.glob("*.npz")}
     (folder / sorted(bytes_of)[1]).unlink()  # as if killed before it
-    write_json(folder / "header.json", {**first.header, "complete": False, "summary": {}})
+    write_record(folder / "header.json", {**first.header, "complete": False, "summary": {}})
     again = making.references_by(folder, objects, every_other, 4)
-    assert again.header == read_json(folder / "header.json") == first.header
+    assert again.header == read_record(folder / "header.json") == first.header
     assert {path.name: path.read_bytes() for path in folder.glob("*.npz")} == bytes_of
 
 

@@ -14,7 +14,7 @@ import pytest
 import making
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError, UnknownName
-from mimicbench.core.files import read_json
+from mimicbench.core.files import read_record
 from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.core.skeleton import Skeleton, forward_kinematics
 from mimicbench.core.stage import Stage
@@ -400,7 +400,7 @@ def test_unreachable_goals_end_here(tmp_path: Path) -> None:
         assert [motion.id for motion in read_retargeted(made.folder, H1)] == ["near"]
         marked = RobotMotion.load(made.folder / "far.npz", H1)
         assert not marked.success and marked.measures["fulfilled"] == 1.0 and marked.measures["goal_error"] > 0.1
-        header = read_json(made.folder / "header.json")
+        header = read_record(made.folder / "header.json")
         assert isinstance(header, dict)
         (made.folder / "header.json").write_text(json.dumps({**header, "complete": False}))
     (stage.folder / "near.npz").unlink()

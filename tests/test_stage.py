@@ -131,3 +131,24 @@ def test_damaged_header(tmp_path: Path, content: str):
         pass
     with pytest.raises(MimicbenchError):
         read_stage(tmp_path)
+
+
+def test_names_of_folders_do_not_drift(tmp_path):
+    """Of a release, too: what is in a workdir would be made again."""
+    assert key().digest == key(settings=dict(reversed({"sizes": (1, 2)}.items()))).digest
+    two, turned = {"a": 1, "b": 2}, {"b": 2, "a": 1}
+    assert key(settings=two).digest == key(settings=turned).digest and len(key().digest) == 8
+    assert len(key().fingerprint) == 16
+    reads = {"objects": tmp_path / "work" / "sit-chair" / "objects" / "chair-0"}
+    with opened(tmp_path / "x", key(reads=reads)) as stage:
+        assert stage.header["reads"] == {"objects": "objects/chair-0"}
+
+
+def test_of_several_amounts_each_counts(tmp_path):
+    folder = tmp_path / "x"
+    with opened(folder, key(amounts={"count": 3, "more": 5})) as stage:
+        stage.finish()
+    with opened(folder, key(amounts={"count": 3, "more": 4})) as less:
+        assert less.ahead, "one is the same, the other less"
+    with opened(folder, key(amounts={"count": 3, "more": 5, "new": 1})) as other:
+        assert not other.ahead and not other.complete

@@ -749,3 +749,13 @@ def test_trackers_go_on_to_the_time_limit_when_asked():
     verdict = track_clips(tracker, clips, RolloutConfig(settle=None), ONE_THREAD).verdict
     assert verdict.steps.tolist() == [150, 150] and verdict.stays.tolist() == [False, True]
     assert verdict.fell.tolist() == [True, False], "who only stands topples within seconds"
+
+
+def test_a_training_killed_between_its_state_and_its_checkpoint_has_both_alike(tmp_path):
+    made = train_tracker(tmp_path / "a", [clip_set()], [clip_set(CLIPS[1])], tiny(2), 0, ONE_THREAD)
+    whole = (made / "model.safetensors").read_bytes()
+    old = train_tracker(tmp_path / "b", [clip_set()], [clip_set(CLIPS[1])], tiny(1), 0, ONE_THREAD)
+    for name in ("model.safetensors", "config.json"):
+        (made / name).write_bytes((old / name).read_bytes())  # what had been saved before
+    again = train_tracker(tmp_path / "a", [clip_set()], [clip_set(CLIPS[1])], tiny(2), 0, ONE_THREAD)
+    assert (again / "model.safetensors").read_bytes() == whole

@@ -12,7 +12,8 @@ from mimicbench.benchmark import keys
 from mimicbench.benchmark.keys import Run
 from mimicbench.benchmark.recipe import Recipe, check_recipe
 from mimicbench.core.checkpoint import copy_checkpoint
-from mimicbench.core.errors import BadMotion, UnknownName
+from mimicbench.core.errors import BadFile, BadMotion, UnknownName
+from mimicbench.core.parallel import end_if_imported_by_worker
 from mimicbench.core.run import RunContext
 from mimicbench.core.stage import Stage, StageKey, opened
 from mimicbench.envs.clips import ClipSet
@@ -47,6 +48,7 @@ def start(recipe: Recipe, workdir: Path | str, context: RunContext | None = None
     device.
     """
     check_recipe(recipe)
+    end_if_imported_by_worker()
     run = Run(recipe, Path(workdir), context or RunContext())
     if run.context.device != "cpu":
         from mimicbench.sim.backends import check_device
@@ -81,6 +83,8 @@ def make_reference_stage(run: Run) -> Stage:
 def make_retarget_stage(run: Run) -> Stage:
     """Robot clips of the human ones. Raises BadMotion if there is none to retarget."""
     human, objects = make_reference_stage(run), make_object_stage(run)
+    if run.set_name("references") and human.header["made_from"].get("objects") != objects.fingerprint:
+        raise BadFile(f"{human.folder} was made on other objects than {objects.folder} holds now; make both again")
     clips = clips_of(human)
     if not clips:
         raise BadMotion(f"there are no clips in {human.folder}; make it again, or import some")
@@ -159,7 +163,8 @@ def make_track_stage(run: Run) -> Stage:
     with _opened(run, keys.track_key(run), *PARTS[:4], trained=True) as stage:
         if stage.complete:
             return stage
-        train_tracker(stage.folder, train, test, config, run.recipe.seed, env_config(run), report)
+        say = run.context.say
+        train_tracker(stage.folder, train, test, config, run.recipe.seed, env_config(run), report, say)
         return stage.finish(clips=sum(map(len, train)), samples=config.samples, device=run.context.device)
 
 
@@ -180,11 +185,21 @@ def tracker_for_learning(run: Run) -> Path:
     return folder
 
 
+def _tell_tracker(run: Run) -> None:
+    """Say before the first stage if a tracker has to be trained on the way, which takes hours."""
+    if keys.tracker_folder(run) is None:
+        run.context.say(
+            f"no tracker of this recipe is here, nor one shipped for {run.recipe.task}: one is trained first, as by "
+            f"`mimicbench track --task {run.recipe.task} --workdir {run.workdir}`"
+        )
+
+
 def make_demo_stage(run: Run) -> Stage:
     """Let the tracker turn the training clips into demonstrations."""
     from mimicbench.imitate.demos import make_demos
     from mimicbench.track.checkpoint import load_tracker
 
+    _tell_tracker(run)
     clips, folder = retargeted(run), tracker_for_learning(run)
     with _opened(run, keys.demo_key(run, folder), *PARTS[:5]) as stage:
         if stage.complete:
@@ -215,6 +230,7 @@ def make_imitate_stage(run: Run) -> Stage:
     from mimicbench.track.checkpoint import load_tracker
 
     config: ImitateConfig = run.part("imitate")
+    _tell_tracker(run)
     clips, tracker = retargeted(run), tracker_for_learning(run)
     eyes = make_perception_stage(run) if keys.needs_eyes(run) else None
     demos = make_demo_stage(run) if config.clones else None

@@ -195,7 +195,7 @@ def judge_policy(
     run: Run, who: Who, clips: ClipSet, record: Sequence[int] = ()
 ) -> tuple[list[EpisodeRow], dict[int, np.ndarray]]:
     """One row per episode, from the first frames of the clips alone, and the states of the episodes in `record`."""
-    from mimicbench.core.parallel import counter
+    from mimicbench.core.progress import counter
     from mimicbench.evaluate.rollout import Judged, Protocol, policy_rows, run_policy
     from mimicbench.policies.loading import load_policy
 

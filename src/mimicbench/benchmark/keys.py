@@ -213,12 +213,15 @@ def perception_key(run: Run) -> StageKey:
 
 def imitate_key(run: Run, tracker: Path) -> StageKey:
     """The recipe's policy, learned with the tracker in a folder."""
-    config = run.part("imitate")
+    config, settings = run.part("imitate"), identity(run.part("imitate"))
     before = [demo_key(run, tracker) if config.clones else retarget_key(run)]
-    before += [perception_key(run)] if needs_eyes(run) else []
+    if needs_eyes(run):
+        before.append(perception_key(run))
+    else:
+        del settings["perception"]
     return run.key(
         "imitate",
-        identity(config),
+        settings,
         {"tracker": digest_of(tracker / MODEL), **{key.stage: key.fingerprint for key in before}},
         amounts=amounts(config),
         words=(config.learner,),

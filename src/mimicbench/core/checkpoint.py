@@ -17,7 +17,7 @@ import safetensors
 import safetensors.numpy
 
 from mimicbench.core.errors import BadFile
-from mimicbench.core.files import read_json, write_atomic, write_json
+from mimicbench.core.files import digest_of, read_record, write_atomic, write_record
 
 FORMAT = 1
 CONFIG = "config.json"
@@ -125,8 +125,9 @@ def save_checkpoint(
         "robot": robot,
         "config": msgspec.to_builtins(plain),
         "notes": msgspec.to_builtins(notes or {}),
+        "model": digest_of(folder / MODEL),
     }
-    write_json(folder / CONFIG, header)
+    write_record(folder / CONFIG, header)
 
 
 def load_checkpoint(folder: Path, kind: str | None = None, robot: str | None = None) -> Checkpoint:
@@ -142,6 +143,11 @@ def load_checkpoint(folder: Path, kind: str | None = None, robot: str | None = N
             f"{robot!r}, or choose that robot"
         )
     tensors = read_tensors(folder / MODEL)
+    if header.get("model", "") not in ("", digest_of(folder / MODEL)):
+        raise BadCheckpoint(
+            f"{folder / MODEL} is not what its {CONFIG} was written beside; it is damaged or of another training: copy "
+            "or train the whole checkpoint again"
+        )
     return Checkpoint(folder, header["kind"], header["robot"], header["config"], tensors, header["notes"])
 
 
@@ -179,9 +185,12 @@ def _read_header(folder: Path) -> dict[str, Any]:
     path = folder / CONFIG
     if not path.is_file():
         raise BadCheckpoint(f"{folder} is not a checkpoint: it has no {CONFIG}; give a folder that training wrote")
-    header = read_json(path, max_bytes=1 << 20)
+    try:
+        header = read_record(path, ("format", "kind", "robot", "config", "notes", "model"), max_bytes=1 << 20)
+    except BadFile as error:
+        raise BadCheckpoint(str(error)) from None
     kinds = {"format": int, "kind": str, "robot": str, "config": dict, "notes": dict}
-    if not isinstance(header, dict) or any(not isinstance(header.get(key), kind) for key, kind in kinds.items()):
+    if any(not isinstance(header.get(key), kind) for key, kind in kinds.items()):
         raise BadCheckpoint(f"{path} does not describe a checkpoint; give a folder that training wrote")
     if header["format"] != FORMAT:
         raise BadCheckpoint(

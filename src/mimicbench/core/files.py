@@ -1,7 +1,8 @@
 """Files that are whole or absent, safe to read, and that say what they are.
 
 Everything is written to a temporary name and then renamed, so a reader never sees half a file. Nothing here is a
-pickle, and what is read is bounded in size before it is unpacked.
+pickle, and what is read is bounded in size before it is unpacked. What no format of its own protects from flipped bits
+carries a digest, which is checked on reading.
 """
 
 import hashlib
@@ -17,6 +18,8 @@ import numpy as np
 
 from mimicbench.core.errors import BadFile
 
+DIGEST = "digest"
+"""What a digest is called in a file."""
 MAX_UNPACKED = 2 << 30  # bytes; the largest artefact we write is far below
 
 
@@ -63,6 +66,38 @@ def read_json(path: Path, max_bytes: int = 64 << 20) -> Any:
         raise BadFile(f"{path} does not exist") from None
     except (UnicodeDecodeError, json.JSONDecodeError) as error:
         raise BadFile(f"{path} is not valid JSON ({error}); it may be cut off: make it again") from None
+
+
+def digest_of_json(data: Any) -> str:
+    """Sixteen hex digits that stand for JSON values, however they are laid out."""
+    return hashlib.blake2b(json.dumps(data, sort_keys=True).encode(), digest_size=8).hexdigest()
+
+
+def write_record(path: Path, record: Mapping[str, Any]) -> None:
+    """Write a JSON object together with its digest, atomically."""
+    plain = json.loads(json.dumps(dict(record)))
+    write_json(path, {**plain, DIGEST: digest_of_json(plain)})
+
+
+def read_record(path: Path, known: Collection[str] | None = None, max_bytes: int = 64 << 20) -> dict[str, Any]:
+    """Read what `write_record` wrote, without its digest; one without a digest may have been written by hand.
+
+    `known` are the names that may be there: one that is not was damaged, for what if it was the digest's? Raises
+    BadFile.
+    """
+    record = read_json(path, max_bytes)
+    if not isinstance(record, dict):
+        raise BadFile(f"{path} holds {type(record).__name__}, not names and values; make it again")
+    found = record.pop(DIGEST, None)
+    if found is not None and found != digest_of_json(record):
+        raise BadFile(
+            f"{path} is not as it was written: it is damaged, make it again; if you have edited it, remove its "
+            f"{DIGEST!r}"
+        )
+    strange = sorted(set(record) - set(record if known is None else known))
+    if strange:
+        raise BadFile(f"{path} has an unknown {strange[0]!r}; it is damaged or not of ours: make it again")
+    return record
 
 
 def write_npz(path: Path, header: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:

@@ -1,17 +1,19 @@
-"""Run one function over many items on several processes, with a progress bar. Results come back in order."""
+"""Run one function over many items on several processes, telling how far it is. Results come back in order."""
 
 import faulthandler
 import multiprocessing
 import os
+import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from multiprocessing.connection import wait
+from pathlib import Path
 from typing import TypeVar
 
-from mimicbench.core.errors import WorkerDied
+from mimicbench.core.errors import MimicbenchError, WorkerDied
+from mimicbench.core.progress import progress
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -20,6 +22,37 @@ Result = TypeVar("Result")
 def cpu_count() -> int:
     """Processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
+
+
+def end_if_imported_by_worker() -> None:
+    """End a worker process that has come to a script's work while it imports the script that started it."""
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        path = getattr(sys.modules.get("__mp_main__"), "__file__", None)
+        print(f"mimicbench: {_unguarded(path)}", file=sys.stderr, flush=True)
+        os._exit(1)
+
+
+def _refuse_without_guard() -> None:
+    """Raise MimicbenchError if the program is a script whose work would be done again by each of its workers."""
+    end_if_imported_by_worker()
+    main = sys.modules["__main__"]
+    path = getattr(main, "__file__", None)
+    if path is None or getattr(main, "__spec__", None) is not None:
+        return
+    try:
+        guarded = "__name__" in Path(path).read_text(errors="replace")
+    except OSError:
+        return
+    if not guarded:
+        raise MimicbenchError(_unguarded(path))
+
+
+def _unguarded(path: str | None) -> str:
+    """Workers are fresh processes, which import the script that started them."""
+    return (
+        f"{path or 'the script'} does its work when it is imported, and worker processes import it; put that under `if "
+        '__name__ == "__main__":`, or give workers=1'
+    )
 
 
 def map_items(
@@ -39,6 +72,7 @@ def map_items(
     workers = min(workers or cpu_count(), max(1, len(items)))
     if workers == 1 and not isolated:
         return list(progress(map(function, items), len(items), label, quiet))
+    _refuse_without_guard()
     context = multiprocessing.get_context("spawn")
     try:
         with ProcessPoolExecutor(workers, mp_context=context, initializer=_start_worker) as pool:
@@ -55,43 +89,6 @@ def map_items(
             f"{label}: a worker process was killed, most likely for want of memory; the same command "
             "goes on from here, and fewer --workers need less"
         ) from None
-
-
-def progress(items: Iterable[Item], total: int, label: str, quiet: bool = False) -> Iterator[Item]:
-    """Pass items through with a progress bar and the time left, on stderr."""
-    with counter(total, label, quiet) as tick:
-        for item in items:
-            yield item
-            tick(1)
-
-
-@contextmanager
-def counter(total: int, label: str, quiet: bool = False) -> Iterator[Callable[[int], None]]:
-    """A progress bar with the time left, on stderr; call what it gives with how many more are done."""
-    if quiet:
-        yield lambda count: None
-        return
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
-    columns = [
-        TextColumn("{task.description:<24}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    ]
-    with Progress(*columns, console=Console(stderr=True)) as bar:
-        task = bar.add_task(label, total=total)
-        yield lambda count: bar.advance(task, count)
 
 
 def _start_worker() -> None:

@@ -41,12 +41,17 @@ class Amount(Within):
 Count = Annotated[int, Amount(1, 10_000_000)]
 """How many items a stage has."""
 Positive = Annotated[int, Within(1, 1e12)]
+Sizes = Annotated[tuple[int, ...], Within(1, 1 << 20)]
+"""Of layers."""
 Share = Annotated[float, Within(0, 1)]
 Seed = Annotated[int, Within(0, 2**63 - 1)]
 
 
 def check(config: Any, where: str = "") -> None:
-    """Raise BadSetting for the first number in a configuration that is out of bounds or not finite."""
+    """Raise BadSetting for the first number in a configuration that is out of bounds or not finite.
+
+    Numbers without bounds are not negative: a field that may be says so by its bounds.
+    """
     hints = get_type_hints(type(config), include_extras=True)
     for entry in fields(config):
         value, name = getattr(config, entry.name), f"{where}{entry.name}"
@@ -54,6 +59,7 @@ def check(config: Any, where: str = "") -> None:
             check(value, f"{name}.")
             continue
         check_value(name, value, hints[entry.name])
+        _check_sign(name, value, hints[entry.name])
 
 
 def check_value(name: str, value: Any, hint: Any) -> None:
@@ -66,6 +72,13 @@ def check_value(name: str, value: Any, hint: Any) -> None:
             raise BadSetting(f"{name} is {value}; give {_number(bounds.low)} to {_number(bounds.high)}")
     if any(isinstance(x, int) and x < 0 for x in numbers):
         raise BadSetting(f"{name} is {value}; give a whole number that is not negative")
+
+
+def _check_sign(name: str, value: Any, hint: Any) -> None:
+    """Lengths, times, rates, weights and deviations have a sign only where their bounds say so."""
+    numbers = [x for x in (value if isinstance(value, tuple) else (value,)) if isinstance(x, float)]
+    if not _bounds(hint) and any(x < 0 for x in numbers):
+        raise BadSetting(f"{name} is {value}; give a number that is not negative")
 
 
 def identity(config: Any) -> dict[str, Any]:

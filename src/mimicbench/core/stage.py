@@ -20,12 +20,13 @@ from typing import Any
 
 import mimicbench
 from mimicbench.core.errors import BadFile, MimicbenchError
-from mimicbench.core.files import read_json, remove_unfinished, write_json
+from mimicbench.core.files import read_record, remove_unfinished, write_record
 
 SCHEMA = 2
 HEADER = "header.json"
 _DETERMINES = ("schema", "stage", "task", "seed", "settings", "made_from")
 _NEEDED = {*_DETERMINES, "amounts", "raised_from", "complete", "summary"}
+_TOLD = {"reads", "recipe", "mimicbench"}
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,7 @@ class Stage:
         """Everything that was wanted is there; keep the stage's summary numbers in the header."""
         header = {**self.header, "complete": True, "summary": summary}
         if not self.ahead:
-            write_json(self.folder / HEADER, header)
+            write_record(self.folder / HEADER, header)
         return replace(self, header=header)
 
 
@@ -130,7 +131,7 @@ def opened(
             if not stage.complete:
                 remove_unfinished(folder)
             if not (stage.complete or stage.ahead):
-                write_json(folder / HEADER, stage.header)
+                write_record(folder / HEADER, stage.header)
             yield stage
     except MimicbenchError:
         if made and {path.name for path in folder.glob("*")} <= {HEADER}:
@@ -215,8 +216,8 @@ def _header(key: StageKey, recipe: Mapping[str, Any] | None, raised_from: tuple[
 
 
 def _read_header(folder: Path) -> dict[str, Any]:
-    header = read_json(folder / HEADER)
-    if not isinstance(header, dict) or not header.keys() >= _NEEDED:
+    header = read_record(folder / HEADER, (*_NEEDED, *_TOLD))
+    if not header.keys() >= _NEEDED:
         raise BadFile(f"{folder / HEADER} is not the header of a stage; delete {folder} and make it again")
     return header
 

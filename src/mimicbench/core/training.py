@@ -4,6 +4,7 @@ Everything that has a state gives it as tensors and takes it back: environments,
 generators of random numbers. All of it goes into one file, written to a temporary name and then renamed.
 """
 
+import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,7 +17,8 @@ from torch import Tensor, nn
 
 from mimicbench.core.checkpoint import MAX_BYTES, BadCheckpoint
 from mimicbench.core.errors import MimicbenchError
-from mimicbench.core.files import write_atomic
+from mimicbench.core.events import append_events, write_events
+from mimicbench.core.files import DIGEST, write_atomic
 
 STATE = "training.safetensors"
 METRICS = "metrics.jsonl"
@@ -117,6 +119,7 @@ def save_training(
         for key, value in part.state_tensors().items()
     }
     header = {_HEADER: json.dumps({"identity": dict(identity), "progress": dict(progress)}, sort_keys=True)}
+    header[DIGEST] = _digest(header[_HEADER], tensors)
     data = safetensors.torch.save(tensors, header)
     write_atomic(folder / STATE, lambda stream: stream.write(data))
 
@@ -137,8 +140,11 @@ def resume_training(
         raise BadCheckpoint(f"{path} is larger than {MAX_BYTES >> 30} GiB; it is no training of ours: delete it")
     try:
         with safetensors.safe_open(path, "pt") as file:
-            header = json.loads((file.metadata() or {})[_HEADER])
+            written = file.metadata() or {}
+            header = json.loads(written[_HEADER])
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+        if len(written) > 1 and written.get(DIGEST) != _digest(written[_HEADER], tensors):
+            raise ValueError("it is damaged")
         known, progress = header["identity"], {name: header["progress"][name] for name in fresh}
     except (safetensors.SafetensorError, OSError, KeyError, TypeError, ValueError) as error:
         raise BadCheckpoint(f"{path} cannot be read ({error}); delete {folder} to train from the start") from None
@@ -155,12 +161,22 @@ def resume_training(
     return progress
 
 
+def _digest(header: str, tensors: Mapping[str, Tensor]) -> str:
+    """Stands for all of a training's state."""
+    found = hashlib.blake2b(header.encode(), digest_size=8)
+    for name, tensor in sorted(tensors.items()):
+        found.update(f"{name} {tensor.dtype} {tuple(tensor.shape)}".encode())
+        found.update(tensor.detach().cpu().contiguous().view(-1).view(torch.uint8).numpy().data)
+    return found.hexdigest()
+
+
 def append_metrics(folder: Path, row: Mapping[str, object]) -> None:
-    """Append a line to `metrics.jsonl`; numbers that are none become null."""
+    """Append a line to `metrics.jsonl`, and the same for TensorBoard; numbers that are none become null."""
     folder.mkdir(parents=True, exist_ok=True)
     plain = {name: None if isinstance(value, float) and value != value else value for name, value in row.items()}
     with open(folder / METRICS, "a") as stream:
         stream.write(json.dumps(plain) + "\n")
+    append_events(folder, plain)
 
 
 def read_metrics(path: Path) -> list[dict[str, Any]]:
@@ -177,8 +193,9 @@ def read_metrics(path: Path) -> list[dict[str, Any]]:
 
 
 def forget_after(path: Path, progress: Mapping[str, float]) -> None:
-    """Drop the lines of a metrics file that were written after a save of that progress."""
+    """Drop the lines of a metrics file that were written after a save of that progress, and TensorBoard's, too."""
     if not path.exists():
         return
     kept = [row for row in read_metrics(path) if all(row.get(name, 0) <= value for name, value in progress.items())]
     write_atomic(path, lambda stream: stream.writelines(f"{json.dumps(row)}\n".encode() for row in kept))
+    write_events(path.parent, kept)

@@ -16,7 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from mimicbench.core.errors import BadFile, MimicbenchError
-from mimicbench.core.files import write_atomic
+from mimicbench.core.files import DIGEST, digest_of_json, write_atomic
 from mimicbench.evaluate.intervals import Rate
 
 SCHEMA = 2
@@ -115,8 +115,11 @@ def write_rows(path: Path, rows: Sequence[EpisodeRow], made_from: Mapping[str, A
     `made_from` says what the rows depend on (networks, clips, protocol, versions); it is kept in the file, so that rows
     and what they are of can never part.
     """
-    header = json.dumps({"schema": SCHEMA, "type": KIND, "made_from": dict(made_from or {})}, sort_keys=True).encode()
-    table = pa.Table.from_pylist([asdict(row) for row in rows], schema=_COLUMNS.with_metadata({METADATA: header}))
+    header: dict[str, Any] = {"schema": SCHEMA, "type": KIND, "made_from": dict(made_from or {})}
+    columns = [asdict(row) for row in rows]
+    header[DIGEST] = digest_of_json([header, columns])
+    written = json.dumps(header, sort_keys=True).encode()
+    table = pa.Table.from_pylist(columns, schema=_COLUMNS.with_metadata({METADATA: written}))
     write_atomic(path, partial(_write_table, table))
 
 
@@ -132,13 +135,16 @@ def read_rows(path: Path) -> list[EpisodeRow]:
         raise BadFile(f"{path} is larger than {MAX_BYTES >> 20} MiB; it is not a file of episode rows")
     try:
         with pq.ParquetFile(path, page_checksum_verification=True) as file:
-            _check_header(path, file.schema_arrow)
+            header = _checked_header(path, file.schema_arrow)
             columns = file.read().to_pylist()
-    except (pa.ArrowException, OSError) as error:
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise BadFile(
             f"{path} cannot be read as parquet ({reason}); it is cut off or damaged: run the evaluation again"
         ) from None
+    digest = header.pop(DIGEST, None)
+    if set(header) != {"schema", "type", "made_from"} or digest not in (None, digest_of_json([header, columns])):
+        raise BadFile(f"{path} is not as it was written; it is damaged: run the evaluation again")
     return [EpisodeRow(**row) for row in columns]
 
 
@@ -150,7 +156,7 @@ def rows_made_from(path: Path) -> dict[str, Any]:
         return {}
 
 
-def _check_header(path: Path, schema: pa.Schema) -> None:
+def _checked_header(path: Path, schema: pa.Schema) -> dict[str, Any]:
     try:
         header = json.loads((schema.metadata or {})[METADATA])
         kind, version = header["type"], header["schema"]
@@ -170,6 +176,7 @@ def _check_header(path: Path, schema: pa.Schema) -> None:
             f"{path} has other columns than episode rows ({', '.join(differs) or 'another order'}); "
             "run the evaluation again"
         )
+    return header
 
 
 @dataclass(frozen=True)

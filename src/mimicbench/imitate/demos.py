@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 from mimicbench.core.errors import BadMotion
-from mimicbench.core.parallel import progress
+from mimicbench.core.progress import progress
 from mimicbench.core.settings import Positive, Share
 from mimicbench.core.stage import Stage
 from mimicbench.envs.clips import ClipSet
@@ -58,17 +58,12 @@ def make_demos(
     writer = DemoWriter(dataset, robot.name, task.title, robot.joint_names, 1 / CONTROL_DT, config.batch)
     written = set(writer.written)
     clips = clips.first(config.clips)
-    parts = [
-        replace(clips, motions=clips.motions[first : first + config.batch])
-        for first in range(0, len(clips), config.batch)
-    ]
-    for number, part in enumerate(progress(parts, len(parts), "demonstrations", quiet)):
+    parts = batches(clips, config)
+    for part, noise in progress(parts, len(parts), "demonstrations", quiet):
         if any(motion.id in written for motion in part.motions):
             continue
-        noise = 0.0 if number < config.clean_share * len(parts) else config.action_noise
-        rollout = track_clips(
-            tracker, part, RolloutConfig(True, Disturbance(action_noise=noise), seed, config.settle), env_config
-        )
+        how = RolloutConfig(True, Disturbance(action_noise=noise), seed, config.settle)
+        rollout = track_clips(tracker, part, how, env_config)
         for demo in demonstrations(rollout, part, seed):
             writer.add(demo)
         writer.finish()
@@ -76,6 +71,16 @@ def make_demos(
     if not made:
         raise BadMotion(f"the tracker fulfilled {task.name} on none of {len(clips)} clips; train it longer")
     return stage.finish(clips=len(clips), demonstrations=made, rate=made / len(clips))
+
+
+def batches(clips: ClipSet, config: DemosConfig) -> list[tuple[ClipSet, float]]:
+    """The clips that are tracked together, and with how much noise: the first of them with none, the stated share."""
+    clean = round(config.clean_share * len(clips))
+    starts = [*range(0, clean, config.batch), *range(clean, len(clips), config.batch), len(clips)]
+    return [
+        (replace(clips, motions=clips.motions[first:end]), 0.0 if first < clean else config.action_noise)
+        for first, end in zip(starts[:-1], starts[1:], strict=True)
+    ]
 
 
 def demonstrations(rollout: Rollout, clips: ClipSet, seed: int) -> Iterator[Demonstration]:

@@ -9,22 +9,24 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from mimicbench.core.settings import Positive, Sizes
+
 
 @dataclass(frozen=True)
 class EncoderConfig:
     """The size of an encoder. The defaults are ResNet-18's: 128 x 128 cells become 4 x 4 x 512."""
 
-    channels: int = 1
+    channels: Positive = 1
     """Channels of the map."""
-    cells: int = 128
+    cells: Positive = 128
     """Side of the map, in cells."""
-    pool: int = 1
+    pool: Positive = 1
     """Take the highest of this many cells squared first."""
-    widths: tuple[int, ...] = (64, 128, 256, 512)
+    widths: Sizes = (64, 128, 256, 512)
     """Channels of the four stages."""
     blocks: tuple[int, ...] = (2, 2, 2, 2)
     """Residual blocks per stage."""
-    strides: tuple[int, ...] = (1, 2, 2, 2)
+    strides: Sizes = (1, 2, 2, 2)
     """By what each stage divides the side, after the stem has divided it by 4."""
     norm: str = "group"
     """`group` (16 channels a group, the same in training and use) or `batch`."""

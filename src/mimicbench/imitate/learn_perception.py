@@ -18,9 +18,9 @@ from torch.nn import functional
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.checkpoint import CONFIG
-from mimicbench.core.parallel import counter
+from mimicbench.core.progress import counter
 from mimicbench.core.seeds import digest
-from mimicbench.core.training import NetworkState, OptimizerState, resume_training, save_training
+from mimicbench.core.training import NetworkState, OptimizerState, append_metrics, resume_training, save_training
 from mimicbench.imitate.perception import Perception, PerceptionConfig, save_perception, window
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
@@ -32,6 +32,10 @@ from mimicbench.tasks.task import Task
 
 CLEAR = 0.2
 """[m] A robot that looks is at least so far from the object's outline."""
+
+
+LOG = 50
+"""Batches per line of metrics."""
 
 
 @dataclass(frozen=True)
@@ -164,6 +168,8 @@ def train_perception(
         optimizer.step()
         progress = {"step": step + 1, "seconds": progress["seconds"] + time.monotonic() - now}
         now = time.monotonic()
+        if (step + 1) % LOG == 0:
+            append_metrics(folder, {**progress, "loss": float(loss.detach())})
         if now - saved > config.save_every:
             save_training(folder, identity, parts, progress)
             saved = now
@@ -242,7 +248,9 @@ def make_perception(
     if (folder / CONFIG).exists():
         return {}
     with counter(config.steps, "perception", quiet) as tick:
-        network = train_perception(folder, config, task, objects, lambda batches, loss: tick(batches))
+        network = train_perception(
+            folder, config, task, objects, lambda batches, loss: tick(batches, f"loss {loss:.3f}")
+        )
     error = evaluate_perception(network, task, held_out)
     save_perception(folder, network, robot.name, error)
     return error

@@ -62,8 +62,8 @@ def train_planner(
         now, finished = time.monotonic(), progress["round"] == rounds
         if progress["round"] % 10 == 0 or finished:
             append_metrics(folder, {**progress, **row})
-            if report:
-                report({**progress, **row})
+        if report:
+            report({**progress, **row})
         if now - saved > config.save_every or finished:
             save_training(folder, identity, parts, progress)
             saved = now

@@ -20,6 +20,7 @@ import numpy as np
 
 from mimicbench.core.errors import BadFile
 from mimicbench.core.files import read_json
+from mimicbench.imitate.stored.digests import check_digests
 from mimicbench.imitate.stored.tables import matrix, read_table, read_tasks, schema_names
 
 VERSION = "v3.0"
@@ -79,6 +80,7 @@ def load_demos(folder: Path, robot: str | None = None, state: bool = True, only_
         only_success: Leave out the episodes that failed the task.
     """
     found_robot, fps, joint_names = _described(folder, robot)
+    check_digests(folder)
     wanted = {"action": "action", "executed_action": "executed_action", "qpos": "sim.qpos", "qvel": "sim.qvel"}
     if state:
         wanted["state"] = "observation.state"

@@ -20,7 +20,7 @@ from torch import Tensor, nn
 from mimicbench.core.building import built
 from mimicbench.core.checkpoint import BadCheckpoint, load_checkpoint, save_checkpoint
 from mimicbench.core.errors import MimicbenchError
-from mimicbench.core.settings import Positive
+from mimicbench.core.settings import Positive, Seed, Sizes
 from mimicbench.sensors.heightmap import CELLS
 from mimicbench.tasks.registry import TASKS
 from mimicbench.tasks.task import Task
@@ -35,9 +35,9 @@ class PerceptionConfig:
 
     window: int | None = None
     """Side of the window, in cells; None: as large as the task's goal says."""
-    widths: tuple[int, ...] = (24, 48, 64)
+    widths: Sizes = (24, 48, 64)
     """Channels of the three strided convolutions."""
-    hidden: int = 128
+    hidden: Positive = 128
     """Width of the layer after them."""
     maps: Positive = 8000
     """Maps to learn from, before turning and mirroring."""
@@ -61,9 +61,9 @@ class PerceptionConfig:
     """At the start; falls to 0 along a cosine."""
     save_every: float = 120.0
     """Seconds between saves: what a kill can lose at most."""
-    threads: int = 2
+    threads: Positive = 2
     """Threads of the network's arithmetic. Sums round differently with another number, so it is part of the result."""
-    seed: int = 0
+    seed: Seed = 0
     """Of poses, noise and initial weights."""
 
 

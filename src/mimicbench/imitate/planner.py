@@ -22,7 +22,7 @@ from torch import nn
 from mimicbench.core.building import built
 from mimicbench.core.checkpoint import load_checkpoint, save_checkpoint
 from mimicbench.core.motion import RobotMotion
-from mimicbench.core.settings import Positive
+from mimicbench.core.settings import Positive, Sizes
 from mimicbench.envs.clip_starts import ClipStartConfig
 from mimicbench.imitate.clock import SIZE as CLOCK_SIZE
 from mimicbench.imitate.clock import clock_features
@@ -41,7 +41,7 @@ from mimicbench.track.tracking import EndConfig, TrackingConfig
 class PlannerConfig:
     """The planner's network and its training."""
 
-    hidden: tuple[int, ...] = (512, 512, 256)
+    hidden: Sizes = (512, 512, 256)
     """Widths of the hidden layers."""
     samples: Positive = 3_200_000
     """Control steps to see, over all robots."""
@@ -63,7 +63,7 @@ class PlannerConfig:
     """Of Adam at the start; falls to a tenth along a cosine."""
     save_every: float = 120.0
     """Seconds between saves: what a kill can lose at most."""
-    threads: int = 2
+    threads: Positive = 2
     """Threads of the network's arithmetic. Sums round differently with another number, so it is part of the result."""
     tracking: TrackingConfig = field(
         default_factory=lambda: TrackingConfig(

@@ -2,8 +2,7 @@
 
 import dataclasses
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import torch
 from torch import Tensor, nn
 
 from mimicbench.core.errors import MimicbenchError
+from mimicbench.core.progress import counter
 from mimicbench.core.seeds import digest
 from mimicbench.core.settings import Positive
 from mimicbench.core.training import NetworkState, OptimizerState, append_metrics, resume_training, save_training
@@ -68,7 +68,7 @@ def train(learner: Any, data: DemoFrames, config: TrainConfig, folder: Path, qui
         data: Frames of demonstrations, made with the same inputs and chunk.
         config: How long and how.
         folder: Gets the checkpoint, `training.safetensors` to go on from, and `metrics.jsonl`.
-        quiet: No progress bar.
+        quiet: Tell nothing of the progress.
 
     Returns:
         The trained network (the moving average, if there is one), on the CPU and ready for use.
@@ -77,16 +77,17 @@ def train(learner: Any, data: DemoFrames, config: TrainConfig, folder: Path, qui
     run.resume()
     saved = time.monotonic()
     sums: dict[str, float] = {}
-    with _bar(quiet, f"{type(learner).__name__.removesuffix('Config')} learns") as show:
+    with counter(config.steps, f"{type(learner).__name__.removesuffix('Config')} learns", quiet) as tick:
+        tick(run.steps)
         while run.steps < config.steps:
             before = time.monotonic()
             parts = run.step()
             for name, value in parts.items():
                 sums[name] = sums.get(name, 0.0) + value
             run.seconds += time.monotonic() - before
+            tick(1, f"loss {parts['loss']:.3f}")
             if run.steps % config.log_steps == 0:
                 run.log({name: total / config.log_steps for name, total in sums.items()})
-                show(run.steps / config.steps, f"loss {sums['loss'] / config.log_steps:.3f}")
                 sums = {}
             if run.steps == config.steps or time.monotonic() - saved > config.save_every:
                 run.save()
@@ -241,32 +242,3 @@ def _to(batch: Batch, device: str) -> Batch:
         move(batch.actions),
         move(batch.pad),
     )
-
-
-@contextmanager
-def _bar(quiet: bool, label: str) -> Iterator[Any]:
-    """A progress bar with the time left, on stderr; yields show(share done, remark)."""
-    if quiet:
-        yield lambda done, remark: None
-        return
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        Progress,
-        TaskProgressColumn,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
-    columns = [
-        TextColumn("{task.description:<28}"),
-        BarColumn(),
-        TaskProgressColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    ]
-    with Progress(*columns, console=Console(stderr=True)) as bar:
-        task = bar.add_task(label, total=1.0)
-        yield lambda done, remark: bar.update(task, completed=min(1.0, done), description=f"{label}, {remark}")

@@ -1,17 +1,21 @@
 """An object as the benchmark sees it: a few boxes, what can be done with it, and which split it belongs to."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from mimicbench.core.errors import BadObject
-from mimicbench.core.files import read_json, write_json
+from mimicbench.core.files import read_record, write_record
 from mimicbench.core.seeds import digest
 
 SLOTS = 16
 """Boxes that every scene reserves for its object, so that all scenes have the same size and can share a batch."""
+
+
+LARGEST = 100.0
+"""[m] Nothing of an object is farther from its origin."""
 
 
 def split_of(object_id: str) -> str:
@@ -69,6 +73,7 @@ class SceneObject:
                 raise BadObject(f"object {self.id}: {name} must be {boxes} x {width} finite numbers")
         if (self.box_half <= 0).any():
             raise BadObject(f"object {self.id} has a box without thickness")
+        self._check_what_can_be_done()
         if self.touch_points.shape != self.touch_normals.shape or self.touch_points.shape[1:] != (3,):
             raise BadObject(f"object {self.id}: every touch point needs a normal, both of three numbers")
         if self.head_xy.shape not in ((0,), (2,)):
@@ -80,6 +85,24 @@ class SceneObject:
             raise BadObject(
                 f"object {self.id}: there must be one convex piece of 4 or more corners for each box, or none at all"
             )
+
+    def _check_what_can_be_done(self) -> None:
+        """Refuse what is no object of a room: turned by no rotation, larger than a house, without weight."""
+        numbers = (self.seat_polygon, self.head_xy, self.touch_points, self.touch_normals, *self.hulls)
+        lengths = (self.box_pos, self.box_half, *numbers)
+        if not all(np.isfinite(array).all() and (np.abs(array) < LARGEST).all() for array in lengths):
+            raise BadObject(f"object {self.id} has numbers that are not finite, or not within {LARGEST:g} m")
+        units = (self.box_quat, self.touch_normals)
+        if any((np.abs(np.linalg.norm(array, axis=-1) - 1) > 1e-3).any() for array in units):
+            raise BadObject(f"object {self.id}: quaternions and normals must be of length 1")
+        if self.seat_polygon.shape[0] in (1, 2):
+            raise BadObject(f"object {self.id}: a seat's outline has 3 or more corners")
+        given = {"seat_height": self.seat_height, "mass": self.mass, "friction": self.friction}
+        for name, value in given.items():
+            if value is not None and not 0 < value < 1e4:
+                raise BadObject(f"object {self.id}: {name} is {value}, which cannot be")
+        if self.movable and self.mass is None:
+            raise BadObject(f"object {self.id} can be moved but has no mass")
 
     @property
     def split(self) -> str:
@@ -166,15 +189,20 @@ class SceneObject:
                 friction=data["friction"],
                 hulls=tuple(np.array(hull, dtype=float) for hull in data["hulls"]),
             )
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise BadObject(f"not an object description: {error}") from None
 
 
 def save_object(folder: Path, obj: SceneObject) -> None:
     """Write one object as `<folder>/<id>.json`."""
-    write_json(folder / f"{obj.id}.json", obj.to_dict())
+    write_record(folder / f"{obj.id}.json", obj.to_dict())
 
 
 def load_object(folder: Path, object_id: str) -> SceneObject:
     """Read one object. Raises BadFile or BadObject."""
-    return SceneObject.from_dict(read_json(folder / f"{object_id}.json", max_bytes=1 << 20))
+    path = folder / f"{object_id}.json"
+    known = [entry.name for entry in fields(SceneObject)]
+    obj = SceneObject.from_dict(read_record(path, known, max_bytes=1 << 20))
+    if obj.id != object_id:
+        raise BadObject(f"{path} holds the object {obj.id}; rename it, or make it again")
+    return obj

@@ -12,7 +12,7 @@ from rsl_rl.storage import RolloutStorage
 from tensordict import TensorDict
 
 from mimicbench.core.errors import MimicbenchError
-from mimicbench.core.settings import Positive, Share
+from mimicbench.core.settings import Positive, Share, Sizes
 from mimicbench.core.training import OptimizerState
 
 WARM_COUNT = 100_000
@@ -24,7 +24,7 @@ _GROUPS = {"actor": ["obs"], "critic": ["obs"]}
 class PPOConfig:
     """Proximal policy optimization (Schulman et al. 2017)."""
 
-    hidden: tuple[int, ...] = (256, 192)
+    hidden: Sizes = (256, 192)
     """Widths of the hidden layers of actor and critic."""
     steps: Positive = 12
     """Control steps of every robot between updates."""

@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import torch
 from torch import Tensor
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.seeds import digest
-from mimicbench.core.settings import Share
+from mimicbench.core.settings import Share, Within
 from mimicbench.envs.clip_starts import ClipStartConfig, ClipStarts
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.hooks import Pushes
@@ -53,7 +54,7 @@ class TrackingConfig:
     """[s] that episodes go on after their clip is over: its last pose is to be held."""
     push: float = 0.4
     """Standard deviation of the horizontal velocity that a push adds [m/s]."""
-    push_interval: float = 2.0
+    push_interval: Annotated[float, Within(CONTROL_DT, 1e6)] = 2.0
     """Mean time between pushes [s]."""
     ends: EndConfig = field(default_factory=EndConfig)
     """When an episode has failed."""

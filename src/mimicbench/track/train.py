@@ -11,6 +11,7 @@ import msgspec
 import torch
 
 from mimicbench.core.errors import MimicbenchError
+from mimicbench.core.progress import Pulse
 from mimicbench.core.seeds import digest
 from mimicbench.core.settings import Amount, Positive
 from mimicbench.core.training import TorchRandom, append_metrics, resume_training, save_training
@@ -92,11 +93,13 @@ def train_tracker(
     seed: int,
     env_config: EnvConfig | None = None,
     report: Report | None = None,
+    say: Callable[[str], None] = lambda line: None,
 ) -> Path:
     """Train on `clips`, one set for each task, evaluate on them and on `held_out`, and write `<folder>/checkpoint`.
 
-    Progress goes to `<folder>/metrics.jsonl`, one line per evaluation, and to `report`. A killed training goes on from
-    its last save when called again, to the same bytes as one that was not killed. Returns the checkpoint's folder.
+    Progress goes to `<folder>/metrics.jsonl`, one line per evaluation, and to `report`; `say` hears of it every ten
+    seconds. A killed training goes on from its last save when called again, to the same bytes as one that was not
+    killed. Returns the checkpoint's folder.
     """
     config, env_config = config.resolved(), env_config or EnvConfig()
     torch.manual_seed(digest(seed, "tracker") % (1 << 63))
@@ -116,8 +119,12 @@ def train_tracker(
         "clips": [motion.id for some in clips for motion in some.motions],
     }
     progress = resume_training(folder, identity, parts, fresh)
+    notes = {"seed": seed, "tasks": [some.task.name for some in clips]}
+    if progress["samples"]:  # it may have been killed between the state and the checkpoint
+        save_tracker(folder / "checkpoint", robot, shape, learner.network_tensors(), {**progress, **notes})
     obs = env.observe()
-    now = saved = time.monotonic()
+    pulse, now = Pulse(say), time.monotonic()
+    saved = now
     while progress["samples"] < config.samples:
         total = torch.zeros((), device=env.device)
         for _ in range(config.ppo.steps):
@@ -135,6 +142,7 @@ def train_tracker(
         progress["steps"] += config.ppo.steps
         finished = progress["samples"] >= config.samples
         progress["seconds"] += time.monotonic() - now
+        pulse(lambda mean=float(total) / config.ppo.steps: _so_far(progress, config.samples, mean))
         if finished or before // config.evaluate_every < progress["samples"] // config.evaluate_every:
             tracker = build_tracker(shape, learner.network_tensors())
             row: dict[str, Any] = {**progress, **losses, "reward": progress["reward"] / progress["steps"]}
@@ -146,8 +154,7 @@ def train_tracker(
             progress["reward"] = progress["steps"] = 0
         if finished or time.monotonic() - saved > config.save_every:
             save_training(folder, identity, parts, progress)
-            notes = {**progress, "seed": seed, "tasks": [some.task.name for some in clips]}
-            save_tracker(folder / "checkpoint", robot, shape, learner.network_tensors(), notes)
+            save_tracker(folder / "checkpoint", robot, shape, learner.network_tensors(), {**progress, **notes})
             saved = time.monotonic()
         now = time.monotonic()
     env.close()
@@ -178,6 +185,11 @@ def _evaluation(
 def _success_rate(tracker: Tracker, clips: ClipSet, env_config: EnvConfig) -> float:
     verdict = track_clips(tracker, clips, RolloutConfig(stop_early=True), env_config).verdict
     return float(verdict.success.double().mean())
+
+
+def _so_far(progress: Mapping[str, float], samples: int, reward: float) -> str:
+    done, rate = progress["samples"], progress["samples"] / max(progress["seconds"], 1e-9)
+    return f"{done / 1e6:6.2f} of {samples / 1e6:.2f} M samples  {rate:6.0f}/s  reward {reward:.3f}"
 
 
 def _check(losses: dict[str, float], folder: Path, progress: dict[str, float]) -> None:

@@ -24,6 +24,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from mimicbench.core.settings import Positive
 from mimicbench.imitate.cloning import CloneImitation, cloner
 from mimicbench.imitate.encoder import Encoder, EncoderConfig
 from mimicbench.imitate.inputs import Batch, InputConfig, Learner
@@ -38,23 +39,23 @@ class ACTConfig:
     """What it sees."""
     encoder: EncoderConfig = field(default_factory=EncoderConfig)
     """The network that reads the map."""
-    action_size: int = 19
+    action_size: Positive = 19
     """Joints."""
-    chunk: int = 100
+    chunk: Positive = 100
     """Frames that are predicted at once."""
-    hidden: int = 512
+    hidden: Positive = 512
     """Width of all tokens."""
-    feedforward: int = 3200
+    feedforward: Positive = 3200
     """Width inside the feed-forward blocks."""
-    heads: int = 8
+    heads: Positive = 8
     """Attention heads."""
-    posterior_layers: int = 4
+    posterior_layers: Positive = 4
     """Of the variational encoder."""
-    encoder_layers: int = 4
+    encoder_layers: Positive = 4
     """Of the policy's transformer encoder."""
-    decoder_layers: int = 7
+    decoder_layers: Positive = 7
     """Of the policy's transformer decoder. All are used."""
-    latent: int = 32
+    latent: Positive = 32
     """Numbers in z."""
     dropout: float = 0.1
     """Share of activations that are dropped in training."""

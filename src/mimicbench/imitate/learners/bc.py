@@ -11,6 +11,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from mimicbench.core.settings import Positive, Sizes
 from mimicbench.imitate.cloning import CloneImitation, cloner
 from mimicbench.imitate.encoder import Encoder, EncoderConfig
 from mimicbench.imitate.inputs import Batch, InputConfig, Learner
@@ -25,11 +26,11 @@ class BCConfig:
     """What it sees."""
     encoder: EncoderConfig = field(default_factory=EncoderConfig)
     """The network that reads the map."""
-    action_size: int = 19
+    action_size: Positive = 19
     """Joints."""
-    reduce: tuple[int, ...] = (128, 64, 32)
+    reduce: Sizes = (128, 64, 32)
     """Channels of the convolutions after the encoder."""
-    hidden: int = 1024
+    hidden: Positive = 1024
     """Width of the MLP's two hidden layers."""
 
     @property

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
+from mimicbench.core.progress import Pulse
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.imitate.learn_planner import train_planner
 from mimicbench.imitate.planner import PlannerConfig, save_planner
@@ -25,11 +26,12 @@ def learn(folder: Path, given: Given, config: PlannerImitation) -> dict[str, Any
     clips, context = given.clips, given.context
     tracker = load_tracker(folder.parent / "tracker", clips.robot)
 
+    pulse = Pulse(context.say)
+
     def report(row: dict) -> None:
-        context.say(
-            f"{row['samples'] / 1e6:6.2f} M frames  {row['samples'] / row['seconds']:6.0f}/s  loss {row['loss']:.4f}  "
-            f"failed {row['failed']:.2f}"
-        )
+        speed = row["samples"] / row["seconds"]
+        told = f"loss {row['loss']:.4f}  failed {row['failed']:.2f}"
+        pulse(lambda: f"{row['samples'] / 1e6:6.2f} M frames  {speed:6.0f}/s  {told}")
 
     env_config = EnvConfig(device=context.device, workers=context.workers)
     network = train_planner(folder, tracker, clips, config.planner, given.seed, env_config, report)

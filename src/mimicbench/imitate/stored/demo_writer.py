@@ -11,6 +11,7 @@ import pyarrow as pa
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.files import read_json, write_json
 from mimicbench.imitate.lerobot import DATA_PATH, EPISODES_PATH, FILES_PER_CHUNK, VERSION, episode_files
+from mimicbench.imitate.stored.digests import write_digests
 from mimicbench.imitate.stored.tables import (
     column,
     flatten_stats,
@@ -79,7 +80,7 @@ class DemoWriter:
         info = folder / "meta" / "info.json"
         if info.exists():
             found = read_json(info)
-            expected = {"robot_type": robot, "fps": fps}
+            expected = {"robot_type": robot, "fps": round(fps)}
             differs = [key for key, value in expected.items() if found.get(key) != value]
             if differs or found.get("codebase_version") != VERSION or read_tasks(folder) != [task]:
                 raise MimicbenchError(
@@ -120,6 +121,8 @@ class DemoWriter:
     def finish(self) -> None:
         """Write what is left."""
         self._flush()
+        if self._rows:
+            write_digests(self.folder)
 
     def _flush(self) -> None:
         if not self._waiting:
@@ -137,13 +140,17 @@ class DemoWriter:
         self._stats += stats
         self._files += 1
         self._waiting = []
+        self._describe(features)
+
+    def _describe(self, features: Mapping[str, Any]) -> None:
+        """Write what the whole data set is, and what protects its files from flipped bits."""
         write_json(self.folder / "meta" / "stats.json", stats_to_json(merge_stats(self._stats)))
         write_json(
             self.folder / "meta" / "info.json",
             {
                 "codebase_version": VERSION,
                 "robot_type": self.robot,
-                "fps": self.fps,
+                "fps": round(self.fps),  # LeRobot wants a whole number
                 "features": features,
                 "total_episodes": len(self._rows),
                 "total_frames": self._rows[-1]["dataset_to_index"],
@@ -156,6 +163,7 @@ class DemoWriter:
                 "splits": {"train": f"0:{len(self._rows)}"},
             },
         )
+        write_digests(self.folder)
 
     def _shard(self, place: Mapping[str, int]) -> tuple[dict[str, list[np.ndarray]], list[Row], list[Stats]]:
         """Columns of the frames, rows and statistics of the episodes that wait, as a shard at `place`."""

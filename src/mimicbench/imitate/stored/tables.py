@@ -13,8 +13,10 @@ from mimicbench.core.errors import BadFile
 from mimicbench.core.files import write_atomic
 
 _ARROW = {"float32": pa.float32(), "float64": pa.float64(), "int64": pa.int64(), "bool": pa.bool_()}
+QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
+"""By which LeRobot's policies normalize."""
 Stats = Mapping[str, Mapping[str, np.ndarray]]
-"""column -> min, max, mean, std, count."""
+"""column -> min, max, mean, std, count, and QUANTILES."""
 
 
 def schema_names(path: Path) -> list[str]:
@@ -30,8 +32,8 @@ def read_table(path: Path, columns: list[str] | None = None) -> pa.Table:
     if not path.is_file():
         raise BadFile(f"{path} does not exist; run `mimicbench demos` again")
     try:
-        table = pq.read_table(path, columns=columns)
-    except (pa.ArrowException, OSError, KeyError) as error:
+        table = pq.read_table(path, columns=columns, page_checksum_verification=True)
+    except (pa.ArrowException, OSError, KeyError, UnicodeDecodeError) as error:
         raise _bad_table(path, error) from None
     missing = sorted(set(columns or []) - set(table.column_names))
     if missing:
@@ -48,8 +50,8 @@ def _bad_table(path: Path, error: Exception) -> BadFile:
 
 
 def write_table(path: Path, table: pa.Table) -> None:
-    """Write a parquet file atomically."""
-    write_atomic(path, lambda stream: pq.write_table(table, stream, compression="snappy"))
+    """Write a parquet file atomically, with checksums."""
+    write_atomic(path, lambda stream: pq.write_table(table, stream, compression="snappy", write_page_checksum=True))
 
 
 def write_tasks(folder: Path, tasks: Sequence[str]) -> None:
@@ -89,12 +91,13 @@ def stats_of(array: np.ndarray) -> dict[str, np.ndarray]:
         "mean": values.mean(0),
         "std": values.std(0),
         "count": np.array([len(values)]),
+        **dict(zip(QUANTILES, np.quantile(values, list(QUANTILES.values()), axis=0), strict=True)),
     }
 
 
 def merge_stats(episodes: Sequence[Stats]) -> dict[str, dict[str, np.ndarray]]:
     """Statistics of all frames from those of the episodes: var = mean(var_e + (mean_e - mean)^2), weighted by
-    frames.
+    frames; quantiles are the weighted means of the episodes', as LeRobot merges them.
     """
     merged = {}
     for name in episodes[0]:
@@ -108,6 +111,7 @@ def merge_stats(episodes: Sequence[Stats]) -> dict[str, dict[str, np.ndarray]]:
             "mean": mean,
             "std": np.sqrt((weight * (stds**2 + (means - mean) ** 2)).sum(0)),
             "count": np.array([int(count.sum())]),
+            **{key: (weight * np.array([episode[name][key] for episode in episodes])).sum(0) for key in QUANTILES},
         }
     return merged
 

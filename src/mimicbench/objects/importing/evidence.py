@@ -1,13 +1,13 @@
 """What an imported object was made from, and why it came out as it did."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import msgspec
 import numpy as np
 
 from mimicbench.core.errors import BadFile
-from mimicbench.core.files import read_json
+from mimicbench.core.files import read_record
 
 
 @dataclass(frozen=True)
@@ -56,6 +56,6 @@ def read_evidence(folder: Path, object_id: str) -> Evidence:
     """Of an object of a folder. Raises BadFile."""
     path = folder / "evidence" / f"{object_id}.json"
     try:
-        return msgspec.convert(read_json(path), Evidence)
+        return msgspec.convert(read_record(path, [entry.name for entry in fields(Evidence)]), Evidence)
     except msgspec.ValidationError as error:
         raise BadFile(f"{path} is no evidence of an import ({error}); delete {folder} and import again") from None

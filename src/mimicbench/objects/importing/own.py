@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull, Delaunay
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile, BadObject, MimicbenchError
-from mimicbench.core.files import write_json
+from mimicbench.core.files import write_record
 from mimicbench.core.foreign.untrusted import is_file
 from mimicbench.core.names import printable
 from mimicbench.core.stage import Stage, StageKey, opened
@@ -179,7 +179,7 @@ def import_objects(
             say(made[-1][1].text())
         for obj, evidence in made:
             save_object(folder, obj)
-            write_json(folder / "evidence" / f"{obj.id}.json", asdict(evidence))
+            write_record(folder / "evidence" / f"{obj.id}.json", asdict(evidence))
         summary = {"count": len(made), "test": sum(obj.split == "test" for obj, _ in made)}
         return stage.finish(**summary), [evidence for _, evidence in made]
 

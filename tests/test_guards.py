@@ -1,0 +1,183 @@
+"""What numbers rest on and one changed line would undo without a sound: who learns from what, who is judged on what."""
+
+import json
+import shutil
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+import safetensors
+import torch
+
+import making
+from mimicbench.benchmark.graph import retargeted, start
+from mimicbench.benchmark.judging import _of_split, judge, who_of
+from mimicbench.benchmark.recipe import EvaluateConfig
+from mimicbench.core.errors import BadFile
+from mimicbench.core.training import STATE
+from mimicbench.envs.metrics import Verdict
+from mimicbench.imitate.demos import DemosConfig, batches, demonstrations
+from mimicbench.objects.make import ObjectsConfig
+from mimicbench.objects.shape import split_of
+from mimicbench.references.checks.quality import Limits, faults
+from mimicbench.references.make import ReferencesConfig
+from mimicbench.retarget.acceptance import PROMISED, outcome, summary, unsolved
+from mimicbench.retarget.acceptance import Limits as Solved
+from mimicbench.retarget.make import RetargetConfig
+from mimicbench.track.ppo import PPOConfig
+from mimicbench.track.rollout import Recording, Rollout
+from mimicbench.track.train import TrackConfig
+
+TINY = TrackConfig(
+    samples=16, num_envs=4, parts=1, evaluate_clips=1, threads=1, ppo=PPOConfig(hidden=(8,), steps=4, minibatches=2)
+)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A recipe with clips on objects of both splits."""
+    recipe = making.small(objects=8, clips=8, evaluate=EvaluateConfig(episodes=2, tracked=2))
+    found = start(recipe, tmp_path_factory.mktemp("guards"), making.QUIET)
+    splits = [obj.split for obj in retargeted(found).set.scenes]
+    assert {"train", "test"} == set(splits)
+    return found
+
+
+def with_evaluation(run, **changes):
+    return run.changed(evaluate=replace(run.recipe.evaluate, **changes))
+
+
+# --- who is judged on what
+
+
+@pytest.mark.parametrize("split", ["test", "train"])
+def test_episodes_are_on_objects_of_their_split(run, split):
+    assert EvaluateConfig().split == "test"
+    of_split = with_evaluation(run, split=split)
+    found = _of_split(of_split, None)
+    assert len(found.set) and {obj.split for obj in found.set.scenes} == {split}
+    assert {row.split for row in judge(with_evaluation(run, split=split, tracked=1), "tracker")} == {split}
+
+
+def test_clips_for_an_evaluation_are_not_those_of_a_training(run):
+    theirs = _of_split(run, 3)
+    assert {obj.split for obj in theirs.set.scenes} == {"test"} and theirs.stage.folder != retargeted(run).stage.folder
+
+
+def test_rows_follow_the_clips_and_who_is_judged(run, tmp_path):
+    first = judge(run, "tracker")
+    files = set(run.workdir.glob("sit-chair/evaluate/tracker-*.parquet"))
+    other = run.changed(retarget=RetargetConfig("copy-rotation"))
+    judge(other, "tracker")
+    more = set(run.workdir.glob("sit-chair/evaluate/tracker-*.parquet")) - files
+    assert len(more) == 1, "the same seed, count and tracker, but other clips"
+    assert judge(run, "tracker") == first
+    own = tmp_path / "tracker"
+    own.mkdir()
+    for name in ("config.json", "model.safetensors"):
+        (own / name).write_bytes((who_of(run, "tracker").folder / name).read_bytes())
+    same = who_of(run, str(own)).digests
+    config = json.loads((own / "config.json").read_text())
+    config["notes"]["samples"] = 1
+    config.pop("digest", None)
+    (own / "config.json").write_text(json.dumps(config))
+    assert who_of(run, str(own)).digests != same
+
+
+# --- who learns from what
+
+
+def test_trackers_learn_from_the_training_split_alone(run):
+    from mimicbench.benchmark.graph import make_track_stage
+
+    stage = make_track_stage(run.changed(track=TINY))
+    with safetensors.safe_open(stage.folder / STATE, "pt") as file:
+        learned = json.loads(file.metadata()["mimicbench"])["identity"]["clips"]
+    clips = retargeted(run)
+    of_split = {
+        split: {m.id for m in clips.set.motions if split_of(m.object_id) == split} for split in ["train", "test"]
+    }
+    assert set(learned) == of_split["train"] and stage.summary["clips"] == len(learned)
+
+
+def test_demonstrations_are_what_fulfilled_k(run):
+    clips = replace(retargeted(run).set, motions=retargeted(run).set.motions[:4])
+    flags = {"success": [True, False, True, True], "diverged": [False, False, True, False]}
+    verdict = Verdict(**{f.name: torch.tensor(flags.get(f.name, [0] * 4)) for f in fields(Verdict)})
+    pose = np.tile(np.r_[0.0, 0, 1, 1, 0, 0, 0, np.zeros(19)], (3, 1))
+    kept = Recording([pose] * 4, [np.zeros((3, 25))] * 4, [np.zeros((3, 19))] * 4, [np.ones((3, 19))] * 4)
+    made = list(demonstrations(Rollout(verdict, np.full(4, 3), kept), clips, 7))
+    assert [demo.reference_id for demo in made] == [clips.motions[0].id, clips.motions[3].id]
+    assert all(
+        demo.success and demo.seed == 7 and demo.executed_action.all() and not demo.action.any() for demo in made
+    )
+
+
+@pytest.mark.parametrize(("share", "clean"), [(0.0, 0), (0.25, 2), (0.5, 4), (0.6, 5), (1.0, 8)])
+def test_the_stated_share_of_demonstrations_is_without_noise(run, share, clean):
+    clips = retargeted(run).set
+    assert len(clips) == 8
+    parts = batches(clips, DemosConfig(clean_share=share, action_noise=0.3, batch=3))
+    assert [motion.id for part, _ in parts for motion in part.motions] == [motion.id for motion in clips.motions]
+    assert all(1 <= len(part) <= 3 for part, _ in parts)
+    noise = [level for part, level in parts for _ in part.motions]
+    assert noise == [0.0] * clean + [0.3] * (8 - clean)
+
+
+# --- what the gate lets pass
+
+
+def measured():
+    limits, found = Limits(), {}
+    for entry in fields(Limits):
+        limit = getattr(limits, entry.name)
+        if isinstance(limit, tuple):
+            found |= {f"{entry.name}_least": limit[0], f"{entry.name}_most": limit[1]}
+        else:
+            found[entry.name] = limit
+    return found
+
+
+def test_the_gate_lets_pass_what_is_at_its_limits_and_nothing_beyond():
+    at_limits = measured()
+    assert faults(at_limits) == []
+    for name, limit in at_limits.items():
+        beyond = limit - 1e-6 if name.endswith("_least") else limit + 1e-6
+        assert faults({**at_limits, name: beyond}) == [name]
+
+
+def test_the_gate_refuses_what_is_not_a_number():
+    for name in measured():
+        assert faults({**measured(), name: float("nan")}) == [name]
+
+
+def test_the_limits_of_solved_clips_are_the_documented_ones():
+    assert PROMISED.depth == PROMISED.step_skate == 0.04 and PROMISED.support_lost == 0.1
+    assert PROMISED.lean_error == pytest.approx(0.1396, abs=1e-4), "8 degrees"
+    given = Solved()
+    assert (given.limit_violation, given.velocity_ratio, given.position_error, given.goal_error) == (0, 1, 0.25, 0.1)
+    assert unsolved({}, given) == [] and unsolved({"limit_violation": 1e-9}, given) == ["limit_violation"]
+
+
+def test_rates_of_a_set_count_every_clip():
+    one = summary([outcome({}, True, 10, Solved())])
+    assert (one.rate, one.k_rate, one.kept, one.fulfilled, one.frames) == (1, 1, 1, 1, 10)
+    none = summary([])
+    assert (none.rate, none.k_rate, none.clips) == (0, 0, 0)
+    many = summary([outcome({"goal_error": 1.0}, k, 5, Solved()) for k in (True, False)])
+    assert (many.k_rate, many.rate) == (0.5, 0) and list(many.rejected_for.items()) == [("goal_error", 2), ("K", 1)]
+    tied = summary([outcome({"skate": 0.1, "position_error": 1.0}, False, 5, Solved())])
+    assert list(tied.rejected_for) == ["K", "position_error"], "as many: by name"
+
+
+def test_clips_of_a_set_are_on_the_objects_that_they_were_made_on(tmp_path):
+    human, objects = making.make("references", tmp_path), making.make("objects", tmp_path)
+    for stage, name in ((human, "references"), (objects, "objects")):
+        shutil.copytree(stage.folder, tmp_path / "sit-chair" / name / "own")
+    recipe = making.small(references=ReferencesConfig("own"), objects=ObjectsConfig("own"))
+    assert making.make("retarget", tmp_path, recipe).summary["clips"] == 4
+    shutil.rmtree(tmp_path / "sit-chair" / "objects" / "own")
+    other = making.make("objects", tmp_path, making.small(seed=1))
+    shutil.copytree(other.folder, tmp_path / "sit-chair" / "objects" / "own")
+    with pytest.raises(BadFile, match="was made on other objects than"):
+        making.make("retarget", tmp_path, recipe)
