@@ -341,6 +341,7 @@ def test_a_tracker_of_several_tasks_reads_the_clips_of_all(tmp_path):
         ({"also": ["sit-chair"]}, "name each task beside 'sit-chair' once"),
         ({"also": ["lift-box", "lift-box"]}, "name each task beside 'sit-chair' once"),
         ({"also": ["fly"]}, "unknown task 'fly'"),
+        ({"also": ["lift-box"], "shares": [1, 2, 3]}, "track.shares has 3 numbers for 2 tasks"),
         ({"begin_from": "nowhere"}, "track.begin_from is 'nowhere', where no tracker is"),
     ],
 )

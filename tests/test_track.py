@@ -36,7 +36,7 @@ from mimicbench.track.rollout import RolloutConfig, track_clips
 from mimicbench.track.spec import Layout, flat
 from mimicbench.track.trackers import hst, residual
 from mimicbench.track.tracking import ENDS, EndConfig, TrackingConfig, TrackingEnv, deviations
-from mimicbench.track.train import TrackConfig, begin_from, train_tracker
+from mimicbench.track.train import TrackConfig, begin_from, robots_of, train_tracker
 from stool import H1, block, seated, standing
 
 SIT_CHAIR, LIFT_BOX, TOUCH = (TASKS.get(name) for name in ("sit-chair", "lift-box", "touch-points"))
@@ -284,9 +284,11 @@ def test_at_its_next_frame_the_reference_is_nowhere_else():
 def test_reward_of_perfect_tracking():
     bank = ReferenceBank([swing()], H1)
     context = context_of(bank, 10)
-    assert RESIDUAL.reward(context, moved_on(bank, context), OURS)[0] == pytest.approx(1.0, abs=1e-6)
+    assert RESIDUAL.reward(context, moved_on(bank, context), OURS)[0] == pytest.approx(1.2, abs=1e-5)
+    away = RESIDUAL.reward(shifted(context, [0.06, 0.08, 0.0]), moved_on(bank, context), OURS)[0]
+    assert away == pytest.approx(1.0 + 0.2 * np.exp(-1), abs=1e-5), "wrists 10 cm off"
     changed = moved_on(bank, context, action=0.5, previous=0.3)
-    assert RESIDUAL.reward(context, changed, OURS)[0] == pytest.approx(1 - 0.005 * 19 * 0.04, abs=1e-6)
+    assert RESIDUAL.reward(context, changed, OURS)[0] == pytest.approx(1.2 - 0.005 * 19 * 0.04, abs=1e-5)
     # F.3: 1 for the positions, 1 for each of 20 orientations, 5 for the root; joints as they are to be
     still_bank = ReferenceBank([CLIPS[0]], H1)
     rests = context_of(still_bank, 10)
@@ -310,6 +312,7 @@ def test_reward_by_hand():
         + 0.25 * np.exp(-19 * 0.01)
         + 0.1 * np.exp(-2 * 0.25)
         + 0.1 * np.exp(-0.02 * 19 * 4)
+        + 0.2  # the links stand where they are to stand
     )
     context = context_of(bank, 5, off)
     assert RESIDUAL.reward(context, moved_on(bank, context, 4), OURS)[0] == pytest.approx(expected, abs=1e-5)
@@ -380,11 +383,11 @@ def test_papers_reward_multiplies_by_wrists_and_object():
 def test_our_reward_follows_the_object_where_it_moves():
     bank = ReferenceBank([lifted()], H1)
     at = context_of(bank, 10, task=LIFT_BOX)
-    assert RESIDUAL.reward(at, moved_on(bank, at), OURS)[0] == pytest.approx(1.0, abs=1e-6)
+    assert RESIDUAL.reward(at, moved_on(bank, at), OURS)[0] == pytest.approx(0.5 * 1.2 + 0.5, abs=1e-5)
     obj = at.object
     away = replace(obj, pos_w=obj.pos_w + torch.tensor([0.1, 0, 0]))
     lost = context_of(bank, 10, task=LIFT_BOX, obj=away)
-    assert RESIDUAL.reward(lost, moved_on(bank, lost), OURS)[0] == pytest.approx(0.5 + 0.5 * np.exp(-1.0), abs=1e-5)
+    assert RESIDUAL.reward(lost, moved_on(bank, lost), OURS)[0] == pytest.approx(0.6 + 0.5 * np.exp(-1.0), abs=1e-5)
 
 
 def test_what_actions_mean():
@@ -636,6 +639,11 @@ def test_one_network_follows_clips_of_several_tasks(tmp_path):
         assert track_clips(tracker, clips, RolloutConfig(stop_early=True), ONE_THREAD).verdict.success.shape
 
 
+def test_robots_are_shared_out_among_tasks():
+    assert robots_of(TrackConfig(num_envs=10), 3) == [3, 4, 3]
+    assert robots_of(TrackConfig(num_envs=16, shares=(1, 2, 1)), 3) == [4, 8, 4]
+
+
 def test_terms_that_a_task_does_not_have_are_zero():
     layout = Layout.of(RESIDUAL, H1, [SIT_CHAIR, LIFT_BOX])
     assert layout.size == LAYOUT.size + 36
@@ -647,8 +655,10 @@ def test_terms_that_a_task_does_not_have_are_zero():
 @pytest.mark.parametrize("parts", [1, 3])
 def test_parts_are_the_same_whatever_the_threads(parts):
     def steps(workers):
-        env = TrackingParts(RESIDUAL, [clip_set(), LIFTS], 8, parts, TrackingConfig(), 5, EnvConfig(workers=workers))
-        assert [part.num_envs for part in env.parts] == ([4, 4] if parts == 1 else [2, 2, 2, 2])
+        env = TrackingParts(
+            RESIDUAL, [clip_set(), LIFTS], [5, 3], parts, TrackingConfig(), 5, EnvConfig(workers=workers)
+        )
+        assert [part.num_envs for part in env.parts] == ([5, 3] if parts == 1 else [3, 2, 2, 1])
         found = [torch.cat([value.flatten() for value in env.step(torch.zeros(8, 19), OURS)]) for _ in range(8)]
         env.close()
         return torch.stack(found).numpy().tobytes()

@@ -87,6 +87,10 @@ def tracked_together(recipe: Recipe) -> None:
         TASKS.get(name)
     if recipe.task in also or len(set(also)) != len(also):
         raise BadSetting(f"track.also is {', '.join(also)}; name each task beside {recipe.task!r} once")
+    if len(recipe.track.shares) not in (0, 1 + len(also)):
+        raise BadSetting(
+            f"track.shares has {len(recipe.track.shares)} numbers for {1 + len(also)} tasks; give one each"
+        )
     if begin_from and not (Path(begin_from) / MODEL).is_file():
         raise BadSetting(f"track.begin_from is {begin_from!r}, where no tracker is; give the folder of its checkpoint")
 

@@ -32,8 +32,10 @@ class Frame:
     """(N, J) [rad/s]."""
     object: ObjectState
     """Where the object is to be; at the origin and at rest where it is fixed."""
+    wrist_pos_w: Tensor
+    """(N, 2, 3) where left and right wrist are in this frame [m]."""
     wrist_goal_w: Tensor
-    """(N, 2, 3) where left and right wrist are to go [m]; NaN without such a goal."""
+    """(N, 2, 3) where left and right wrist are to go in the end [m]; NaN without such a goal."""
 
 
 @dataclass(frozen=True)

@@ -29,18 +29,18 @@ class TrackingParts:
         self,
         spec: TrackerSpec,
         sets: Sequence[ClipSet],
-        num_envs: int,
+        robots: Sequence[int],
         parts: int,
         config: TrackingConfig,
         seed: int,
         env_config: EnvConfig | None = None,
     ) -> None:
-        """`num_envs` robots split evenly over at least `parts` environments, as many for each of the sets of clips."""
+        """`robots` of each set of clips, split over at least `parts` environments, as many for each set."""
         env_config = env_config or EnvConfig()
         self.layout = Layout.of(spec, sets[0].robot, [clips.task for clips in sets])
         copies = -(-max(parts, len(sets)) // len(sets))
         of_part = [clips for clips in sets for _ in range(copies)]
-        shares = [len(range(i, num_envs, len(of_part))) for i in range(len(of_part))]
+        shares = [len(range(copy, count, copies)) for count in robots for copy in range(copies)]
         threads = min(env_config.workers or os.cpu_count() or 1, len(of_part)) if env_config.device == "cpu" else 1
         self._pool = ThreadPoolExecutor(threads, initializer=torch.set_num_threads, initargs=(1,))
         each = replace(env_config, workers=max(1, (env_config.workers or os.cpu_count() or 1) // threads))

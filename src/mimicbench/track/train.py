@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, make_dataclass, replace
 from functools import cache
+from itertools import accumulate
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,7 +14,7 @@ import torch
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.progress import Pulse
 from mimicbench.core.seeds import digest
-from mimicbench.core.settings import Amount, Positive
+from mimicbench.core.settings import Amount, BadSetting, Positive, Within
 from mimicbench.core.training import TorchRandom, append_metrics, resume_training, save_training
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.vec_env import EnvConfig
@@ -44,6 +45,8 @@ class TrackConfig:
     """Control steps to learn from, over all robots."""
     num_envs: Positive = 1024
     """Robots side by side, over all tasks."""
+    shares: tuple[Annotated[float, Within(1e-3, 1e3)], ...] = ()
+    """How many robots each task gets in relation to the others, the recipe's own first; empty: all the same."""
     parts: Positive = 2
     """Parts that they are split into, at least one per task: while one is in Python, another's physics runs."""
     evaluate_every: Positive = 4_000_000
@@ -105,7 +108,7 @@ def train_tracker(
     torch.manual_seed(digest(seed, "tracker") % (1 << 63))
     torch.set_num_threads(1)
     spec, robot = TRACKERS.get(config.tracker), clips[0].robot
-    env = TrackingParts(spec, clips, config.num_envs, config.parts, config.tracking, seed, env_config)
+    env = TrackingParts(spec, clips, robots_of(config, len(clips)), config.parts, config.tracking, seed, env_config)
     layout, joints = env.layout, len(robot.joints)
     learner = PPOLearner(layout.size, joints, config.num_envs, config.ppo, env.device)
     if config.begin_from:
@@ -159,6 +162,15 @@ def train_tracker(
         now = time.monotonic()
     env.close()
     return folder / "checkpoint"
+
+
+def robots_of(config: TrackConfig, tasks: int) -> list[int]:
+    """How many robots each task gets, by its share. Raises BadSetting if there is not a share for each."""
+    shares = config.shares or (1.0,) * tasks
+    if len(shares) != tasks:
+        raise BadSetting(f"track.shares has {len(shares)} numbers for {tasks} tasks; give one for each, or none")
+    ends = [round(config.num_envs * part / sum(shares)) for part in accumulate(shares)]
+    return [end - start for start, end in zip([0, *ends], ends, strict=False)]
 
 
 def begin_from(given: Tracker, learner: PPOLearner, layout: Layout) -> None:

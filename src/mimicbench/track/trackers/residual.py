@@ -8,6 +8,7 @@ from torch import Tensor
 from mimicbench.core import rotations as rot
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.context import StepContext, Transition
+from mimicbench.tasks.task import BodyPoints
 from mimicbench.track.spec import Terms, TrackerSpec
 
 GAINS = "improved"
@@ -15,7 +16,7 @@ GAINS = "improved"
 
 @dataclass(frozen=True)
 class ResidualConfig:
-    """Weights of the reward: of agreement with the reference, each part at most 1, and of what it costs."""
+    """Weights of the reward: of agreement with the reference, in parts of at most 1, and of what it costs."""
 
     position: float = 0.35
     """Of exp(-10 d^2), d being the root's distance from its reference [m]."""
@@ -27,6 +28,8 @@ class ResidualConfig:
     """Of exp(-2 dv^2) of the root [m/s]."""
     joint_velocity: float = 0.10
     """Of exp(-0.02 sum dq'^2) over the joints [rad/s]."""
+    wrists: float = 0.20
+    """Of exp(-10 d), d being a wrist's distance from its reference [m], in the mean of both."""
     action_rate: float = 0.005
     """Price of the squared change of the action."""
     object: float = 0.5
@@ -47,7 +50,7 @@ def next_joint_pos(robot: Robot, terms: Terms) -> Tensor:
 
 
 def reward(context: StepContext, step: Transition, settings: ResidualConfig) -> Tensor:
-    """(N,) agreement with the reference, at most 1, less a price on changing the action."""
+    """(N,) agreement with the reference, at most the sum of its weights, less a price on changing the action."""
     state, ref = context.state, context.reference(0)
     position = ((state.root_pos_w - ref.root_pos_w) ** 2).sum(-1)
     angle = rot.angle_between(state.root_quat_w, ref.root_quat_w)
@@ -61,6 +64,10 @@ def reward(context: StepContext, step: Transition, settings: ResidualConfig) -> 
         + settings.velocity * torch.exp(-2.0 * velocity)
         + settings.joint_velocity * torch.exp(-0.02 * joint_velocity)
     )
+    if settings.wrists:
+        wrists = BodyPoints.of(context.robot, context.links.pos_w, context.links.quat_w).wrist_pos_w
+        away = (wrists - ref.wrist_pos_w).norm(dim=-1)
+        agreement = agreement + settings.wrists * torch.exp(-10.0 * away).mean(-1)
     if context.task.moves_object:
         away = (context.object.pos_w - ref.object.pos_w).norm(dim=-1)
         agreement = (1 - settings.object) * agreement + settings.object * torch.exp(-10.0 * away)
