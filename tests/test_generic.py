@@ -44,9 +44,7 @@ MAY = {
     "imitate/registry.py": "order of the names",
     "imitate/spec.py": "the default learner",
     "track/train.py": "the default tracker",
-    "imitate/perception.py": "shipped checkpoints without a goal's fields were learned for one task",
-    "imitate/policy.py": "calls what it remembers by the shipped policies' word",
-    "imitate/dataset.py": "the same",
+    "imitate/dagger.py": "the learner `planner`: the episodes that it learns from",
     "__init__.py": "Gymnasium's names of the environments, known without an import",
 }
 """Files and folders that name what they are about."""

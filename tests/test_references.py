@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.curves import minimum_jerk, smooth_below
 from mimicbench.core.errors import BadObject, UnknownName
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.families.chair import make_chair
@@ -16,6 +15,7 @@ from mimicbench.references.body import skeletons as human
 from mimicbench.references.body.body import unihsi_body
 from mimicbench.references.body.limbs import two_link
 from mimicbench.references.checks.quality import Limits, check_clip, faults
+from mimicbench.references.curves import minimum_jerk, smooth_below
 from mimicbench.references.locomotion.balance import balance, support_point
 from mimicbench.references.locomotion.feet import swing_feet
 from mimicbench.references.locomotion.gait import Gait, plan_footsteps

@@ -15,7 +15,8 @@ from mimicbench.envs.rule_starts import Starts
 from mimicbench.envs.vec_env import EnvConfig, VecEnv
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.registry import DEFAULT_ROBOT, ROBOTS
-from mimicbench.sensors.observations import BOUND, TERMS, chosen_terms
+from mimicbench.sensors.observations import TERMS, chosen_terms
+from mimicbench.sensors.term import BOUND
 from mimicbench.sim.backends import check_device
 from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.rows import Rows

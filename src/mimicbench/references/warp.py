@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.curves import minimum_jerk
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.skeleton import forward_kinematics
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body.body import Body, Limb, body_of
 from mimicbench.references.body.limbs import two_link
+from mimicbench.references.curves import minimum_jerk
 
 FEET, HANDS = ("left_foot", "right_foot"), ("left_hand", "right_hand")
 ON_FLOOR = 0.14

@@ -5,7 +5,6 @@ trains in it, but not to a robot's own senses. Only terms that somebody asks for
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -21,36 +20,12 @@ from mimicbench.sensors.proprioception import body_state, gravity, link_state, s
 from mimicbench.sensors.rays import FARTHEST, ray_depth
 from mimicbench.sensors.reference import object_in_root, reference_in_root, reference_links
 from mimicbench.sensors.targets import target_map
+from mimicbench.sensors.term import Term
 from mimicbench.sim.threads import one_torch_thread
 from mimicbench.tasks.task import BodyPoints, Task
 
-BOUND = 1000.0
-"""Observations beyond this are out of every space; no robot that is still in one piece comes near it."""
 LOOKAHEAD = (1, 2, 5, 10, 25)
 """Control steps ahead at which references can be observed: 0.02 s to 0.5 s."""
-
-
-@dataclass(frozen=True)
-class Term:
-    """One thing that N robots can observe."""
-
-    name: str
-    """As policies, trackers and environments ask for it."""
-    shape: Callable[[Robot, Task], tuple[int, ...]]
-    """Of one robot's part."""
-    compute: Callable[[StepContext], Tensor]
-    """(N, *shape)."""
-    privileged: bool = False
-    """Whether no robot can know it: simulators and trainers only."""
-    exists: Callable[[Task], bool] = lambda task: True
-    """Whether the task has it."""
-    some: Callable[[StepContext, Tensor], Tensor] | None = None
-    """(n, *shape) of robots (n,) alone, if that is cheaper than picking them out of all."""
-    turns: tuple[int, ...] = ()
-    """Where in it rotation vectors begin: half a turn is the same to the left and to the right."""
-    low: float = -BOUND
-    high: float = BOUND
-    dtype: torch.dtype = torch.float32
 
 
 def _joints(times: int, more: int = 0) -> Callable[[Robot, Task], tuple[int, ...]]:

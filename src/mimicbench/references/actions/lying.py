@@ -11,7 +11,6 @@ from collections.abc import Callable
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.curves import minimum_jerk
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.skeleton import forward_kinematics
 from mimicbench.objects.shape import SceneObject
@@ -24,6 +23,7 @@ from mimicbench.references.body.hands import keep_off
 from mimicbench.references.body.limbs import about_y
 from mimicbench.references.body.liveliness import Rest, enliven
 from mimicbench.references.body.posing import Trunk, pose
+from mimicbench.references.curves import minimum_jerk
 from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait, last_turn
 from mimicbench.references.locomotion.route import Route

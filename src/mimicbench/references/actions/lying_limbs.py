@@ -5,7 +5,6 @@ and all come to rest, one later than the other.
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.curves import minimum_jerk
 from mimicbench.references.actions.berths import lifted_share, resting_foot
 from mimicbench.references.actions.lying_style import TURNING_TIME, Lying, ease
 from mimicbench.references.actions.reaching import wrists_of
@@ -14,6 +13,7 @@ from mimicbench.references.body.body import Body
 from mimicbench.references.body.hands import lay_on_body, point_hands
 from mimicbench.references.body.limbs import about_y, two_link
 from mimicbench.references.body.posing import Arms, Legs, Trunk, blend, reach, shoulders, thigh_orientations
+from mimicbench.references.curves import minimum_jerk
 
 LOWER = 0.07
 """The second leg swings up so much less high [m], at body size 1."""

@@ -4,10 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mimicbench.core.curves import minimum_jerk
 from mimicbench.references.actions.berths import Berth
 from mimicbench.references.actions.resting_hands import BELLY, BESIDE, CHEST, HEAD, SPOTS, UP
 from mimicbench.references.body.body import Body
+from mimicbench.references.curves import minimum_jerk
 from mimicbench.references.locomotion.walking import Walk
 
 PAUSE = 0.35

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.curves import minimum_jerk
 from mimicbench.references.actions.lying_style import TURNING_TIME, Lying
 from mimicbench.references.actions.reaching import within_reach, wrists_of
 from mimicbench.references.actions.resting_hands import skull_of
 from mimicbench.references.body.limbs import about_x, about_y, two_link
 from mimicbench.references.body.posing import Arms, Legs, Trunk, reach, shoulders
+from mimicbench.references.curves import minimum_jerk
 
 SHIN = -0.55
 """How far shins point forward in the end [rad]; thighs as far as the style says."""

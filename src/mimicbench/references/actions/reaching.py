@@ -9,7 +9,6 @@ from typing import TypeVar
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.curves import minimum_jerk
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.skeleton import forward_kinematics
 from mimicbench.objects.shape import SceneObject
@@ -28,6 +27,7 @@ from mimicbench.references.actions.postures import (
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.limbs import about_y
 from mimicbench.references.body.posing import Arms, Legs, Trunk, blend, pose, reach, shoulders
+from mimicbench.references.curves import minimum_jerk
 from mimicbench.references.locomotion.gait import Footsteps, Gait
 from mimicbench.references.locomotion.walking import Walk
 

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.curves import minimum_jerk
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.actions.seats import Place, Seated, foot_allowed, lean_against, place_at, sit_free
@@ -29,6 +28,7 @@ from mimicbench.references.body.hands import keep_off, lay_on_body
 from mimicbench.references.body.limbs import about_x, about_y
 from mimicbench.references.body.liveliness import Rest, enliven, unrest
 from mimicbench.references.body.posing import Legs, Trunk, pose, shoulders
+from mimicbench.references.curves import minimum_jerk
 from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait, last_turn
 from mimicbench.references.locomotion.route import Route, around_box

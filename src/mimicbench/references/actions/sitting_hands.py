@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.curves import minimum_jerk
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.actions.handholds import armrest, beside_thigh, hanging
 from mimicbench.references.actions.postures import STRETCH
@@ -15,6 +14,7 @@ from mimicbench.references.actions.sit_styles import ARM, HANGS, LAP, SEAT, THIG
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.limbs import about_x, about_y, two_link
 from mimicbench.references.body.posing import Arms, Legs, Trunk, blend, reach, shoulders, thigh_orientations
+from mimicbench.references.curves import minimum_jerk
 from mimicbench.references.locomotion.walking import Walk
 
 ARRIVES = {THIGH: (-0.10, 0.45), SEAT: (0.20, 0.62), ARM: (0.02, 0.60)}

@@ -3,12 +3,12 @@
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.curves import smooth
 from mimicbench.core.skeleton import forward_kinematics
 from mimicbench.references.actions.reaching import WRIST, wrists_of
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.posing import Arms, Legs, Trunk, pose, reach
 from mimicbench.references.checks.penetration import ARM, own_gaps
+from mimicbench.references.curves import smooth
 
 OFF = ("pelvis", "trunk", "thigh", "shin")
 """What hands are pushed out of."""

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.curves import minimum_jerk
 from mimicbench.core.seeds import rng
 from mimicbench.core.skeleton import forward_kinematics
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.limbs import two_link
+from mimicbench.references.curves import minimum_jerk
 
 BEGINS = 1.2
 """Within so many seconds of rest all of it has begun."""

@@ -13,12 +13,12 @@ import numpy as np
 from scipy.signal import find_peaks
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.curves import smooth
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.skeleton import forward_kinematics
 from mimicbench.references.body.angles import joint_angles
 from mimicbench.references.body.body import Body, body_of
 from mimicbench.references.checks.contacts import sole_points
+from mimicbench.references.curves import smooth
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.linalg import solve_banded
 
-from mimicbench.core.curves import minimum_jerk
 from mimicbench.references.body.body import Body
+from mimicbench.references.curves import minimum_jerk
 from mimicbench.references.locomotion.feet import roll_of
 from mimicbench.references.locomotion.gait import Footsteps, Gait
 from mimicbench.references.locomotion.route import left_of

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from mimicbench.core.curves import minimum_jerk, smooth
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.limbs import ease, glide
+from mimicbench.references.curves import minimum_jerk, smooth
 from mimicbench.references.locomotion.gait import Footsteps, Gait
 from mimicbench.references.locomotion.route import left_of
 

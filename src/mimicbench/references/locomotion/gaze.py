@@ -3,7 +3,7 @@
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.curves import minimum_jerk, smooth
+from mimicbench.references.curves import minimum_jerk, smooth
 from mimicbench.references.locomotion.gait import Footsteps
 from mimicbench.references.locomotion.route import ahead_of
 

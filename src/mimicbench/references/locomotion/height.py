@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.curves import minimum_jerk, smooth, smooth_above
 from mimicbench.references.body.body import Body
+from mimicbench.references.curves import minimum_jerk, smooth, smooth_above
 from mimicbench.references.locomotion.feet import Feet, roll_of
 from mimicbench.references.locomotion.gait import Footsteps, Gait
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.curves import minimum_jerk, smooth_below
 from mimicbench.core.motion import HumanMotion
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.limbs import about_y, ease, two_link
+from mimicbench.references.curves import minimum_jerk, smooth_below
 from mimicbench.references.locomotion.feet import rolled
 from mimicbench.references.locomotion.states import BodyState
 

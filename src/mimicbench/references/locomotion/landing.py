@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from mimicbench.core.curves import minimum_jerk
 from mimicbench.references.body.body import Body
+from mimicbench.references.curves import minimum_jerk
 from mimicbench.references.locomotion.feet import Feet, roll_of, sole_depth
 from mimicbench.references.locomotion.gait import Footsteps
 from mimicbench.references.locomotion.height import STRAIGHTEST, Hips

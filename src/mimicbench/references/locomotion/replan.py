@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.curves import minimum_jerk, smooth_below
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.limbs import ease
+from mimicbench.references.curves import minimum_jerk, smooth_below
 from mimicbench.references.locomotion.feet import rolled, swing_share, swing_share_at
 from mimicbench.references.locomotion.gait import Footsteps, Gait, body_places, first_side, place_feet, step_times
 from mimicbench.references.locomotion.height import carried_height

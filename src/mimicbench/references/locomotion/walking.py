@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.curves import minimum_jerk, smooth
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.limbs import about_x, about_y
 from mimicbench.references.body.posing import Arms, Legs
+from mimicbench.references.curves import minimum_jerk, smooth
 from mimicbench.references.locomotion.balance import balance
 from mimicbench.references.locomotion.feet import Feet, FeetStart, body_yaw, stride_difference, swing_feet
 from mimicbench.references.locomotion.gait import Footsteps, Gait, plan_footsteps

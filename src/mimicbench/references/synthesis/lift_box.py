@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.curves import minimum_jerk
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
@@ -30,6 +29,7 @@ from mimicbench.references.actions.reaching import (
 from mimicbench.references.body.body import Body, core4d_body
 from mimicbench.references.body.limbs import about_y
 from mimicbench.references.body.posing import blend, pose, reach
+from mimicbench.references.curves import minimum_jerk
 from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait
 from mimicbench.references.locomotion.route import Route

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.curves import minimum_jerk
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
@@ -27,6 +26,7 @@ from mimicbench.references.body.body import Body, core4d_body
 from mimicbench.references.body.hands import keep_off
 from mimicbench.references.body.limbs import about_y, glide
 from mimicbench.references.body.posing import pose
+from mimicbench.references.curves import minimum_jerk
 from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait
 from mimicbench.references.locomotion.route import Route

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.curves import minimum_jerk, smooth_above
+from mimicbench.references.curves import minimum_jerk, smooth_above
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.grounding import FEET, runs
 from mimicbench.retarget.mapping import Bound, followed_points

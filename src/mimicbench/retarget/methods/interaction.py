@@ -21,8 +21,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.curves import smooth_above
 from mimicbench.core.motion import RobotMotion
+from mimicbench.references.curves import smooth_above
 from mimicbench.retarget.acceptance import PROMISED
 from mimicbench.retarget.clip import Clip, storable
 from mimicbench.retarget.kinematics import Pose, Tree, tree_of
