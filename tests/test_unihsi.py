@@ -19,8 +19,9 @@ from mimicbench.references.body.body import unihsi_body
 from mimicbench.references.body.skeletons import UNIHSI
 from mimicbench.references.checks.contacts import drop_short
 from mimicbench.references.importers.unihsi import import_skeleton_motion
+from mimicbench.references.recordings.cutting import FPS, smooth_jumps
 from mimicbench.references.recordings.fit_object import seated_frame
-from mimicbench.references.recordings.real_clips import FPS, sitting_clips, smooth_jumps
+from mimicbench.references.recordings.real_clips import sitting_clips
 from mimicbench.references.recordings.segments import find_sittings
 
 DATA = Path(__file__).parents[1].parent / "shared" / "data"

@@ -22,7 +22,8 @@ from mimicbench.objects.shape import SceneObject, load_object, save_object, spli
 from mimicbench.references.checks.quality import METRIC, Fulfils, check_clip, faults, gate, told
 from mimicbench.references.importers.recording import Wishes
 from mimicbench.references.importers.registry import import_recording
-from mimicbench.references.recordings.real_clips import Clip, find_clips
+from mimicbench.references.recordings.cutting import Clip
+from mimicbench.references.recordings.real_clips import find_clips
 from mimicbench.references.synthesis.registry import clip_id, synthesize
 
 MADE = "made"

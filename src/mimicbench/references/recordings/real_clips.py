@@ -2,9 +2,8 @@
 to the person.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -13,8 +12,8 @@ from mimicbench.core.errors import BadMotion, UnknownName
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body.body import body_of
-from mimicbench.references.checks.contacts import BEARING_NAMES, detect_bearing
 from mimicbench.references.importers.recording import ObjectTrack, Recording
+from mimicbench.references.recordings.cutting import FPS, Clip, cut, each, moved, settled, with_contacts
 from mimicbench.references.recordings.fit_bed import fit_bed, lying_frame
 from mimicbench.references.recordings.fit_box import PALM, BoxTrack, box_between, box_of_mesh, boxed, touched_box
 from mimicbench.references.recordings.fit_object import fit_seat, nearby_distance, sample_body, seated_frame
@@ -30,21 +29,10 @@ from mimicbench.references.recordings.segments import (
     find_sittings,
 )
 
-FPS = 30.0
-"""Frame rate of the clips that are made."""
-JUMP, BRIDGE = 12.0, 0.17
-"""A joint that turns faster than JUMP [rad/s] is taken for a fault of the recording and bridged over BRIDGE [s] before
-and after."""
 DEEPEST = 0.15
 """Deepest that trunk and legs of who lifts a fitted box may be in it [m]; people do press boxes against themselves."""
-SLOWDOWN, HELD = 0.3, 1.1
-"""The last SLOWDOWN [s] of a reach are stretched to twice as long, in which it comes to rest; then it is held for HELD
-[s]."""
-
 ELSEWHERE = 0.2
 """[m] A wrist that ends farther from what the other hand reaches for does not reach for it."""
-
-Clip = tuple[HumanMotion, SceneObject]
 
 
 def find_clips(recording: Recording, task: str) -> list[Clip]:
@@ -71,7 +59,7 @@ def sitting_clips(recording: Recording, task: str, rules: SittingRules | None = 
         raise BadMotion(
             f"{recording.name} has no part in which somebody walks up and sits down ({_heights(pos)}); leave it out"
         )
-    return _each(recording, found, lambda part, number: _sitting_clip(recording, part, number, task))
+    return each(recording, found, lambda part, number: _sitting_clip(recording, part, number, task))
 
 
 def lying_clips(recording: Recording, task: str) -> list[Clip]:
@@ -85,7 +73,7 @@ def lying_clips(recording: Recording, task: str) -> list[Clip]:
         raise BadMotion(
             f"{recording.name} has no part in which somebody walks up and lies down ({_heights(pos)}); leave it out"
         )
-    return _each(recording, found, lambda part, number: _lying_clip(recording, part, number, task))
+    return each(recording, found, lambda part, number: _lying_clip(recording, part, number, task))
 
 
 def lifting_clips(recording: Recording) -> list[Clip]:
@@ -105,7 +93,7 @@ def lifting_clips(recording: Recording) -> list[Clip]:
             f"{recording.name} has no part in which both hands lift something by "
             f"{HandlingRules().lift:.2f} m; leave it out"
         )
-    return _each(recording, found, lambda part, number: _lifting_clip(recording, part, number, track, sides))
+    return each(recording, found, lambda part, number: _lifting_clip(recording, part, number, track, sides))
 
 
 def touching_clips(recording: Recording) -> list[Clip]:
@@ -128,59 +116,25 @@ TRACKED = ("touch-points", "lift-box")
 """Tasks in which the recorded object counts."""
 
 
-def _each(recording: Recording, parts: Sequence[Any], make: Callable[[Any, int], Clip]) -> list[Clip]:
-    """A clip of every part; those to which nothing fits are left out, unless nothing fits to any."""
-    clips, last = [], None
-    for number, part in enumerate(parts):
-        try:
-            clips.append(make(part, number))
-        except BadMotion as error:
-            last = error
-    if not clips and last is not None:
-        raise last
-    return clips
-
-
-def _cut(recording: Recording, start: int, end: int, number: int, task: str) -> HumanMotion:
-    """Frames start to end at FPS, where they were recorded."""
-    part = slice(start, end)
-    local_quat = smooth_jumps(rot.normalize(rot.resample_quat(recording.local_quat[part], recording.fps, FPS)), FPS)
-    return HumanMotion(
-        f"real-{recording.name}-{number}",
-        task,
-        recording.skeleton,
-        FPS,
-        rot.resample(recording.root_pos_w[part], recording.fps, FPS),
-        local_quat,
-        f"fitted-{recording.name}-{number}",
-        source=recording.name,
-        style={"body_scale": body_of(recording.skeleton).size},
-    )
-
-
-def _with_contacts(motion: HumanMotion, obj: SceneObject) -> Clip:
-    return replace(motion, contact_names=BEARING_NAMES, contacts=detect_bearing(motion, obj)), obj
-
-
 def _sitting_clip(recording: Recording, sitting: Sitting, number: int, task: str) -> Clip:
     """One walk-to-seated part, moved to where its seat is at the origin facing +x."""
-    motion = _cut(recording, sitting.start, sitting.end, number, task)
+    motion = cut(recording, sitting.start, sitting.end, number, task)
     landing = min(motion.frames - 2, round((sitting.landing - sitting.start) * FPS / recording.fps))
     seated = slice(landing, motion.frames)
     origin, yaw, _ = seated_frame(motion, seated)
-    motion = _moved(motion, origin, yaw)
+    motion = moved(motion, origin, yaw)
     fit = fit_seat(motion.object_id, motion, seated, sofa=task == "sit-sofa")
-    return _with_contacts(_moved(motion, fit.offset, 0.0), fit.obj)
+    return with_contacts(moved(motion, fit.offset, 0.0), fit.obj)
 
 
 def _lying_clip(recording: Recording, lying: Sitting, number: int, task: str) -> Clip:
     """One walk-to-lying part, moved to where its bed is at the origin facing +x."""
-    motion = _cut(recording, lying.start, lying.end, number, task)
+    motion = cut(recording, lying.start, lying.end, number, task)
     landing = min(motion.frames - 2, round((lying.landing - lying.start) * FPS / recording.fps))
     lies, couch = slice(landing, motion.frames), task == "lie-sofa"
-    motion = _moved(motion, *lying_frame(motion, lies, couch))
+    motion = moved(motion, *lying_frame(motion, lies, couch))
     fit = fit_bed(motion.object_id, motion, lies, couch)
-    return _with_contacts(_moved(motion, fit.offset, 0.0), fit.obj)
+    return with_contacts(moved(motion, fit.offset, 0.0), fit.obj)
 
 
 def _lifting_clip(
@@ -191,7 +145,7 @@ def _lifting_clip(
     The box is at the origin facing +x in the first frame.
     """
     assert handling.end is not None
-    motion = _cut(recording, handling.start, handling.end, number, "lift-box")
+    motion = cut(recording, handling.start, handling.end, number, "lift-box")
     rate = FPS / recording.fps
     clasp = min(motion.frames - 2, round((handling.touch - handling.start) * rate))
     wrists, pelvis = (
@@ -216,7 +170,7 @@ def _lifting_clip(
             f"{motion.id}: the box that would fit between the hands is {depth:.2f} m deep in the "
             "body; leave the clip out"
         )
-    return _with_contacts(motion, obj)
+    return with_contacts(motion, obj)
 
 
 def _touching_clip(recording: Recording) -> Clip:
@@ -243,7 +197,7 @@ def _touching_clip(recording: Recording) -> Clip:
         start = max(0, end - round(rules.before * recording.fps))
     if (end - start) / recording.fps < rules.shortest:
         raise BadMotion(f"{recording.name}: the reach takes less than {rules.shortest} s; leave it out")
-    motion = _settled(_cut(recording, start, end, 0, "touch-points"))
+    motion = settled(cut(recording, start, end, 0, "touch-points"))
     pos, _ = motion.forward_kinematics()
     body = body_of(motion.skeleton)
     ends = pos[-1, [arm.end for arm in body.arms]]
@@ -254,33 +208,12 @@ def _touching_clip(recording: Recording) -> Clip:
         centre, yaw = box.pos_w[0, :2], float(rot.yaw_of(box.quat_w[0]))
     else:
         obj, centre, yaw = touched_box(motion.object_id, ends, pos[-1, 0])
-    motion = _moved(motion, centre, yaw)
+    motion = moved(motion, centre, yaw)
     goal = motion.forward_kinematics()[0][-1, [arm.end for arm in body.arms]]
     if tracked is None:  # of a recorded object both hands are known to touch it
         away = obj.distance(goal)
         goal[(away > ELSEWHERE) & (away > away.min())] = np.nan
-    return _with_contacts(replace(motion, wrist_goal_w=goal), obj)
-
-
-def _settled(motion: HumanMotion) -> HumanMotion:
-    """The motion with its last part slowed down to a halt, and the last pose held: targets count as reached once
-    wrists stay there.
-    """
-    slow = min(2 * SLOWDOWN, motion.duration)
-    time = np.arange(0.0, slow, 1 / FPS)
-    ending = motion.duration - slow / 2 + time - time**2 / (2 * slow)
-    frames = FPS * np.concatenate(
-        [np.arange(0.0, motion.duration - slow / 2, 1 / FPS), ending, np.full(round(HELD * FPS), motion.duration)]
-    )
-    low = np.minimum(frames.astype(int), motion.frames - 2)
-    share = np.minimum(frames - low, 1.0)
-    root = motion.root_pos_w[low] + share[:, None] * (motion.root_pos_w[low + 1] - motion.root_pos_w[low])
-    quat = rot.slerp(
-        motion.local_quat[low],
-        motion.local_quat[low + 1],
-        np.broadcast_to(share[:, None], motion.local_quat[low].shape[:2]),
-    )
-    return replace(motion, root_pos_w=root, local_quat=rot.normalize(quat))
+    return with_contacts(replace(motion, wrist_goal_w=goal), obj)
 
 
 def _wrists(recording: Recording) -> np.ndarray:
@@ -327,35 +260,8 @@ def _beside(motion: HumanMotion, box: BoxTrack) -> Clip:
     """The motion in the frame of where the box is at first, with the box's track."""
     yaw = float(rot.yaw_of(box.quat_w[0]))
     turn, origin = rot.from_yaw(np.array(-yaw)), np.array([*box.pos_w[0, :2], 0.0])
-    moved = _moved(motion, box.pos_w[0, :2], yaw)
-    moved = replace(moved, style={**moved.style, "object_raised": box.raised})
+    beside = moved(motion, box.pos_w[0, :2], yaw)
+    beside = replace(beside, style={**beside.style, "object_raised": box.raised})
     return replace(
-        moved, object_pos_w=rot.rotate(turn, box.pos_w - origin), object_quat_w=rot.multiply(turn, box.quat_w)
+        beside, object_pos_w=rot.rotate(turn, box.pos_w - origin), object_quat_w=rot.multiply(turn, box.quat_w)
     ), box.obj
-
-
-def smooth_jumps(local_quat: np.ndarray, fps: float) -> np.ndarray:
-    """Joint rotations (T, J, 4) in which no joint turns faster than JUMP.
-
-    Where one did, it turns smoothly over BRIDGE on both sides.
-
-    A straight leg has no definite twist, and in real recordings it sometimes jumps by a radian between two frames.
-    """
-    quat = local_quat.copy()
-    reach = max(1, round(BRIDGE * fps))
-    speed = np.linalg.norm(rot.to_rotvec(rot.multiply(rot.conjugate(quat[:-1]), quat[1:])), axis=-1) * fps
-    for frame, joint in np.argwhere(speed > JUMP):
-        first, last = max(0, frame + 1 - reach), min(len(quat) - 1, frame + reach)
-        time = np.linspace(0, 1, last - first + 1)
-        share = time**2 * (3 - 2 * time)
-        ends = np.broadcast_to(quat[[first, last], joint][:, None], (2, len(share), 4))
-        quat[first : last + 1, joint] = rot.slerp(ends[0], ends[1], share)
-    return quat
-
-
-def _moved(motion: HumanMotion, origin: np.ndarray, yaw: float) -> HumanMotion:
-    """The motion seen from a frame on the floor at `origin` (2,) [m] that faces `yaw` [rad]."""
-    turn = rot.from_yaw(np.array(-yaw))
-    quat = motion.local_quat.copy()
-    quat[:, 0] = rot.multiply(turn, quat[:, 0])
-    return replace(motion, root_pos_w=rot.rotate(turn, motion.root_pos_w - np.array([*origin, 0.0])), local_quat=quat)
