@@ -670,7 +670,8 @@ def test_a_training_begins_from_a_tracker_and_keeps_what_it_does(tmp_path):
     torch.manual_seed(0)
     network = TrackerNetwork(167, 19, (6, 5))
     network.obs_mean[:], network.obs_std[:] = torch.randn(167), torch.rand(167) + 0.5
-    given = TrackerConfig("residual", LAYOUT.names, LAYOUT.widths, 19, (6, 5))
+    deviation = tuple(np.linspace(0.1, 0.3, 19).tolist())
+    given = TrackerConfig("residual", LAYOUT.names, LAYOUT.widths, 19, (6, 5), deviation=deviation)
     save_tracker(tmp_path, H1, given, network.tensors(), {})
     layout = Layout.of(RESIDUAL, H1, [SIT_CHAIR, LIFT_BOX])
     learner = PPOLearner(layout.size, 19, 4, PPOConfig(hidden=(9, 7)))
@@ -679,8 +680,24 @@ def test_a_training_begins_from_a_tracker_and_keeps_what_it_does(tmp_path):
     wider.load_tensors(learner.network_tensors())
     obs = torch.randn(5, layout.size)
     np.testing.assert_allclose(wider(obs).detach(), network(obs[:, :167]).detach(), atol=1e-5)
+    np.testing.assert_allclose(learner.deviation, deviation, rtol=1e-5)
     with pytest.raises(MimicbenchError, match="2 layers at least as wide"):
         begin_from(load_tracker(tmp_path, H1), PPOLearner(layout.size, 19, 4, PPOConfig(hidden=(5, 5))), layout)
+
+
+def test_a_new_critic_learns_before_the_actor_does(tmp_path):
+    def trained(name, **more):
+        config = replace(tiny(3), begin_from=str(tmp_path / "first" / "checkpoint"), **more)
+        folder = train_tracker(tmp_path / name, [clip_set()], [], config, 0, ONE_THREAD)
+        return load_tracker(folder, H1).network.tensors()
+
+    first = train_tracker(tmp_path / "first", [clip_set()], [], tiny(2), 0, ONE_THREAD)
+    before = load_tracker(first, H1)
+    assert len(before.deviation) == 19
+    waits, learns = trained("waits", critic_first=3), trained("learns", critic_first=2)
+    weights = [name for name in waits if name.startswith("layers.")]
+    assert all(np.array_equal(waits[name], before.network.tensors()[name]) for name in weights)
+    assert not any(np.array_equal(learns[name], before.network.tensors()[name]) for name in weights)
 
 
 class Killed(Exception):
@@ -692,12 +709,12 @@ def test_a_training_killed_in_the_middle_ends_in_the_same_bytes(tmp_path, monkey
     updates = 0
     update = PPOLearner.update
 
-    def killed_at_the_fourth(self, obs):
+    def killed_at_the_fourth(self, *given):
         nonlocal updates
         updates += 1
         if updates == 4:
             raise Killed
-        return update(self, obs)
+        return update(self, *given)
 
     monkeypatch.setattr(PPOLearner, "update", killed_at_the_fourth)
     with pytest.raises(Killed):

@@ -34,6 +34,8 @@ class TrackerConfig:
     """Widths of the hidden layers."""
     settings: dict[str, Any] = field(default_factory=dict)
     """The design's own configuration, as plain values."""
+    deviation: tuple[float, ...] = ()
+    """Standard deviation of each number of its action when training ended, for who goes on from there."""
 
     @property
     def observations(self) -> int:
@@ -50,7 +52,7 @@ def build_tracker(config: TrackerConfig, tensors: Mapping[str, np.ndarray]) -> T
         raise BadCheckpoint(f"these are no settings of tracker {spec.name} ({error}); train it again") from None
     network = TrackerNetwork(config.observations, config.actions, config.hidden)
     network.load_tensors(tensors)
-    return Tracker(spec, settings, network.eval(), Layout(config.observed, config.widths))
+    return Tracker(spec, settings, network.eval(), Layout(config.observed, config.widths), config.deviation)
 
 
 def save_tracker(

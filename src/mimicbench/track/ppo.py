@@ -110,11 +110,19 @@ class PPOLearner:
         scaled = reward * (1.0 - self.ppo.gamma) if self.config.scale_rewards else reward
         self.ppo.process_env_step(_wrap(obs), scaled, done, {"time_outs": time_out.float()})
 
-    def update(self, obs: torch.Tensor) -> dict[str, float]:
-        """Learn from the recorded steps; `obs` is the observation after the last. Returns losses by name."""
+    def update(self, obs: torch.Tensor, critic_alone: bool = False) -> dict[str, float]:
+        """Learn from the recorded steps; `obs` is the observation after the last. Returns losses by name.
+
+        With `critic_alone` the actor stays as it is: a critic that knows nothing would only spoil it.
+        """
         with torch.no_grad():
             self.ppo.compute_returns(_wrap(obs))
+        kept = {name: value.clone() for name, value in self.ppo.actor.named_parameters()} if critic_alone else {}
         losses = self.ppo.update()
+        with torch.no_grad():
+            for name, value in self.ppo.actor.named_parameters():
+                if name in kept:
+                    value.copy_(kept[name])
         return {
             **losses,
             "learning_rate": self.ppo.learning_rate,
@@ -130,12 +138,18 @@ class PPOLearner:
         return {name: value.detach().cpu().numpy() for name, value in tensors.items()}
 
     @torch.no_grad()
-    def begin_from(self, tensors: Mapping[str, np.ndarray], columns: Sequence[tuple[slice, slice]]) -> None:
+    def begin_from(
+        self,
+        tensors: Mapping[str, np.ndarray],
+        columns: Sequence[tuple[slice, slice]],
+        deviation: Sequence[float] = (),
+    ) -> None:
         """Take over a trained network: wider layers keep what it does, and the critic begins anew.
 
         Args:
             tensors: Of a TrackerNetwork with as many layers, none of them wider.
             columns: Which of its inputs are which of ours.
+            deviation: Of its actions; the configuration's if empty.
 
         Raises:
             MimicbenchError: It has another number of layers, or wider ones.
@@ -172,6 +186,18 @@ class PPOLearner:
             else:  # what is new has no say at first
                 there[: len(value)] = 0.0
                 there[: len(value), : value.shape[1]] = value
+
+        if len(deviation):
+            self._log_deviation.copy_(torch.tensor(deviation).log())
+
+    @property
+    def deviation(self) -> tuple[float, ...]:
+        """Standard deviation of each number of the action now."""
+        return tuple(self._log_deviation.detach().exp().tolist())
+
+    @property
+    def _log_deviation(self) -> torch.Tensor:
+        return dict(self.ppo.actor.named_parameters())["distribution.log_std_param"]
 
     def state_tensors(self) -> dict[str, torch.Tensor]:
         """A copy of everything needed to go on learning; torch's own random numbers are the caller's."""

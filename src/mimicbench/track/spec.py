@@ -95,6 +95,8 @@ class Tracker:
     network: TrackerNetwork
     layout: Layout
     """What its network takes."""
+    deviation: tuple[float, ...] = ()
+    """Standard deviation of each number of its action when its training ended; empty if nobody kept it."""
 
     @property
     def observed(self) -> tuple[str, ...]:

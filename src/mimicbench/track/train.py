@@ -18,6 +18,7 @@ from mimicbench.core.settings import Amount, BadSetting, Positive, Within
 from mimicbench.core.training import TorchRandom, append_metrics, resume_training, save_training
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.vec_env import EnvConfig
+from mimicbench.robots.description import Robot
 from mimicbench.track.checkpoint import TrackerConfig, build_tracker, load_tracker, save_tracker
 from mimicbench.track.parts import TrackingParts
 from mimicbench.track.ppo import PPOConfig, PPOLearner
@@ -41,6 +42,8 @@ class TrackConfig:
     """Imported or augmented sets of clips, learned from beside the recipe's own at every task that has such a set."""
     begin_from: str = ""
     """Folder of a trained tracker of the same design, whose network is where learning begins; empty: from nothing."""
+    critic_first: Annotated[int, Within(0, 1e6)] = 50
+    """Updates after such a beginning in which the critic, which begins from nothing, learns alone."""
     samples: Annotated[int, Amount()] = 30_000_000
     """Control steps to learn from, over all robots."""
     num_envs: Positive = 1024
@@ -124,7 +127,7 @@ def train_tracker(
     progress = resume_training(folder, identity, parts, fresh)
     notes = {"seed": seed, "tasks": [some.task.name for some in clips]}
     if progress["samples"]:  # it may have been killed between the state and the checkpoint
-        save_tracker(folder / "checkpoint", robot, shape, learner.network_tensors(), {**progress, **notes})
+        _save(folder, robot, shape, learner, {**progress, **notes})
     obs = env.observe()
     pulse, now = Pulse(say), time.monotonic()
     saved = now
@@ -135,7 +138,7 @@ def train_tracker(
             learner.record(obs, reward, done, time_out)
             total += reward.mean()
         torch.set_num_threads(config.threads)
-        losses = learner.update(obs)
+        losses = learner.update(obs, bool(config.begin_from) and progress["iterations"] < config.critic_first)
         torch.set_num_threads(1)
         _check(losses, folder, progress)
         before = progress["samples"]
@@ -157,11 +160,16 @@ def train_tracker(
             progress["reward"] = progress["steps"] = 0
         if finished or time.monotonic() - saved > config.save_every:
             save_training(folder, identity, parts, progress)
-            save_tracker(folder / "checkpoint", robot, shape, learner.network_tensors(), {**progress, **notes})
+            _save(folder, robot, shape, learner, {**progress, **notes})
             saved = time.monotonic()
         now = time.monotonic()
     env.close()
     return folder / "checkpoint"
+
+
+def _save(folder: Path, robot: Robot, shape: TrackerConfig, learner: PPOLearner, notes: dict[str, Any]) -> None:
+    shape = replace(shape, deviation=learner.deviation)
+    save_tracker(folder / "checkpoint", robot, shape, learner.network_tensors(), notes)
 
 
 def robots_of(config: TrackConfig, tasks: int) -> list[int]:
@@ -176,7 +184,8 @@ def robots_of(config: TrackConfig, tasks: int) -> list[int]:
 def begin_from(given: Tracker, learner: PPOLearner, layout: Layout) -> None:
     """Take over what a tracker has learned, term by term; terms that it did not have begin without a say."""
     theirs, ours = (dict(zip(each.names, each.slices(), strict=True)) for each in (given.layout, layout))
-    learner.begin_from(given.network.tensors(), [(theirs[name], ours[name]) for name in theirs if name in ours])
+    columns = [(theirs[name], ours[name]) for name in theirs if name in ours]
+    learner.begin_from(given.network.tensors(), columns, given.deviation)
 
 
 def _evaluation(
