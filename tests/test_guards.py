@@ -36,7 +36,9 @@ TINY = TrackConfig(
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     """A recipe with clips on objects of both splits."""
-    recipe = making.small(objects=8, clips=8, evaluate=EvaluateConfig(episodes=2, tracked=2))
+    # a method that keeps every clip
+    method = RetargetConfig("optimization")
+    recipe = making.small(objects=8, clips=8, retarget=method, evaluate=EvaluateConfig(episodes=2, tracked=2))
     found = start(recipe, tmp_path_factory.mktemp("guards"), making.QUIET)
     splits = [obj.split for obj in retargeted(found).set.scenes]
     assert {"train", "test"} == set(splits)

@@ -90,10 +90,15 @@ def demos(chairs):
     )
 
 
-def frames(demos, chairs, inputs, chunk):
-    """Frames of demonstrations of which each was to find its chair."""
+def goals_of(demos, chairs):
+    """Each demonstration was to find its chair."""
     goals = torch.tensor(np.array([SIT_CHAIR.goal.describe(chairs[name]) for name in demos.object_ids])).float()
-    return DemoFrames(demos, chairs, inputs, chunk, goals=EpisodeGoals(SIT_CHAIR.goal, goals))
+    return EpisodeGoals(SIT_CHAIR.goal, goals)
+
+
+def frames(demos, chairs, inputs, chunk):
+    """Frames of demonstrations."""
+    return DemoFrames(demos, chairs, inputs, chunk, goals=goals_of(demos, chairs))
 
 
 CASES = [(kind, name) for kind in ("act", "bc") for name in INPUTS]
@@ -286,7 +291,8 @@ def test_every_learner_is_whole(name):
 
 def test_nothing_is_learned_from_the_frames_that_judge(demos, chairs, tmp_path):
     config = tiny("bc", INPUTS["blind"])
-    data = DemoFrames(demos, chairs, config.inputs, config.chunk, validation=0.5)
+    goals = goals_of(demos, chairs)
+    data = DemoFrames(demos, chairs, config.inputs, config.chunk, validation=0.5, goals=goals)
     held, learned = set(data.validation_frames.tolist()), set(data.train_frames.tolist())
     assert held and learned and not held & learned and len(held) + len(learned) == demos.frames
     episodes = {int(data.episode[frame]) for frame in held}

@@ -368,7 +368,8 @@ def given(workdir: Path, motions: list[HumanMotion], obj: SceneObject) -> Stage:
         save_object(stage.folder, obj)
         stage.finish(count=1)
     reads = {"objects": stage.folder}
-    with making.by_hand(workdir / "lift-box" / "references" / "given", "references", "lift-box", reads=reads) as stage:
+    more = {"reads": reads, "made_from": {"objects": stage.fingerprint}}
+    with making.by_hand(workdir / "lift-box" / "references" / "given", "references", "lift-box", **more) as stage:
         for motion in motions:
             motion.save(stage.folder / f"{motion.id}.npz")
         return stage.finish(kept=len(motions))
@@ -397,8 +398,8 @@ def test_unreachable_goals_end_here(tmp_path: Path) -> None:
         made = retargeted(tmp_path, stage)
         told = made.summary
         assert (told["clips"], told["fulfilled"], told["kept"], told["rejected_for"]) == (2, 2, 1, {"goal_error": 1})
-        assert [motion.id for motion in read_retargeted(made.folder, H1)] == ["near"]
-        marked = RobotMotion.load(made.folder / "far.npz", H1)
+        assert [motion.id for motion in read_retargeted(made.folder, "h1")] == ["near"]
+        marked = RobotMotion.load(made.folder / "far.npz", "h1")
         assert not marked.success and marked.measures["fulfilled"] == 1.0 and marked.measures["goal_error"] > 0.1
         header = read_record(made.folder / "header.json")
         assert isinstance(header, dict)
@@ -438,7 +439,7 @@ def test_bad_input_is_named(tmp_path: Path) -> None:
     with pytest.raises((BadMotion, BadFile), match=r"0 frames|short\.npz"):
         retargeted(tmp_path, stage)
     replace(motion, id="short", skeleton=replace(UNIHSI, name="centaur")).save(path)
-    with pytest.raises(UnknownName, match="centaur -> h1"):
+    with pytest.raises(UnknownName, match="unknown skeleton for h1 .centaur."):
         retargeted(tmp_path, stage)
 
 

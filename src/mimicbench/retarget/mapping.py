@@ -50,7 +50,7 @@ def find_mapping(skeleton: str, robot: Robot) -> Mapping:
     """The robot's mapping from a human skeleton. Raises UnknownName."""
     found = {mapping.skeleton: mapping for mapping in robot.mappings}
     if skeleton not in found:
-        raise UnknownName(f"skeleton that becomes a {robot.name}", skeleton, list(found))
+        raise UnknownName(f"skeleton for {robot.name}", skeleton, list(found))
     return found[skeleton]
 
 

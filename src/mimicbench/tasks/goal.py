@@ -129,6 +129,8 @@ class GoalSpec:
         """
         import torch
 
+        if not self._directions:
+            return answers
         (x, y), (s, c) = self.where, self._directions[0]
         length = answers[..., (x, y)].norm(dim=-1).clamp(min=1e-6)
         front = -(answers[..., c] * answers[..., x] + answers[..., s] * answers[..., y]) / length
