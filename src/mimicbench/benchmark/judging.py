@@ -72,7 +72,7 @@ def who_of(run: Run, name: str) -> Who:
     tracker = keys.tracker_folder(run)
     if name == keys.TRACKER:
         if tracker is None:
-            raise _nobody(run, "track", name)
+            raise _nobody(run, "track", name, sorted(keys.shipped_trackers(run.recipe.robot)))
         return Who(name, tracker)
     learner = next(iter(LEARNERS)) if name == "best" else name
     try:
@@ -87,14 +87,14 @@ def who_of(run: Run, name: str) -> Who:
             return Who(name, own / keys.POLICY)
     shipped = keys.shipped(run, learner)
     if shipped is None:
-        raise _nobody(run, f"imitate --learner {learner}", name)
+        there = sorted(path.parents[1].name for path in keys.SHIPPED.glob(f"*/{learner}/{CONFIG}"))
+        raise _nobody(run, f"imitate --learner {learner}", learner, there)
     return Who(learner, shipped)
 
 
-def _nobody(run: Run, command: str, name: str) -> MimicbenchError:
+def _nobody(run: Run, command: str, name: str, shipped: Sequence[str]) -> MimicbenchError:
     task = run.recipe.task
-    shipped = sorted(keys.shipped_trackers(run.recipe.robot))
-    told = "" if task in shipped else f"nothing is shipped for {task} (only for {', '.join(shipped)}), and "
+    told = "" if task in shipped else f"no {name} is shipped for {task} (only for {', '.join(shipped) or 'none'}), and "
     return MimicbenchError(
         f"{told}no {name} was made by this recipe in {run.workdir}; make it with `mimicbench {command} --task {task} "
         f"--workdir {run.workdir}`"
