@@ -80,7 +80,9 @@ class Surfaces:
         face, camera = np.nonzero(away > EDGE_ON)
         picture = self.scene[face] * eyes.shape[1] + camera
         # a corner is at eye + look (1, row, column) depth
-        inverse = np.linalg.inv(looks).reshape(-1, 3, 3)
+        # a scene that broke sees nothing, whatever its numbers are
+        broken = ~(np.abs(np.linalg.det(looks)) > 1e-20)[..., None, None]
+        inverse = np.linalg.inv(np.where(broken, np.eye(3), looks)).reshape(-1, 3, 3)
         eye = (inverse @ eyes.reshape(-1, 3, 1))[..., 0]
         depth, *places = _into(inverse, eye, picture, self.corners[face])
         some, first, last = _between(*_bounds(depth, np.stack(places)), height, width)
