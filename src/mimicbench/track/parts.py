@@ -4,7 +4,6 @@ While one part works out observations and rewards in Python, the physics of anot
 one part also pays for a single task. What happens in a part does not depend on the others, nor on the threads.
 """
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -13,6 +12,7 @@ from typing import TypeVar
 import torch
 from torch import Tensor
 
+from mimicbench.core.parallel import cpu_count
 from mimicbench.core.seeds import digest
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.vec_env import EnvConfig
@@ -41,9 +41,9 @@ class TrackingParts:
         copies = -(-max(parts, len(sets)) // len(sets))
         of_part = [clips for clips in sets for _ in range(copies)]
         shares = [len(range(copy, count, copies)) for count in robots for copy in range(copies)]
-        threads = min(env_config.workers or os.cpu_count() or 1, len(of_part)) if env_config.device == "cpu" else 1
+        threads = min(env_config.workers or cpu_count(), len(of_part)) if env_config.device == "cpu" else 1
         self._pool = ThreadPoolExecutor(threads, initializer=torch.set_num_threads, initargs=(1,))
-        each = replace(env_config, workers=max(1, (env_config.workers or os.cpu_count() or 1) // threads))
+        each = replace(env_config, workers=max(1, (env_config.workers or cpu_count()) // threads))
         self.parts = [
             TrackingEnv(spec, clips, share, config, digest(seed, "part", number) if number else seed, each, self.layout)
             for number, (clips, share) in enumerate(zip(of_part, shares, strict=True))
