@@ -145,8 +145,8 @@ def test_learner_contract(kind, inputs, demos, chairs, tmp_path):
 def test_presets_have_the_published_sizes():
     with torch.device("meta"):
         act, bc, resnet = (
-            ACTConfig.paper().build(),
-            BCConfig.paper().build(),
+            ACTConfig().build(),
+            BCConfig().build(),
             Encoder(EncoderConfig(channels=3)),
         )
     assert (len(act.decoder_layers), len(act.encoder_layers), act.chunk, act.config.latent) == (7, 4, 100, 32)

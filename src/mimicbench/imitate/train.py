@@ -52,13 +52,6 @@ class TrainConfig:
     device: str = "cpu"
     """`cpu`, or `cuda` for a GPU."""
 
-    @staticmethod
-    def paper() -> "TrainConfig":
-        """The original's optimization: AdamW at 1e-5, batches of 8."""
-        return TrainConfig(
-            steps=500_000, batch=8, learning_rate=1e-5, schedule="constant", warmup=0.0, clip=0.0, average=0.0
-        )
-
 
 def train(learner: Any, data: DemoFrames, config: TrainConfig, folder: Path, quiet: bool = False) -> Learner:
     """Learn, or go on learning, and leave a checkpoint in `folder`.

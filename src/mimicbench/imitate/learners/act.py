@@ -72,11 +72,6 @@ class ACTConfig:
         return ACT(self)
 
     @staticmethod
-    def paper(inputs: InputConfig | None = None) -> "ACTConfig":
-        """The original's sizes: about 84 million parameters."""
-        return ACTConfig(inputs=inputs or InputConfig())
-
-    @staticmethod
     def small(inputs: InputConfig | None = None) -> "ACTConfig":
         """For a CPU: about 1 million parameters, half a second ahead."""
         return ACTConfig(

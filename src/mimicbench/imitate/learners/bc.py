@@ -48,11 +48,6 @@ class BCConfig:
         return BC(self)
 
     @staticmethod
-    def paper(inputs: InputConfig | None = None) -> "BCConfig":
-        """The original's sizes: about 15 million parameters."""
-        return BCConfig(inputs=inputs or InputConfig())
-
-    @staticmethod
     def small(inputs: InputConfig | None = None) -> "BCConfig":
         """For a CPU: about 800 thousand parameters."""
         return BCConfig(inputs=inputs or InputConfig(), encoder=EncoderConfig.small(), reduce=(48, 32, 16), hidden=512)
