@@ -16,7 +16,7 @@ from mimicbench.sensors.opengl import NoPictures
 from mimicbench.sensors.rays import ray_depth
 from mimicbench.sensors.render import RigCameras
 from mimicbench.sim.backends import make_physics
-from mimicbench.sim.physics import RobotState
+from mimicbench.sim.physics import Physics, RobotState
 from mimicbench.sim.rows import Rows
 
 
@@ -64,7 +64,12 @@ def bench_senses(
     figures["map_down_ms"] = _cost(lambda: down_map(physics), count, seconds)
     figures["map_down_touch_ms"] = _cost(lambda: down_map(physics, cell=0.01), count, seconds)
     figures["ray_depth_ms"] = _cost(lambda: ray_depth(physics, None, *SMALL), count, seconds)
-    qpos = physics.qpos().copy()
+    return figures | _rendered(physics, seconds)
+
+
+def _rendered(physics: Physics, seconds: float) -> dict[str, float]:
+    """What needs OpenGL [ms]; nothing where there is none."""
+    qpos, figures = physics.qpos().copy(), {}
     try:
         with RigCameras(physics.model(0), PELVIS_RIG, *SMALL, robot=False) as cameras:
             figures["render_depth_ms"] = _cost(lambda: cameras.look(qpos[0], color=False, labels=False), 1, seconds)

@@ -97,7 +97,7 @@ class TrackingParts:
             part.env.close()
 
     def _each(self, function: Callable[[TrackingEnv], _T]) -> list[_T]:
-        """Call a function on every part, several at a time: the largest first, so that nobody waits long for the last."""
+        """Call a function on every part, several at a time; the largest first, so that none waits long for the last."""
         order = sorted(range(len(self.parts)), key=lambda number: -self._shares[number])
         waiting = {number: self._pool.submit(function, self.parts[number]) for number in order}
         return [waiting[number].result() for number in range(len(self.parts))]

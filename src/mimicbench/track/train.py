@@ -119,57 +119,87 @@ def train_tracker(
     shape = TrackerConfig(spec.name, layout.names, layout.widths, joints, config.ppo.hidden, _plain(config.settings))
     parts = {"env": env, "ppo": learner, "torch": TorchRandom(env.device)}
     fresh = {"samples": 0, "iterations": 0, "seconds": 0.0, "reward": 0.0, "steps": 0}
-    identity = {
-        "config": _course(config),
-        "seed": seed,
-        "clips": [motion.id for some in clips for motion in some.motions],
-    }
+    learned_from = [motion.id for some in clips for motion in some.motions]
+    identity = {"config": _course(config), "seed": seed, "clips": learned_from}
     progress = resume_training(folder, identity, parts, fresh)
     notes = {"seed": seed, "tasks": [some.task.name for some in clips]}
+    saves = _Saves(folder, robot, shape, learner, identity, parts, notes)
     if progress["samples"]:  # it may have been killed between the state and the checkpoint
-        _save(folder, robot, shape, learner, {**progress, **notes})
+        saves.checkpoint(progress)
     obs = env.observe()
     pulse, now = Pulse(say), time.monotonic()
     saved = now
     while progress["samples"] < config.samples:
-        total = torch.zeros((), device=env.device)
-        for _ in range(config.ppo.steps):
-            obs, reward, done, time_out = env.step(learner.act(obs), config.settings)
-            learner.record(obs, reward, done, time_out)
-            total += reward.mean()
-        torch.set_num_threads(config.threads)
-        losses = learner.update(obs, bool(config.begin_from) and progress["iterations"] < config.critic_first)
-        torch.set_num_threads(1)
+        alone = bool(config.begin_from) and progress["iterations"] < config.critic_first
+        obs, total, losses = _learn(env, learner, obs, config, alone)
         _check(losses, folder, progress)
-        before = progress["samples"]
-        progress["samples"] += config.num_envs * config.ppo.steps
-        progress["iterations"] += 1
-        progress["reward"] += float(total)
-        progress["steps"] += config.ppo.steps
+        due = _count(progress, config, total)
         finished = progress["samples"] >= config.samples
         progress["seconds"] += time.monotonic() - now
-        pulse(lambda mean=float(total) / config.ppo.steps: _so_far(progress, config.samples, mean))
-        if finished or before // config.evaluate_every < progress["samples"] // config.evaluate_every:
+        pulse(lambda mean=total / config.ppo.steps: _so_far(progress, config.samples, mean))
+        if finished or due:
+            row = {**progress, **losses, "reward": progress["reward"] / progress["steps"]}
             tracker = build_tracker(shape, learner.network_tensors())
-            row: dict[str, Any] = {**progress, **losses, "reward": progress["reward"] / progress["steps"]}
-            row |= _evaluation(tracker, clips, held_out, config.evaluate_clips, env_config)
-            row["ended"] = {task: dict(zip(ENDS, ends.tolist(), strict=True)) for task, ends in env.ended().items()}
+            row |= _evaluation(tracker, clips, held_out, config.evaluate_clips, env_config) | _ended(env)
             append_metrics(folder, row)
             if report:
                 report(row)
             progress["reward"] = progress["steps"] = 0
         if finished or time.monotonic() - saved > config.save_every:
-            save_training(folder, identity, parts, progress)
-            _save(folder, robot, shape, learner, {**progress, **notes})
+            saves.all(progress)
             saved = time.monotonic()
         now = time.monotonic()
     env.close()
     return folder / "checkpoint"
 
 
-def _save(folder: Path, robot: Robot, shape: TrackerConfig, learner: PPOLearner, notes: dict[str, Any]) -> None:
-    shape = replace(shape, deviation=learner.deviation)
-    save_tracker(folder / "checkpoint", robot, shape, learner.network_tensors(), notes)
+def _learn(
+    env: TrackingParts, learner: PPOLearner, obs: torch.Tensor, config: TrackConfig, critic_alone: bool
+) -> tuple[torch.Tensor, float, dict[str, float]]:
+    """One round of collecting and updating: the observation after it, the sum of mean rewards, the losses."""
+    total = torch.zeros((), device=env.device)
+    for _ in range(config.ppo.steps):
+        obs, reward, done, time_out = env.step(learner.act(obs), config.settings)
+        learner.record(obs, reward, done, time_out)
+        total += reward.mean()
+    torch.set_num_threads(config.threads)
+    losses = learner.update(obs, critic_alone)
+    torch.set_num_threads(1)
+    return obs, float(total), losses
+
+
+def _count(progress: dict[str, Any], config: TrackConfig, total: float) -> bool:
+    """Add a round to the progress; whether an evaluation is due."""
+    before = progress["samples"] // config.evaluate_every
+    progress["samples"] += config.num_envs * config.ppo.steps
+    progress["iterations"] += 1
+    progress["reward"] += total
+    progress["steps"] += config.ppo.steps
+    return progress["samples"] // config.evaluate_every > before
+
+
+@dataclass(frozen=True)
+class _Saves:
+    """Writes what a training needs to go on, and what others need to use it."""
+
+    folder: Path
+    robot: Robot
+    shape: TrackerConfig
+    learner: PPOLearner
+    identity: dict[str, Any]
+    parts: dict[str, Any]
+    notes: dict[str, Any]
+
+    def checkpoint(self, progress: dict[str, Any]) -> None:
+        """The network as it is now."""
+        shape = replace(self.shape, deviation=self.learner.deviation)
+        tensors = self.learner.network_tensors()
+        save_tracker(self.folder / "checkpoint", self.robot, shape, tensors, {**progress, **self.notes})
+
+    def all(self, progress: dict[str, Any]) -> None:
+        """The training's state, and the network."""
+        save_training(self.folder, self.identity, self.parts, progress)
+        self.checkpoint(progress)
 
 
 def robots_of(config: TrackConfig, tasks: int) -> list[int]:
@@ -201,6 +231,10 @@ def _evaluation(
         found[name] = sum(rates.values()) / len(rates) if rates else None
         found[f"{name}_of"] = rates
     return found
+
+
+def _ended(env: TrackingParts) -> dict[str, Any]:
+    return {"ended": {task: dict(zip(ENDS, counts.tolist(), strict=True)) for task, counts in env.ended().items()}}
 
 
 def _success_rate(tracker: Tracker, clips: ClipSet, env_config: EnvConfig) -> float:

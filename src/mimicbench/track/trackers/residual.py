@@ -33,8 +33,8 @@ class ResidualConfig:
     action_rate: float = 0.005
     """Price of the squared change of the action."""
     effort: float = 0.1
-    """Price of e / 1e6 W^2, at most twice itself, e being what the power metric P judges a control step by. Its smallest
-    limit is 1e6 W^2, and walking has 0.05: only the jerks cost."""
+    """Price of e / 1e6 W^2, at most twice itself, e being what the power metric P judges a control step by. Walking has
+    a twentieth of that, so only jerks cost."""
     object: float = 0.5
     """Share of the whole that exp(-10 d) of the object's distance d [m] from its reference has, where it moves."""
 
@@ -53,7 +53,7 @@ def next_joint_pos(robot: Robot, terms: Terms) -> Tensor:
 
 
 def reward(context: StepContext, step: Transition, settings: ResidualConfig) -> Tensor:
-    """(N,) agreement with the reference, at most the sum of its weights, less the prices of changing the action and of jerks."""
+    """(N,) agreement with the reference, at most the sum of its weights, less prices of changed actions and jerks."""
     state, ref = context.state, context.reference(0)
     position = ((state.root_pos_w - ref.root_pos_w) ** 2).sum(-1)
     angle = rot.angle_between(state.root_quat_w, ref.root_quat_w)
