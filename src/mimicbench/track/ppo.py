@@ -15,8 +15,10 @@ from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.settings import Positive, Share, Sizes
 from mimicbench.core.training import OptimizerState
 
-WARM_COUNT = 100_000
-"""Observations that the statistics of a network to begin from count as; new ones are soon as many."""
+WARM_COUNT = 1_000_000_000
+"""Observations that the statistics of a network to begin from count as: they stay nearly as they are. Where they moved
+to those of the new starts within the first million samples, a tracker of 91 % had 31 % before it had learned anything.
+"""
 _GROUPS = {"actor": ["obs"], "critic": ["obs"]}
 
 
