@@ -12,6 +12,7 @@ from mimicbench.benchmark import run_stage
 from mimicbench.benchmark.graph import start
 from mimicbench.benchmark.judging import judge
 from mimicbench.benchmark.recipe import EvaluateConfig
+from mimicbench.core.errors import BadFile
 from mimicbench.envs.clip_starts import ClipStarts
 from mimicbench.envs.reference import ReferenceBank
 from mimicbench.envs.vec_env import VecEnv
@@ -28,10 +29,12 @@ from mimicbench.imitate.lerobot import load_demos
 from mimicbench.imitate.perception import Perception, PerceptionConfig, save_perception
 from mimicbench.imitate.planner import PlannerConfig
 from mimicbench.imitate.spec import Given
-from mimicbench.imitate.stored.demo_writer import DemoWriter
+from mimicbench.imitate.stored.demo_writer import Demonstration, DemoWriter
+from mimicbench.imitate.stored.verify import replayed, unfulfilled
 from mimicbench.imitate.train import TrainConfig
 from mimicbench.policies.loading import load_policy
 from mimicbench.sim.rows import Rows
+from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.ppo import PPOConfig
 from mimicbench.track.rollout import RolloutConfig, track_clips
@@ -51,7 +54,7 @@ def demonstrated(tmp_path_factory):
             follower = tracker(shape_of("residual", *TASKS.all()))
             rollout = track_clips(follower, clips, RolloutConfig(record=True, settle=0.1), ONE)
             done = torch.ones_like(rollout.verdict.success)
-            rollout = replace(rollout, verdict=replace(rollout.verdict, success=done, diverged=~done))
+            rollout = replace(rollout, verdict=replace(rollout.verdict, success=done, stays=done))
             writer = DemoWriter(folder, ROBOT.name, clips.task.title, ROBOT.joint_names)
             for demo in demonstrations(rollout, clips, 0):
                 writer.add(demo)
@@ -60,6 +63,31 @@ def demonstrated(tmp_path_factory):
         return made[name]
 
     return of
+
+
+@pytest.mark.parametrize("name", list(TASKS))
+def test_k_is_found_again_in_stored_states(name, tmp_path):
+    """Of demonstrations that do what their clip does; not of one whose robot, or box, is elsewhere in the end."""
+    clips = clip_of(TASKS.get(name))
+    (motion,) = clips.motions
+    motion = motion.resampled(1 / CONTROL_DT)
+    robot = [motion.root_pos_w, motion.root_quat_w, motion.joint_pos]
+    box = [motion.object_pos_w, motion.object_quat_w] if len(motion.object_pos_w) else []
+    qpos = np.concatenate(robot + box, 1)
+    qpos = np.concatenate([qpos, np.repeat(qpos[-1:], 50, 0)])
+    wrong = qpos.copy()
+    wrong[-1, -7 if box else 0] += 3.0
+    writer = DemoWriter(tmp_path, ROBOT.name, clips.task.title, ROBOT.joint_names)
+    for states in (qpos, wrong):
+        still = np.zeros((len(states), len(ROBOT.joints)))
+        state = np.zeros((len(states), 300))
+        writer.add(Demonstration(state, still, still, states, states[:, 1:], motion.object_id, motion.id, True))
+    writer.finish()
+    demos = load_demos(tmp_path, ROBOT.name, state=False)
+    assert unfulfilled(demos, clips) == [motion.id]
+    np.testing.assert_allclose(replayed(demos, 0, motion).joint_pos[: motion.frames], motion.joint_pos, atol=1e-6)
+    with pytest.raises(BadFile, match="no clip"):
+        unfulfilled(demos, replace(clips, motions=[]))
 
 
 def test_the_papers_clone_sees_what_it_is_told(demonstrated, tmp_path):

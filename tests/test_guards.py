@@ -102,9 +102,9 @@ def test_trackers_learn_from_the_training_split_alone(run):
     assert set(learned) == of_split["train"] and stage.summary["clips"] == len(learned)
 
 
-def test_demonstrations_are_what_fulfilled_k(run):
+def test_demonstrations_are_what_fulfilled_k_and_stays(run):
     clips = replace(retargeted(run).set, motions=retargeted(run).set.motions[:4])
-    flags = {"success": [True, False, True, True], "diverged": [False, False, True, False]}
+    flags = {"success": [True, False, True, True], "stays": [True, True, False, True]}
     verdict = Verdict(**{f.name: torch.tensor(flags.get(f.name, [0] * 4)) for f in fields(Verdict)})
     pose = np.tile(np.r_[0.0, 0, 1, 1, 0, 0, 0, np.zeros(19)], (3, 1))
     kept = Recording([pose] * 4, [np.zeros((3, 25))] * 4, [np.zeros((3, 19))] * 4, [np.ones((3, 19))] * 4)

@@ -624,6 +624,19 @@ def test_training_end_to_end_and_again(tmp_path):
     assert rows[-1]["samples"] == tiny(6).samples and rows[-1]["iterations"] == 6
 
 
+def test_training_is_over_when_every_task_is_good_enough(tmp_path):
+    def samples(until, *held_out):
+        rows, config = [], replace(tiny(3), evaluate_every=1, until=until)
+        folder = tmp_path / f"{until}-{len(held_out)}"
+        train_tracker(folder, [clip_set()], held_out, config, 0, ONE_THREAD, rows.append)
+        return rows[-1]["samples"]
+
+    assert samples(0.9, clip_set(CLIPS[1])) == tiny(1).samples, "who is placed seated stays so: K is 1"
+    assert samples(1.0, clip_set(CLIPS[1])) == tiny(3).samples
+    assert samples(0.9, clip_set()) == tiny(3).samples, "the other of the two falls: K is a half"
+    assert samples(0.4) == tiny(1).samples, "nobody else is there: the training clips count"
+
+
 BOX = block(0.4, 0.2, movable=True, mass=2.0)
 LIFTS = ClipSet(LIFT_BOX, H1, [replace(lifted(), object_id=BOX.id)], {BOX.id: BOX})
 

@@ -41,6 +41,7 @@ COMMANDS = {
     "retarget compare": Command("Compare the ways to retarget.", "retarget", "compare"),
     "track": Command("Train a tracker on the robot clips.", "stages", "track", True),
     "demos": Command("Let the tracker make demonstrations.", "stages", "demos", True),
+    "demos verify": Command("Find K again in stored demonstrations.", "stages", "verify", True),
     "imitate": Command("Learn a policy that sees.", "stages", "imitate", True),
     "evaluate": Command("Judge policies and trackers.", "judge", "evaluate", True),
     "run": Command("Do the whole task, and report on it.", "judge", "run", True),

@@ -6,13 +6,14 @@ from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mimicbench.benchmark import keys
 from mimicbench.benchmark.keys import Run
 from mimicbench.benchmark.recipe import Recipe, check_recipe
-from mimicbench.core.checkpoint import copy_checkpoint
+from mimicbench.core.checkpoint import CONFIG, copy_checkpoint
 from mimicbench.core.errors import BadFile, BadMotion, UnknownName
+from mimicbench.core.files import read_json
 from mimicbench.core.parallel import end_if_imported_by_worker
 from mimicbench.core.run import RunContext
 from mimicbench.core.stage import Stage, StageKey, opened
@@ -164,8 +165,9 @@ def make_track_stage(run: Run) -> Stage:
         if stage.complete:
             return stage
         say = run.context.say
-        train_tracker(stage.folder, train, test, config, run.recipe.seed, env_config(run), report, say)
-        return stage.finish(clips=sum(map(len, train)), samples=config.samples, device=run.context.device)
+        made = train_tracker(stage.folder, train, test, config, run.recipe.seed, env_config(run), report, say)
+        samples = read_json(made / CONFIG)["notes"]["samples"]
+        return stage.finish(clips=sum(map(len, train)), samples=samples, device=run.context.device)
 
 
 def env_config(run: Run) -> EnvConfig:
@@ -206,6 +208,30 @@ def make_demo_stage(run: Run) -> Stage:
             return stage
         tracker, config = load_tracker(folder, run.robot), run.part("demos")
         return make_demos(stage, tracker, clips.split("train"), config, env_config(run), run.context.quiet)
+
+
+def verify_demos(run: Run) -> dict[str, Any]:
+    """How many of a recipe's stored demonstrations fulfil K and stay, by their states, and which do not; nothing is
+    made. Raises BadFile if there are none.
+    """
+    from mimicbench.imitate.lerobot import load_demos
+    from mimicbench.imitate.stored.verify import unfulfilled
+
+    tracker = keys.tracker_folder(run)
+    stage = None if tracker is None else run.folder(keys.demo_key(run, tracker))
+    if stage is None or not keys.is_complete(stage):
+        raise BadFile(
+            f"this recipe has no demonstrations in {run.workdir}; make them with `mimicbench demos --task "
+            f"{run.recipe.task} --workdir {run.workdir}`"
+        )
+    demos = load_demos(stage / "dataset", run.recipe.robot, state=False)
+    wrong = unfulfilled(demos, retargeted(run).set)
+    return {
+        "task": run.recipe.task,
+        "demonstrations": demos.episodes,
+        "fulfilled": demos.episodes - len(wrong),
+        "wrong": wrong,
+    }
 
 
 def make_perception_stage(run: Run) -> Stage:

@@ -28,6 +28,21 @@ def demos(argv: Sequence[str]) -> None:
     _make("demos", argv)
 
 
+def verify(argv: Sequence[str]) -> None:
+    """Replay the states of stored demonstrations, and say in how many K is fulfilled and kept to the end."""
+    call = read_call("demos", argv)
+    from mimicbench.benchmark.graph import start, verify_demos
+    from mimicbench.core.errors import MimicbenchError
+
+    runs = [start(recipe, call.options.workdir, call.options.context()) for recipe in call.recipes]
+    found = [verify_demos(run) for run in runs]
+    told = [f"{one['task']}: {one['fulfilled']} of {one['demonstrations']} fulfil K and stay" for one in found]
+    tell(found, call.options.json, "\n".join(told))
+    wrong = [name for one in found for name in one["wrong"]]
+    if wrong:
+        raise MimicbenchError(f"{len(wrong)} demonstrations do not show what they should: {', '.join(wrong[:8])}")
+
+
 def imitate(argv: Sequence[str]) -> None:
     """Learn a policy that sees."""
     _make("imitate", argv)

@@ -86,9 +86,9 @@ def identity(config: Any) -> dict[str, Any]:
     return {name: value for name, value in _plain(config, amounts=False).items() if value != {}}
 
 
-def amounts(config: Any) -> dict[str, int]:
+def amounts(config: Any) -> dict[str, int | float]:
     """The amounts of a configuration by dotted name."""
-    found: dict[str, int] = {}
+    found: dict[str, int | float] = {}
     for entry in fields(config):
         value = getattr(config, entry.name)
         if is_dataclass(value):

@@ -40,7 +40,7 @@ class StageKey:
     """Plain JSON values: the stage's part of the recipe, without amounts."""
     made_from: Mapping[str, str] = field(default_factory=dict)
     """Name of each stage that it reads -> that stage's digest, or fingerprint where the amount counts, too."""
-    amounts: Mapping[str, int] = field(default_factory=dict)
+    amounts: Mapping[str, int | float] = field(default_factory=dict)
     """How much is wanted, by name."""
     words: tuple[str, ...] = ()
     """What the folder is called before the digest; determines nothing."""
@@ -227,7 +227,7 @@ def _digest(header: Mapping[str, Any], more: tuple[str, ...] = ()) -> str:
     return hashlib.blake2b(text.encode(), digest_size=8 if more else 4).hexdigest()
 
 
-def _told(amounts: Mapping[str, int]) -> str:
+def _told(amounts: Mapping[str, int | float]) -> str:
     return " and ".join(f"{amount} {name.rpartition('.')[2]}" for name, amount in amounts.items())
 
 

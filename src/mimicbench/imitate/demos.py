@@ -1,4 +1,6 @@
-"""Stage `demos`: the tracker follows the training clips, and what fulfils K becomes a demonstration."""
+"""Stage `demos`: the tracker follows the training clips to the time limit, and what fulfils K and stays becomes a
+demonstration.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -31,10 +33,10 @@ class DemosConfig:
     """Training clips to track, at most."""
     action_noise: float = 0.05
     """Standard deviation of what is added to the executed joint targets [rad]; the recorded targets stay clean."""
+    push: float = 0.1
+    """Standard deviation of the horizontal velocity that a push adds [m/s], every two seconds in the mean."""
     clean_share: Share = 0.25
-    """Part of the clips that are tracked without noise."""
-    settle: float = 1.0
-    """[s] that episodes go on after their clip."""
+    """Part of the clips that are tracked without noise and pushes."""
     batch: Positive = 64
     """Clips side by side: one shard of the data set, and what a kill can lose."""
 
@@ -49,7 +51,8 @@ def make_demos(
 ) -> Stage:
     """Write the demonstrations as a LeRobotDataset v3.
 
-    Killed and started again, it goes on after the last whole shard. Raises BadMotion if K was never fulfilled.
+    Killed and started again, it goes on after the last whole shard. Raises BadMotion if no episode fulfilled K and
+    stayed.
     """
     if stage.complete:
         return stage
@@ -62,14 +65,14 @@ def make_demos(
     for part, noise in progress(parts, len(parts), "demonstrations", quiet):
         if any(motion.id in written for motion in part.motions):
             continue
-        how = RolloutConfig(True, Disturbance(action_noise=noise), seed, config.settle)
-        rollout = track_clips(tracker, part, how, env_config)
+        world = Disturbance(action_noise=noise, push=config.push if noise else 0.0)
+        rollout = track_clips(tracker, part, RolloutConfig(True, world, seed, settle=None), env_config)
         for demo in demonstrations(rollout, part, seed):
             writer.add(demo)
         writer.finish()
     made = len(writer.written)
     if not made:
-        raise BadMotion(f"the tracker fulfilled {task.name} on none of {len(clips)} clips; train it longer")
+        raise BadMotion(f"the tracker fulfilled {task.name} and stayed on none of {len(clips)} clips; train it longer")
     return stage.finish(clips=len(clips), demonstrations=made, rate=made / len(clips))
 
 
@@ -84,10 +87,10 @@ def batches(clips: ClipSet, config: DemosConfig) -> list[tuple[ClipSet, float]]:
 
 
 def demonstrations(rollout: Rollout, clips: ClipSet, seed: int) -> Iterator[Demonstration]:
-    """The episodes of a recorded rollout that fulfilled K."""
+    """The episodes of a rollout, recorded to the time limit, that fulfilled K and stay."""
     verdict, kept = rollout.verdict, rollout.recording
     for i, motion in enumerate(clips.motions):
-        if not verdict.success[i] or verdict.diverged[i]:
+        if not (verdict.success[i] and verdict.stays[i]):
             continue
         state = observed_states(clips.robot, kept.qpos[i], kept.qvel[i], kept.targets[i])
         yield Demonstration(

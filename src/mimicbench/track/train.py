@@ -45,7 +45,10 @@ class TrackConfig:
     critic_first: Annotated[int, Within(0, 1e6)] = 50
     """Updates after such a beginning in which the critic, which begins from nothing, learns alone."""
     samples: Annotated[int, Amount()] = 30_000_000
-    """Control steps to learn from, over all robots."""
+    """Control steps to learn from, over all robots, at most."""
+    until: Annotated[float, Amount(0, 1)] = 1.0
+    """K at which training is over: in every task, by an evaluation on unseen objects, or on training objects where
+    there are no others. At 1 it never is, for there are few clips in an evaluation."""
     num_envs: Positive = 1024
     """Robots side by side, over all tasks."""
     shares: tuple[Annotated[float, Within(1e-3, 1e3)], ...] = ()
@@ -98,7 +101,7 @@ def train_tracker(
     config: TrackConfig,
     seed: int,
     env_config: EnvConfig | None = None,
-    report: Report | None = None,
+    report: Report = lambda row: None,
     say: Callable[[str], None] = lambda line: None,
 ) -> Path:
     """Train on `clips`, one set for each task, evaluate on them and on `held_out`, and write `<folder>/checkpoint`.
@@ -127,9 +130,9 @@ def train_tracker(
     if progress["samples"]:  # it may have been killed between the state and the checkpoint
         saves.checkpoint(progress)
     obs = env.observe()
-    pulse, now = Pulse(say), time.monotonic()
-    saved = now
-    while progress["samples"] < config.samples:
+    pulse, now, saved = Pulse(say), time.monotonic(), time.monotonic()
+    finished = progress["samples"] >= config.samples
+    while not finished:
         alone = bool(config.begin_from) and progress["iterations"] < config.critic_first
         obs, total, losses = _learn(env, learner, obs, config, alone)
         _check(losses, folder, progress)
@@ -142,9 +145,9 @@ def train_tracker(
             tracker = build_tracker(shape, learner.network_tensors())
             row |= _evaluation(tracker, clips, held_out, config.evaluate_clips, env_config) | _ended(env)
             append_metrics(folder, row)
-            if report:
-                report(row)
+            report(row)
             progress["reward"] = progress["steps"] = 0
+            finished |= _good_enough(row, config)
         if finished or time.monotonic() - saved > config.save_every:
             saves.all(progress)
             saved = time.monotonic()
@@ -233,6 +236,11 @@ def _evaluation(
     return found
 
 
+def _good_enough(row: Mapping[str, Any], config: TrackConfig) -> bool:
+    rates = row["k_held_out_of"] or row["k_train_of"]
+    return config.until < 1 and min(rates.values()) >= config.until
+
+
 def _ended(env: TrackingParts) -> dict[str, Any]:
     return {"ended": {task: dict(zip(ENDS, counts.tolist(), strict=True)) for task, counts in env.ended().items()}}
 
@@ -263,5 +271,5 @@ def _plain(settings: Any) -> dict[str, Any]:
 
 def _course(config: TrackConfig) -> dict[str, Any]:
     """What decides the course of a training; it may run longer, and be saved more or less often."""
-    free = ("samples", "save_every")
+    free = ("samples", "until", "save_every")
     return {name: value for name, value in msgspec.to_builtins(asdict(config)).items() if name not in free}
