@@ -52,12 +52,20 @@ def test_layout(tmp_path):
     assert (info["total_episodes"], info["total_frames"], info["total_tasks"]) == (5, 5 + 6 + 7 + 8 + 9, 1)
     assert info["splits"] == {"train": "0:5"} and info["video_path"] is None
     assert info["features"]["action"] == {"dtype": "float32", "shape": [19], "names": list(JOINTS)}
-    assert info["features"]["observation.state"]["shape"] == [300]
+    assert info["features"]["observation.state"] == {"dtype": "float32", "shape": [300], "names": None}
     assert info["features"]["timestamp"] == {"dtype": "float32", "shape": [1], "names": None}
     files = sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*.parquet"))
     shards = [f"chunk-000/file-{i:03d}.parquet" for i in range(3)]
     assert files == [*(f"data/{s}" for s in shards), *(f"meta/episodes/{s}" for s in shards), "meta/tasks.parquet"]
     assert read_tasks(tmp_path) == ["sit-chair"]
+
+
+def test_entries_of_the_state_have_names(tmp_path):
+    names = [f"entry {number}" for number in range(300)]
+    named = writer(tmp_path, state_names=names)
+    named.add(demo(0, 5))
+    named.finish()
+    assert json.loads((tmp_path / "meta/info.json").read_text())["features"]["observation.state"]["names"] == names
 
 
 def test_frames(tmp_path):

@@ -21,7 +21,7 @@ from mimicbench.sensors.cameras import CameraMaps
 from mimicbench.sensors.elevation import camera_map, down_map, map_from_depth
 from mimicbench.sensors.heightmap import CELL, box_heightmap, cell_centers
 from mimicbench.sensors.opengl import NoPictures
-from mimicbench.sensors.proprioception import Odometry, body_state, gravity, s_current
+from mimicbench.sensors.proprioception import Odometry, body_state, gravity, s_current, s_current_names
 from mimicbench.sensors.render import RigCameras
 from mimicbench.sim.native import NativePhysics
 from mimicbench.sim.physics import RobotState
@@ -295,6 +295,13 @@ def test_proprioception():
     np.testing.assert_allclose(current[218:221], body[7:10], atol=1e-5)
     assert (current[278:297] == 0.25).all()
     np.testing.assert_allclose(current[297:], gravity(state)[0])
+    named = dict(zip(s_current_names(H1), current.tolist(), strict=True))
+    assert len(named) == 300
+    assert named["left_knee_joint.pos"] == pytest.approx(H1.rest_pose[H1.joint_names.index("left_knee_joint")])
+    assert named["left_knee_joint.vel"] == pytest.approx(0.5) and named["left_knee_joint.last_action"] == 0.25
+    knee = [link.name for link in H1.links].index("left_knee_link")
+    assert [named[f"left_knee_link.pos.{axis}"] for axis in "xyz"] == pytest.approx(pos[knee].tolist(), abs=1e-5)
+    assert named["pelvis.ang_vel.z"] == pytest.approx(0.3) and named["gravity.z"] == pytest.approx(-1)
 
 
 def walk(t):

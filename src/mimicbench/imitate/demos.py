@@ -17,7 +17,7 @@ from mimicbench.envs.disturbance import Disturbance
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.imitate.stored.demo_writer import Demonstration, DemoWriter
 from mimicbench.robots.description import Robot
-from mimicbench.sensors.proprioception import s_current
+from mimicbench.sensors.proprioception import s_current, s_current_names
 from mimicbench.sim.kinematics import Kinematics
 from mimicbench.sim.physics import RobotState
 from mimicbench.sim.scene import CONTROL_DT
@@ -58,7 +58,8 @@ def make_demos(
         return stage
     robot, task, seed = clips.robot, clips.task, stage.header["seed"]
     dataset = stage.folder / "dataset"
-    writer = DemoWriter(dataset, robot.name, task.title, robot.joint_names, 1 / CONTROL_DT, config.batch)
+    names = robot.joint_names, s_current_names(robot)
+    writer = DemoWriter(dataset, robot.name, task.title, names[0], 1 / CONTROL_DT, config.batch, names[1])
     written = set(writer.written)
     clips = clips.first(config.clips)
     parts = batches(clips, config)

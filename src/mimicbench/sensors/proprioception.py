@@ -7,6 +7,7 @@ import numpy as np
 import torch
 
 from mimicbench.core import rotations as rot
+from mimicbench.robots.description import Robot
 from mimicbench.sim.physics import LinkState, RobotState
 from mimicbench.sim.rows import Rows
 
@@ -63,6 +64,14 @@ def s_current(
     rotvec = _turns_between(xp, _rows(xp, root_quat), _along_robots(quat_w)).reshape(pos.shape)
     # the third row of R is gravity's direction in the root frame, but for its sign
     return _table(xp, [joint_pos.T, joint_vel.T, pos, rotvec, lin, ang, action.T, -r[2]])
+
+
+def s_current_names(robot: Robot) -> tuple[str, ...]:
+    """What each number of S_current is, such as `left_knee_joint.vel` or `torso_link.pos.x`."""
+    parts = [f"{joint}.{what}" for what in ("pos", "vel") for joint in robot.joint_names]
+    for what in ("pos", "rotvec", "lin_vel", "ang_vel"):
+        parts += [f"{link.name}.{what}.{axis}" for link in robot.links for axis in "xyz"]
+    return (*parts, *(f"{joint}.last_action" for joint in robot.joint_names), *(f"gravity.{axis}" for axis in "xyz"))
 
 
 def link_state(

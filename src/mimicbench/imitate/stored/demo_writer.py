@@ -68,8 +68,10 @@ class DemoWriter:
         joint_names: Sequence[str],
         fps: float = 50.0,
         shard_episodes: int = 64,
+        state_names: Sequence[str] | None = None,
     ) -> None:
         self.folder = folder
+        self._state_names = None if state_names is None else list(state_names)
         self.robot, self.task, self.joint_names, self.fps = robot, task, tuple(joint_names), fps
         self.shard_episodes = shard_episodes
         self._rows: list[Row] = []
@@ -199,7 +201,8 @@ class DemoWriter:
         return columns, rows, stats
 
     def _features(self, samples: Mapping[str, np.ndarray]) -> dict[str, dict[str, Any]]:
-        names = {"action": list(self.joint_names), "executed_action": list(self.joint_names)}
+        joints = list(self.joint_names)
+        names = {"action": joints, "executed_action": joints, "observation.state": self._state_names}
         return {
             name: {
                 "dtype": str(array.dtype),
