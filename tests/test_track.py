@@ -2,6 +2,7 @@
 can be taken up again.
 """
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -26,7 +27,7 @@ from mimicbench.sensors.reference import reference_in_root, reference_links
 from mimicbench.sim.physics import ObjectState, RobotState
 from mimicbench.sim.rows import Rows
 from mimicbench.tasks.registry import TASKS
-from mimicbench.track.checkpoint import TrackerConfig, build_tracker, load_tracker, save_tracker
+from mimicbench.track.checkpoint import CRITIC, TrackerConfig, build_tracker, load_critic, load_tracker, save_tracker
 from mimicbench.track.failures import PARTS, REWIND, Failures
 from mimicbench.track.network import TrackerNetwork
 from mimicbench.track.parts import TrackingParts
@@ -688,14 +689,42 @@ def test_a_training_begins_from_a_tracker_and_keeps_what_it_does(tmp_path):
     save_tracker(tmp_path, H1, given, network.tensors(), {})
     layout = Layout.of(RESIDUAL, H1, [SIT_CHAIR, LIFT_BOX])
     learner = PPOLearner(layout.size, 19, 4, PPOConfig(hidden=(9, 7)))
-    begin_from(load_tracker(tmp_path, H1), learner, layout)
+    begin_from(tmp_path, H1, learner, layout)
     wider = TrackerNetwork(layout.size, 19, (9, 7))
     wider.load_tensors(learner.network_tensors())
     obs = torch.randn(5, layout.size)
     np.testing.assert_allclose(wider(obs).detach(), network(obs[:, :167]).detach(), atol=1e-5)
     np.testing.assert_allclose(learner.deviation, deviation, rtol=1e-5)
     with pytest.raises(MimicbenchError, match="2 layers at least as wide"):
-        begin_from(load_tracker(tmp_path, H1), PPOLearner(layout.size, 19, 4, PPOConfig(hidden=(5, 5))), layout)
+        begin_from(tmp_path, H1, PPOLearner(layout.size, 19, 4, PPOConfig(hidden=(5, 5))), layout)
+
+
+def test_who_goes_on_takes_over_the_critic_too(tmp_path):
+    first = train_tracker(tmp_path, [clip_set()], [], tiny(2), 0, ONE_THREAD)
+    critic = load_critic(first, H1)
+    assert critic is not None and critic["layers.2.weight"].shape == (1, 16)
+    learner = PPOLearner(LAYOUT.size, 19, 4, TINY)
+    assert not np.array_equal(learner.critic_tensors()["layers.0.weight"], critic["layers.0.weight"])
+    begin_from(first, H1, learner, LAYOUT)
+    for name, value in learner.critic_tensors().items():
+        np.testing.assert_allclose(value, critic[name], rtol=1e-6, err_msg=name)
+    shutil.rmtree(first / CRITIC)
+    assert load_critic(first, H1) is None
+
+
+def test_the_critic_learns_at_its_own_rate():
+    torch.manual_seed(0)
+    learner = PPOLearner(LAYOUT.size, 19, 4, replace(TINY, critic_rate=0.0, learning_rate=1e-3))
+    actor, critic = (
+        learner.network_tensors()["layers.2.bias"].copy(),
+        learner.critic_tensors()["layers.2.bias"].copy(),
+    )
+    for _ in range(TINY.steps):
+        learner.act(torch.randn(4, LAYOUT.size))
+        learner.record(torch.randn(4, LAYOUT.size), torch.randn(4), torch.zeros(4).bool(), torch.zeros(4).bool())
+    learner.update(torch.randn(4, LAYOUT.size))
+    assert np.array_equal(learner.critic_tensors()["layers.2.bias"], critic)
+    assert not np.array_equal(learner.network_tensors()["layers.2.bias"], actor)
 
 
 def test_a_new_critic_learns_before_the_actor_does(tmp_path):

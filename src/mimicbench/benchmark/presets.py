@@ -28,6 +28,7 @@ HST_PPO: Tree = {
     "initial_std": 1.0,
     "schedule": "fixed",
     "optimizer": "adamw",
+    "critic_rate": None,
     "scale_rewards": False,
 }
 """HumanPlus' training of HST: 2048 robots, 32 steps, a fixed rate."""

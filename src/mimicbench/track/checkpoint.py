@@ -1,19 +1,21 @@
 """A trained tracker on disk and in memory."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 
-from mimicbench.core.checkpoint import BadCheckpoint, load_checkpoint, save_checkpoint
+from mimicbench.core.checkpoint import CONFIG, BadCheckpoint, load_checkpoint, save_checkpoint
 from mimicbench.robots.description import Robot
 from mimicbench.track.network import TrackerNetwork
 from mimicbench.track.registry import TRACKERS
 from mimicbench.track.spec import Layout, Tracker
 
+CRITIC = "critic"
+"""Folder in a tracker's, where the network that told the values of what it did is kept for who goes on from there."""
 MAX_WIDTH, MAX_LAYERS = 8192, 16
 """What a tracker may ask for before its weights have been seen."""
 
@@ -66,9 +68,25 @@ def save_tracker(
     save_checkpoint(folder, "tracker", robot.name, config, tensors, notes)
 
 
+def save_critic(folder: Path, robot: Robot, config: TrackerConfig, tensors: Mapping[str, np.ndarray]) -> None:
+    """Write the critic of a tracker in `folder`."""
+    save_checkpoint(folder / CRITIC, CRITIC, robot.name, replace(config, actions=1), tensors)
+
+
+def load_critic(folder: Path, robot: Robot) -> Mapping[str, np.ndarray] | None:
+    """Tensors of the critic of a tracker in `folder`; None if nobody kept it. Raises BadCheckpoint."""
+    if not (folder / CRITIC / CONFIG).exists():
+        return None
+    return _load(folder / CRITIC, CRITIC, robot)[1]
+
+
 def load_tracker(folder: Path, robot: Robot) -> Tracker:
     """Read a tracker for this robot. Raises BadCheckpoint."""
-    checkpoint = load_checkpoint(folder, "tracker", robot.name)
+    return build_tracker(*_load(folder, "tracker", robot))
+
+
+def _load(folder: Path, kind: str, robot: Robot) -> tuple[TrackerConfig, Mapping[str, np.ndarray]]:
+    checkpoint = load_checkpoint(folder, kind, robot.name)
     config = checkpoint.config_as(TrackerConfig)
     widths = (*config.widths, config.observations, config.actions, *config.hidden)
     if (
@@ -81,4 +99,4 @@ def load_tracker(folder: Path, robot: Robot) -> Tracker:
             "is not one of ours"
         )
     shapes = TrackerNetwork.shapes(config.observations, config.actions, config.hidden)
-    return build_tracker(config, checkpoint.matching(shapes))
+    return config, checkpoint.matching(shapes)

@@ -48,6 +48,9 @@ class PPOConfig:
     """Whether the learning rate is adapted to the divergence below."""
     target_kl: float = 0.02
     """Divergence per update that the learning rate is adapted to."""
+    critic_rate: float | None = 1e-3
+    """The critic's own learning rate; None: the same. What the actor may change by is no measure for it: the better it
+    is, the more of an advantage is more than noise."""
     optimizer: Literal["adam", "adamw"] = "adam"
     """AdamW decays weights by torch's default of 0.01."""
     value_weight: float = 1.0
@@ -99,7 +102,19 @@ class PPOLearner:
             optimizer=config.optimizer,
             device=device,
         )
+        if config.critic_rate is not None:
+            self._let_critic_learn_at(config.critic_rate)
         self.ppo.train_mode()
+
+    def _let_critic_learn_at(self, rate: float) -> None:
+        """At its own rate, though rsl-rl gives every group of parameters the actor's."""
+        groups = [{"params": list(model.parameters())} for model in (self.ppo.actor, self.ppo.critic)]
+        self.ppo.optimizer = type(self.ppo.optimizer)(groups, lr=self.config.learning_rate)
+
+        def correct(optimizer: torch.optim.Optimizer, *_: Any) -> None:
+            optimizer.param_groups[1]["lr"] = rate
+
+        self.ppo.optimizer.register_step_pre_hook(correct)
 
     @torch.no_grad()
     def act(self, obs: torch.Tensor) -> torch.Tensor:
@@ -133,11 +148,11 @@ class PPOLearner:
 
     def network_tensors(self) -> dict[str, np.ndarray]:
         """The actor's mean as tensors of a TrackerNetwork."""
-        actor = self.ppo.actor
-        tensors: dict[str, Any] = {"obs_mean": actor.obs_normalizer.mean, "obs_std": actor.obs_normalizer.std}
-        weights = {name: value for name, value in actor.state_dict().items() if name.startswith("mlp.")}
-        tensors |= {f"layers.{name.removeprefix('mlp.')}": value for name, value in weights.items()}
-        return {name: value.detach().cpu().numpy() for name, value in tensors.items()}
+        return _plain_network(self.ppo.actor)
+
+    def critic_tensors(self) -> dict[str, np.ndarray]:
+        """The critic as tensors of a TrackerNetwork of one number, the value."""
+        return _plain_network(self.ppo.critic)
 
     @torch.no_grad()
     def begin_from(
@@ -145,50 +160,25 @@ class PPOLearner:
         tensors: Mapping[str, np.ndarray],
         columns: Sequence[tuple[slice, slice]],
         deviation: Sequence[float] = (),
+        critic: Mapping[str, np.ndarray] | None = None,
     ) -> None:
-        """Take over a trained network: wider layers keep what it does, and the critic begins anew.
+        """Take over a trained network: wider layers keep what it does.
 
         Args:
             tensors: Of a TrackerNetwork with as many layers, none of them wider.
             columns: Which of its inputs are which of ours.
             deviation: Of its actions; the configuration's if empty.
+            critic: Of a TrackerNetwork that told the values of what it did; without, the critic begins anew, but sees
+                what it observes by the statistics of `tensors`.
 
         Raises:
             MimicbenchError: It has another number of layers, or wider ones.
         """
-        given = {name: torch.from_numpy(np.array(value)) for name, value in tensors.items()}
-        for model in (self.ppo.actor, self.ppo.critic):
-            statistics = dict(model.obs_normalizer.named_buffers())
-            for theirs, ours in columns:
-                mean, std = given["obs_mean"][theirs], given["obs_std"][theirs]
-                for name, value in (("_mean", mean), ("_std", std), ("_var", std**2)):
-                    statistics[name][:, ours] = value
-            statistics["count"].fill_(WARM_COUNT)
-        own = {
-            f"layers.{n.removeprefix('mlp.')}": v for n, v in self.ppo.actor.named_parameters() if n.startswith("mlp.")
-        }
-        taken = {name: value for name, value in given.items() if name.startswith("layers.")}
-        if set(own) != set(taken) or any(
-            own[name].shape[0] < value.shape[0] or ("0." not in name and own[name].shape[-1] < value.shape[-1])
-            for name, value in taken.items()
-        ):
-            raise MimicbenchError(
-                "the network to begin from has another number of layers than track.ppo.hidden, or wider ones; give "
-                f"{len(taken) // 2 - 1} layers at least as wide as its own"
-            )
-        first = next(iter(own))
-        for name, value in taken.items():
-            there = own[name]
-            if there.ndim == 1:
-                there[: len(value)] = value
-            elif name == first:
-                there[: len(value)] = 0.0
-                for theirs, ours in columns:
-                    there[: len(value), ours] = value[:, theirs]
-            else:  # what is new has no say at first
-                there[: len(value)] = 0.0
-                there[: len(value), : value.shape[1]] = value
-
+        _take_over(self.ppo.actor, tensors, columns)
+        if critic is None:
+            _take_statistics(self.ppo.critic, tensors, columns)
+        else:
+            _take_over(self.ppo.critic, critic, columns)
         if len(deviation):
             self._log_deviation.copy_(torch.tensor(deviation).log())
 
@@ -221,6 +211,52 @@ class PPOLearner:
         self.ppo.critic.load_state_dict(parts["critic"])
         OptimizerState(self.ppo.optimizer).load_state_tensors(parts["optimizer"])
         self.ppo.learning_rate = float(tensors["learning_rate"])
+
+
+def _plain_network(model: MLPModel) -> dict[str, np.ndarray]:
+    tensors: dict[str, Any] = {"obs_mean": model.obs_normalizer.mean, "obs_std": model.obs_normalizer.std}
+    weights = {name: value for name, value in model.state_dict().items() if name.startswith("mlp.")}
+    tensors |= {f"layers.{name.removeprefix('mlp.')}": value for name, value in weights.items()}
+    return {name: value.detach().cpu().numpy() for name, value in tensors.items()}
+
+
+def _take_statistics(
+    model: MLPModel, tensors: Mapping[str, np.ndarray], columns: Sequence[tuple[slice, slice]]
+) -> None:
+    statistics = dict(model.obs_normalizer.named_buffers())
+    given = {name: torch.from_numpy(np.array(tensors[name])) for name in ("obs_mean", "obs_std")}
+    for theirs, ours in columns:
+        mean, std = given["obs_mean"][theirs], given["obs_std"][theirs]
+        for name, value in (("_mean", mean), ("_std", std), ("_var", std**2)):
+            statistics[name][:, ours] = value
+    statistics["count"].fill_(WARM_COUNT)
+
+
+def _take_over(model: MLPModel, tensors: Mapping[str, np.ndarray], columns: Sequence[tuple[slice, slice]]) -> None:
+    """Weights and statistics of a TrackerNetwork, whose inputs are those columns. Raises MimicbenchError."""
+    own = {f"layers.{n.removeprefix('mlp.')}": v for n, v in model.named_parameters() if n.startswith("mlp.")}
+    taken = {n: torch.from_numpy(np.array(value)) for n, value in tensors.items() if n.startswith("layers.")}
+    if set(own) != set(taken) or any(
+        own[name].shape[0] < value.shape[0] or ("0." not in name and own[name].shape[-1] < value.shape[-1])
+        for name, value in taken.items()
+    ):
+        raise MimicbenchError(
+            "the network to begin from has another number of layers than track.ppo.hidden, or wider ones; give "
+            f"{len(taken) // 2 - 1} layers at least as wide as its own"
+        )
+    _take_statistics(model, tensors, columns)
+    first = next(iter(own))
+    for name, value in taken.items():
+        there = own[name]
+        if there.ndim == 1:
+            there[: len(value)] = value
+        elif name == first:
+            there[: len(value)] = 0.0
+            for theirs, ours in columns:
+                there[: len(value), ours] = value[:, theirs]
+        else:  # what is new has no say at first
+            there[: len(value)] = 0.0
+            there[: len(value), : value.shape[1]] = value
 
 
 def _wrap(obs: torch.Tensor) -> TensorDict:

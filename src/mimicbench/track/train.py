@@ -19,7 +19,14 @@ from mimicbench.core.training import TorchRandom, append_metrics, resume_trainin
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.robots.description import Robot
-from mimicbench.track.checkpoint import TrackerConfig, build_tracker, load_tracker, save_tracker
+from mimicbench.track.checkpoint import (
+    TrackerConfig,
+    build_tracker,
+    load_critic,
+    load_tracker,
+    save_critic,
+    save_tracker,
+)
 from mimicbench.track.parts import TrackingParts
 from mimicbench.track.ppo import PPOConfig, PPOLearner
 from mimicbench.track.registry import TRACKERS
@@ -43,7 +50,8 @@ class TrackConfig:
     begin_from: str = ""
     """Folder of a trained tracker of the same design, whose network is where learning begins; empty: from nothing."""
     critic_first: Annotated[int, Within(0, 1e6)] = 50
-    """Updates after such a beginning in which the critic, which begins from nothing, learns alone."""
+    """Updates after such a beginning in which the critic learns alone: it begins from nothing, or, where it was kept
+    beside the tracker, has to learn what has changed."""
     samples: Annotated[int, Amount()] = 30_000_000
     """Control steps to learn from, over all robots, at most."""
     until: Annotated[float, Amount(0, 1)] = 1.0
@@ -118,7 +126,7 @@ def train_tracker(
     layout, joints = env.layout, len(robot.joints)
     learner = PPOLearner(layout.size, joints, config.num_envs, config.ppo, env.device)
     if config.begin_from:
-        begin_from(load_tracker(Path(config.begin_from), robot), learner, layout)
+        begin_from(Path(config.begin_from), robot, learner, layout)
     shape = TrackerConfig(spec.name, layout.names, layout.widths, joints, config.ppo.hidden, _plain(config.settings))
     parts = {"env": env, "ppo": learner, "torch": TorchRandom(env.device)}
     fresh = {"samples": 0, "iterations": 0, "seconds": 0.0, "reward": 0.0, "steps": 0}
@@ -196,8 +204,9 @@ class _Saves:
     def checkpoint(self, progress: dict[str, Any]) -> None:
         """The network as it is now."""
         shape = replace(self.shape, deviation=self.learner.deviation)
-        tensors = self.learner.network_tensors()
-        save_tracker(self.folder / "checkpoint", self.robot, shape, tensors, {**progress, **self.notes})
+        tensors, there = self.learner.network_tensors(), self.folder / "checkpoint"
+        save_critic(there, self.robot, shape, self.learner.critic_tensors())
+        save_tracker(there, self.robot, shape, tensors, {**progress, **self.notes})
 
     def all(self, progress: dict[str, Any]) -> None:
         """The training's state, and the network."""
@@ -214,11 +223,14 @@ def robots_of(config: TrackConfig, tasks: int) -> list[int]:
     return [end - start for start, end in zip([0, *ends], ends, strict=False)]
 
 
-def begin_from(given: Tracker, learner: PPOLearner, layout: Layout) -> None:
-    """Take over what a tracker has learned, term by term; terms that it did not have begin without a say."""
+def begin_from(folder: Path, robot: Robot, learner: PPOLearner, layout: Layout) -> None:
+    """Take over what a tracker has learned, term by term, and its critic if it was kept; terms that it did not have
+    begin without a say. Raises MimicbenchError.
+    """
+    given, critic = load_tracker(folder, robot), load_critic(folder, robot)
     theirs, ours = (dict(zip(each.names, each.slices(), strict=True)) for each in (given.layout, layout))
     columns = [(theirs[name], ours[name]) for name in theirs if name in ours]
-    learner.begin_from(given.network.tensors(), columns, given.deviation)
+    learner.begin_from(given.network.tensors(), columns, given.deviation, critic)
 
 
 def _evaluation(
