@@ -113,7 +113,7 @@ def test_presets():
     assert all(len(part) == 19 for gains in H1.gains.values() for part in (gains.kp, gains.kd, gains.action_scale))
     with pytest.raises(UnknownName, match="known are: improved, paper"):
         build_model(H1, make_chair(0), "fast")
-    with pytest.raises(UnknownName, match="known are: h1"):
+    with pytest.raises(UnknownName, match="known are: g1, h1"):
         ROBOTS.get("r2d2")
 
 

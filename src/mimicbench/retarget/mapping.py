@@ -28,6 +28,8 @@ class Bound:
     """(K,) human joint whose axes each shift is in."""
     weights: np.ndarray
     """(K,) of the squared position errors."""
+    lowered: np.ndarray
+    """(K,) share that each target takes of the drop of a body with shorter legs."""
     turn_joints: np.ndarray
     """(K,) human joint of each orientation pair."""
     turn_links: np.ndarray
@@ -42,6 +44,8 @@ class Bound:
     """Human joint, robot link and point (3,) in the link frame [m] of each wrist."""
     feet: tuple[tuple[int, int], ...]
     """Human joint and robot link of each foot."""
+    legs: tuple[tuple[int, int, int], ...]
+    """Links of the middle of the hip, of the knee and of the foot, of each leg in the order of `feet`."""
     sole: np.ndarray
     """(P, 3) points of the sole in the foot link's frame [m]."""
 
@@ -96,6 +100,7 @@ def bind(mapping: Mapping, skeleton: Skeleton, robot: Robot, preset: Preset = "i
         shifts=shifts,
         frames=np.array([skeleton.index(pair.frame or pair.joint) for pair in pairs]),
         weights=np.array([pair.weight for pair in pairs]),
+        lowered=np.array([pair.lowered for pair in pairs]),
         turn_joints=np.array([skeleton.index(pair.turned_by or pair.joint) for pair in pairs]),
         turn_links=turn_links,
         turn_offsets=offsets[turn_links],
@@ -103,6 +108,7 @@ def bind(mapping: Mapping, skeleton: Skeleton, robot: Robot, preset: Preset = "i
         carrier_offsets=offsets[[link for link, _ in carriers]],
         wrists=tuple(wrists),
         feet=tuple((skeleton.index(joint), _link(robot, link)) for joint, link in mapping.feet),
+        legs=_legs(mapping, robot),
         sole=np.array(mapping.sole),
     )
 
@@ -110,6 +116,15 @@ def bind(mapping: Mapping, skeleton: Skeleton, robot: Robot, preset: Preset = "i
 def followed_points(bound: Bound, pos_w: np.ndarray, quat_w: np.ndarray) -> np.ndarray:
     """World points (T, K, 3) [m] that the links follow, from the human's joint poses (T, J, 3) and (T, J, 4)."""
     return pos_w[:, bound.joints] + rot.rotate(quat_w[:, bound.frames], bound.shifts)
+
+
+def _legs(mapping: Mapping, robot: Robot) -> tuple[tuple[int, int, int], ...]:
+    """Links of hip, knee and foot of each leg, in the order of the mapping's feet."""
+    found = {foot: (_link(robot, hip), _link(robot, knee), _link(robot, foot)) for hip, knee, foot in robot.legs}
+    for _, foot in mapping.feet:
+        if foot not in found:
+            raise BadMotion(f"robot {robot.name} has no leg that ends in {foot!r}; its legs end in {', '.join(found)}")
+    return tuple(found[foot] for _, foot in mapping.feet)
 
 
 def _link(robot: Robot, name: str) -> int:

@@ -106,9 +106,7 @@ def _steps(
     heights = sole_heights(links, bound)
     up = rot.rotate(links.quat[:, feet], np.array([0.0, 0.0, 1.0]))[..., 2]
     walking = np.linalg.norm(np.gradient(pose.root_pos[:, :2], axis=0), axis=-1) * fps > 0.3
-    knees = [
-        list(robot.joint_link).index(robot.link_parents[link]) for link in feet
-    ]  # the joint that drives a foot's parent is its knee
+    knees = [list(robot.joint_link).index(knee) for _, knee, _ in bound.legs]
     bend = pose.joints[:, knees][walking[:, None] & standing]
     return {
         "skate": _skate(links.pos[:, feet], standing, fps),

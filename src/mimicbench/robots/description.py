@@ -46,6 +46,8 @@ class Joint:
     """[N m]."""
     velocity_limit: float
     """[rad/s]."""
+    armature: float | None = None
+    """Rotor inertia seen at it [kg m^2], if not what the robot says of all its joints."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +89,7 @@ class Robot:
     gains: Mapping[str, Gains]
     """By preset name."""
     armature: float
-    """Rotor inertia seen at every joint [kg m^2]."""
+    """Rotor inertia seen at every joint that does not say its own [kg m^2]."""
     damping: float
     """Passive damping of every joint [N m s/rad]."""
     keypoints: Mapping[str, tuple[int, Vector]]
@@ -100,6 +102,9 @@ class Robot:
     visual: tuple[Shape, ...]
     collides: tuple[tuple[str, str], ...]
     """Pairs of self-collision groups that touch each other; all others pass through."""
+    legs: tuple[tuple[str, str, str], ...]
+    """Links of each leg, left first: whose frame's origin is the middle of the hip, whose is that of the knee, and the
+    foot. There may be others between them."""
     mappings: tuple[HumanMapping, ...] = ()
     """From human skeletons: whose motions can be retargeted to it."""
 
@@ -147,6 +152,20 @@ class Robot:
     def velocity_limit(self) -> np.ndarray:
         """(N,) [rad/s]."""
         return np.array([joint.velocity_limit for joint in self.joints])
+
+    def reach(self, upper: int, lower: int) -> float:
+        """How far the origin of a link is from that of one above it, with all joints between them at zero [m].
+
+        Raises UnknownName if it is not above it.
+        """
+        place, link, passed = self.link_pos[lower], self.link_parents[lower], []
+        while link != upper:
+            if link < 0:
+                raise UnknownName(f"link above {self.link_names[lower]}", self.link_names[upper], passed)
+            place = self.link_pos[link] + rot.rotate(self.link_quat[link], place)
+            passed.append(self.link_names[link])
+            link = self.link_parents[link]
+        return float(np.linalg.norm(place))
 
     def keypoint_pos(self, name: str, link_pos: np.ndarray, link_quat: np.ndarray) -> np.ndarray:
         """World position (..., 3) of a keypoint, given all link poses (..., L, 3) and (..., L, 4)."""

@@ -11,7 +11,7 @@ lift. The buttocks end 0.06 m below the hip pitch axis, so a seated pelvis frame
 
 from mimicbench.robots.description import Gains, Joint, Link, Robot, Shape
 from mimicbench.robots.mapping import Mapping, Pair
-from mimicbench.robots.people import PEOPLE, UNIHSI, Names
+from mimicbench.robots.people import PEOPLE, UNIHSI, Names, mapping_from
 
 _UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 _PLACES = (
@@ -238,29 +238,17 @@ def _pairs(names: Names) -> tuple[Pair, ...]:
 
 def _mapping(names: Names) -> Mapping:
     """From one human skeleton: its table, and the points that matter beyond it."""
-    left, right = names.sides
-    return Mapping(
-        skeleton=names.skeleton,
-        leg=(names.hip.format(left), names.knee.format(left), names.ankle.format(left)),
-        leg_length=names.leg_length,
-        pairs=_pairs(names),
-        wrists=((names.wrist.format(left), "left_wrist"), (names.wrist.format(right), "right_wrist")),
-        feet=((names.ankle.format(left), "left_ankle_link"), (names.ankle.format(right), "right_ankle_link")),
-        sole=((-0.10, 0.0, -0.07), (0.20, 0.0, -0.07)),
-        bearers={
-            # on seats higher than its knees the H1's thighs meet the front edge before its buttocks meet the seat
-            "pelvis": ("pelvis", "left_hip_pitch_link", "right_hip_pitch_link"),
-            "back": ("torso_link",),
-            "left_hand": ("left_elbow_link",),
-            "right_hand": ("right_elbow_link",),
-            "left_foot": ("left_ankle_link",),
-            "right_foot": ("right_ankle_link",),
-        },
-        forearms=tuple((names.elbow.format(side), names.wrist.format(side)) for side in names.sides),
-        palm=names.palm,
-        ankle_height=names.sole,
-        trunk="torso_link",
-    )
+    bearers = {
+        # on seats higher than its knees the H1's thighs meet the front edge before its buttocks meet the seat
+        "pelvis": ("pelvis", "left_hip_pitch_link", "right_hip_pitch_link"),
+        "back": ("torso_link",),
+        "left_hand": ("left_elbow_link",),
+        "right_hand": ("right_elbow_link",),
+        "left_foot": ("left_ankle_link",),
+        "right_foot": ("right_ankle_link",),
+    }
+    feet, sole = ("left_ankle_link", "right_ankle_link"), ((-0.10, 0.0, -0.07), (0.20, 0.0, -0.07))
+    return mapping_from(names, _pairs(names), feet, sole, bearers, "torso_link")
 
 
 ROBOT = Robot(
@@ -285,4 +273,5 @@ ROBOT = Robot(
     visual=_visual(),
     mappings=tuple(_mapping(names) for names in PEOPLE),
     collides=(("left leg", "right leg"), ("left arm", "trunk"), ("right arm", "trunk"), ("left arm", "right arm")),
+    legs=tuple((f"{side}_hip_pitch_link", f"{side}_knee_link", f"{side}_ankle_link") for side in ("left", "right")),
 )

@@ -31,6 +31,9 @@ class Pair:
     place."""
     weight: float = 1.0
     """Weight of the squared position error; 1 in `paper`."""
+    lowered: float = 1.0
+    """Share that its target takes of the drop of a body whose legs are shorter than the person's: 1 of what the legs
+    carry, 0 of what stands where the feet do, such as knees."""
     turned_by: str | None = None
     """Human joint that the carrier's orientation follows, if not `joint`; not used in `paper`."""
 

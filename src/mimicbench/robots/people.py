@@ -1,6 +1,9 @@
 """The human skeletons whose motions robots imitate, as far as robots have to know them (references has them whole)."""
 
+from collections.abc import Mapping as Dictionary
 from dataclasses import dataclass
+
+from mimicbench.robots.mapping import Mapping, Pair
 
 
 @dataclass(frozen=True)
@@ -21,6 +24,8 @@ class Names:
     wrist: str
     leg_length: float
     """From hip to ankle [m]."""
+    shank: float
+    """Of it, from knee to ankle [m]."""
     sole: float
     """Height of the ankle over the sole [m]."""
     hip_seat: float
@@ -43,6 +48,7 @@ UNIHSI = Names(
     "{}_lower_arm",
     "{}_hand",
     leg_length=0.831416,
+    shank=0.40987,
     sole=0.05,
     hip_seat=0.09,
     pelvis_seat=0.09,
@@ -60,6 +66,7 @@ ROAM = Names(
     "{}ForeArm",
     "{}Hand",
     leg_length=0.7489,
+    shank=0.3754,
     sole=0.069,
     hip_seat=0.0709,
     pelvis_seat=0.10,
@@ -77,6 +84,7 @@ CORE4D = Names(
     "{}_elbow",
     "{}_wrist",
     leg_length=0.8769,
+    shank=0.4498,
     sole=0.0863,
     hip_seat=0.0721,
     pelvis_seat=0.16,
@@ -84,3 +92,39 @@ CORE4D = Names(
 )
 
 PEOPLE = (UNIHSI, ROAM, CORE4D)
+
+
+def mapping_from(
+    names: Names,
+    pairs: tuple[Pair, ...],
+    feet: tuple[str, str],
+    sole: tuple[tuple[float, float, float], ...],
+    bearers: Dictionary[str, tuple[str, ...]],
+    trunk: str,
+) -> Mapping:
+    """A robot's mapping from one of these skeletons, whose wrists it follows with its keypoints `left_wrist` and
+    `right_wrist`.
+
+    Args:
+        names: What the skeleton calls its joints.
+        pairs: Which link follows which joint.
+        feet: The robot's links of left and right foot.
+        sole: Heel and toe of its sole in a foot link's frame [m].
+        bearers: The links that bear in place of each part of the body that a contact label names.
+        trunk: Its link that leans as the person's trunk does.
+    """
+    left, right = names.sides
+    return Mapping(
+        skeleton=names.skeleton,
+        leg=(names.hip.format(left), names.knee.format(left), names.ankle.format(left)),
+        leg_length=names.leg_length,
+        pairs=pairs,
+        wrists=((names.wrist.format(left), "left_wrist"), (names.wrist.format(right), "right_wrist")),
+        feet=((names.ankle.format(left), feet[0]), (names.ankle.format(right), feet[1])),
+        sole=sole,
+        bearers=bearers,
+        forearms=tuple((names.elbow.format(side), names.wrist.format(side)) for side in names.sides),
+        palm=names.palm,
+        ankle_height=names.sole,
+        trunk=trunk,
+    )

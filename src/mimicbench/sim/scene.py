@@ -236,7 +236,7 @@ def add_links(spec: mujoco.MjSpec, robot: Robot) -> list[mujoco.MjsBody]:
                 axis=joint.axis,
                 range=joint.range,
                 limited=mujoco.mjtLimited.mjLIMITED_TRUE,
-                armature=robot.armature,
+                armature=robot.armature if joint.armature is None else joint.armature,
                 damping=robot.damping,
             )
     return bodies

@@ -2,7 +2,7 @@
 
 from mimicbench.robots.description import Gains, Joint, Link, Robot, Shape
 from mimicbench.robots.mapping import Mapping, Pair
-from mimicbench.robots.people import PEOPLE, Names
+from mimicbench.robots.people import PEOPLE, Names, mapping_from
 
 SIDES = (("l", 1.0), ("r", -1.0))
 SIZE = 0.9
@@ -103,28 +103,16 @@ def _mapping(names: Names) -> Mapping:
             Pair(shoulder, f"{side}_shoulder", f"{side}_upper_arm", frame=names.chest, at_rest=True),
             Pair(elbow, f"{side}_forearm", f"{side}_forearm", frame=names.chest, at_rest=True),
         ]
-    left, right = names.sides
-    return Mapping(
-        skeleton=names.skeleton,
-        leg=(names.hip.format(left), names.knee.format(left), names.ankle.format(left)),
-        leg_length=names.leg_length,
-        pairs=tuple(pairs),
-        wrists=((names.wrist.format(left), "left_wrist"), (names.wrist.format(right), "right_wrist")),
-        feet=((names.ankle.format(left), "l_foot"), (names.ankle.format(right), "r_foot")),
-        sole=((-0.09, 0.0, -0.064), (0.18, 0.0, -0.064)),
-        bearers={
-            "pelvis": ("base", "l_thigh", "r_thigh"),
-            "back": ("chest",),
-            "left_hand": ("l_forearm",),
-            "right_hand": ("r_forearm",),
-            "left_foot": ("l_foot",),
-            "right_foot": ("r_foot",),
-        },
-        forearms=tuple((names.elbow.format(side), names.wrist.format(side)) for side in names.sides),
-        palm=names.palm,
-        ankle_height=names.sole,
-        trunk="chest",
-    )
+    bearers = {
+        "pelvis": ("base", "l_thigh", "r_thigh"),
+        "back": ("chest",),
+        "left_hand": ("l_forearm",),
+        "right_hand": ("r_forearm",),
+        "left_foot": ("l_foot",),
+        "right_foot": ("r_foot",),
+    }
+    sole = ((-0.09, 0.0, -0.064), (0.18, 0.0, -0.064))
+    return mapping_from(names, tuple(pairs), ("l_foot", "r_foot"), sole, bearers, "chest")
 
 
 def _rest(joint: Joint) -> float:
@@ -158,5 +146,6 @@ ROBOT = Robot(
     collision=_shapes(),
     visual=(),
     collides=(("l leg", "r leg"), ("l arm", "trunk"), ("r arm", "trunk")),
+    legs=tuple((f"{side}_thigh", f"{side}_shank", f"{side}_foot") for side, _ in SIDES),
     mappings=tuple(_mapping(names) for names in PEOPLE),
 )

@@ -234,10 +234,8 @@ def _lowering(
     turn = rot.multiply(quat_w[:, 0], bound.turn_offsets[bound.turn_links.tolist().index(0)])
     rest, _ = robot.forward_kinematics(np.zeros(3), rot.IDENTITY, np.zeros(len(robot.joint_names)))
     need = np.zeros(len(pelvis))
-    for foot, (_, ankle) in enumerate(bound.feet):
-        knee = robot.link_parents[ankle]
-        hip = robot.link_parents[knee]
-        leg = STRETCH * sum(float(np.linalg.norm(robot.link_pos[link])) for link in (knee, ankle))
+    for foot, (hip, knee, ankle) in enumerate(bound.legs):
+        leg = STRETCH * (robot.reach(hip, knee) + robot.reach(knee, ankle))
         at = pelvis + rot.rotate(turn, rest[hip])
         away = ((at[:, :2] - feet[:, foot, :2]) ** 2).sum(-1)
         highest = feet[:, foot, 2] + np.sqrt(np.maximum(leg**2 - away, 0.25 * leg**2))

@@ -176,7 +176,8 @@ def _points(
     targets = targets.copy()
     feet = [link for _, link in bound.feet]
     tolerance = np.full(targets.shape[:2], config.position)
-    targets[:, ~np.isin(bound.links, feet), 2] -= anchors.lowering[:, None]
+    others = ~np.isin(bound.links, feet)
+    targets[:, others, 2] -= anchors.lowering[:, None] * bound.lowered[others]
     for foot, link in enumerate(feet):
         column = bound.links.tolist().index(link)
         targets[:, column] = anchors.foot_pos_w[:, foot]
