@@ -15,7 +15,22 @@ from mimicbench.track.registry import TRACKERS
 
 SOURCE = Path(__file__).parents[1] / "src" / "mimicbench"
 ITEMS = {name for registry in (TASKS, FAMILIES, ROBOTS, TRACKERS, LEARNERS, METHODS) for name in registry}
-WORDS = {"sit", "lie", "chair", "sofa", "couch", "bed", "berth", "seat", "h1", "unitree", "hst", "planner", "omnih2o"}
+WORDS = {
+    "sit",
+    "lie",
+    "chair",
+    "sofa",
+    "couch",
+    "bed",
+    "berth",
+    "seat",
+    "h1",
+    "g1",
+    "unitree",
+    "hst",
+    "planner",
+    "omnih2o",
+}
 """Words of identifiers. `box` is none: all objects are made of boxes."""
 LABELS = {"seat_height", "seat_polygon", "require_seat", "requires_seat"}
 """What objects, of any family, are labeled with for those who judge; no sensor sees it."""
@@ -23,6 +38,7 @@ MAY = {
     "tasks/": "one file a task, and the goals that some share",
     "objects/families/": "one file a family, and their parts",
     "objects/importing/": "what meshes of each kind of furniture look like",
+    "robots/g1.py": "the robot",
     "robots/h1.py": "the robot",
     "robots/people.py": "what bears a person who sits",
     "references/": "what people do with each kind of object: one file a task in synthesis, and what these are made of",
@@ -71,7 +87,7 @@ def names_in(source):
     for node in ast.walk(tree):
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docs:
             found |= {item for item in ITEMS if node.value == item or ("-" in item and item in node.value)}
-            found |= {"h1"} & set(re.split(r"\W+", node.value.lower()))
+            found |= {"h1", "g1"} & set(re.split(r"\W+", node.value.lower()))
         for field in ("id", "attr", "name", "arg", "module"):
             name = getattr(node, field, None)
             if isinstance(name, str) and name not in LABELS:

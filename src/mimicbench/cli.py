@@ -45,6 +45,8 @@ COMMANDS = {
     "imitate": Command("Learn a policy that sees.", "stages", "imitate", True),
     "evaluate": Command("Judge policies and trackers.", "judge", "evaluate", True),
     "run": Command("Do the whole task, and report on it.", "judge", "run", True),
+    "export scene": Command("Write a robot and an object as MJCF.", "export", "scene"),
+    "export motion": Command("Write a clip for BeyondMimic and mjlab.", "export", "motion"),
     "table": Command("Print results beside the paper's.", "judge", "table"),
     "bench": Command("Measure how fast this machine is.", "bench", "stages"),
     "bench retarget": Command("Measure every way to retarget.", "bench", "retarget"),

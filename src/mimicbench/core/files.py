@@ -104,12 +104,16 @@ def write_npz(path: Path, header: Mapping[str, Any], arrays: Mapping[str, np.nda
     """Write arrays with a JSON header as a compressed `.npz`, atomically and with the same bytes for the same
     content.
     """
-    text = json.dumps(header, sort_keys=True)
+    write_arrays(path, {"header": np.array(json.dumps(header, sort_keys=True)), **arrays})
+
+
+def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
+    """Write arrays alone as a compressed `.npz`, for other people's programs, in the same way."""
 
     def write(stream: IO[bytes]) -> None:
         # np.savez stamps the time of day; a fixed date keeps the bytes reproducible
         with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=4) as archive:
-            for name, array in {"header": np.array(text), **arrays}.items():
+            for name, array in arrays.items():
                 entry = zipfile.ZipInfo(f"{name}.npy", date_time=(1980, 1, 1, 0, 0, 0))
                 entry.compress_type = zipfile.ZIP_DEFLATED
                 with archive.open(entry, "w", force_zip64=True) as member:

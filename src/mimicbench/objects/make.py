@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from mimicbench.core.errors import BadObject
 from mimicbench.core.settings import Count
 from mimicbench.core.stage import HEADER, Stage
 from mimicbench.objects.registry import FAMILIES
@@ -39,3 +40,24 @@ def object_ids(folder: Path) -> list[str]:
 def read_objects(folder: Path, ids: Sequence[str] | None = None) -> dict[str, SceneObject]:
     """Objects of a finished stage by id, in order of their ids: those named, or all."""
     return {name: load_object(folder, name) for name in (object_ids(folder) if ids is None else sorted(ids))}
+
+
+def find_object(name: str) -> SceneObject:
+    """The object of a file `<id>.json`, or one made again from its id `<family>-<seed>-<index>`.
+
+    Raises:
+        UnknownName: There is no such family.
+        BadObject: The name is neither; or the file holds no object.
+        BadFile: There is no such file.
+    """
+    if name.endswith(".json"):
+        return load_object(Path(name).parent, Path(name).stem)
+    family, *numbers = name.rsplit("-", 2)
+    if len(numbers) != 2 or not all(number.isascii() and number.isdecimal() for number in numbers):
+        raise BadObject(
+            f"{name!r} is no object's id such as chair-0-00042; give the object's .json file if it was imported"
+        )
+    made = FAMILIES.get(family).make(int(numbers[1]), int(numbers[0]))
+    if made.id != name:
+        raise BadObject(f"there is no object {name!r}; the one of those numbers is {made.id!r}")
+    return made

@@ -244,7 +244,8 @@ def _pairs(names: Names) -> tuple[Pair, ...]:
             Pair(ankle, link("ankle_roll"), link("ankle_roll"), aside, (_SOLE, names.sole), weight=100.0),
             Pair(shoulder, link("shoulder_roll"), link("shoulder_yaw"), frame=names.chest, at_rest=True),
             Pair(elbow, link("elbow"), link("elbow"), frame=names.chest, at_rest=True),
-            Pair(wrist, link("wrist_yaw"), link("wrist_yaw"), frame=names.chest, at_rest=True),
+            # the hand turns as the person's does; where it is follows from what it touches
+            Pair(elbow, link("elbow"), link("wrist_yaw"), frame=names.chest, at_rest=True, turned_by=wrist),
         ]
     return tuple(pairs)
 

@@ -26,7 +26,7 @@ MESH_NODES = SLOTS * (2 * 44 - 1) + 14
 """Nodes of the bounding-volume trees over all meshes of a scene that has any: SLOTS pieces of 24 corners, which have 44
 faces, and what `_add_ballast` adds."""
 _WORLD_BIT = 1
-_COLORS = {"robot": (0.6, 0.62, 0.65, 1.0)}
+_GRAY = (0.6, 0.62, 0.65, 1.0)
 
 
 def build_model(
@@ -39,11 +39,25 @@ def build_model(
     friction: float = 1.0,
     mass: float = 1.0,
 ) -> mujoco.MjModel:
-    """Compile the scene of one robot and one object.
+    """Compile the scene of one robot and one object; see `describe_scene`."""
+    return describe_scene(robot, obj, preset, control, visuals, meshes, friction, mass).compile()
+
+
+def describe_scene(
+    robot: Robot,
+    obj: SceneObject,
+    preset: str = "improved",
+    control: str = "position",
+    visuals: bool = False,
+    meshes: bool | None = None,
+    friction: float = 1.0,
+    mass: float = 1.0,
+) -> mujoco.MjSpec:
+    """The scene of one robot and one object, to be compiled. Raises UnknownName.
 
     Args:
-        robot: the robot.
-        obj: the object, at the origin facing +x; it moves if it is movable.
+        robot: its links are the first bodies.
+        obj: at the origin facing +x; it moves if it is movable.
         preset: which of the robot's gains to use.
         control: `position` (PD towards joint angles), `velocity` (damping towards joint velocities) or `torque`.
         visuals: add what is only there for pictures: shells, floor pattern, lights. The state stays the same.
@@ -69,7 +83,7 @@ def build_model(
         for link in robot.link_names:
             body = spec.body(link)
             body.mass, body.fullinertia = body.mass * mass, body.fullinertia * mass
-    return spec.compile()
+    return spec
 
 
 def build_object(obj: SceneObject) -> mujoco.MjModel:
@@ -81,9 +95,8 @@ def build_object(obj: SceneObject) -> mujoco.MjModel:
 
 
 def _add_floor(spec: mujoco.MjSpec, visuals: bool) -> None:
-    floor = spec.worldbody.add_geom(
-        name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05], group=FLOOR_GROUP
-    )
+    plane = mujoco.mjtGeom.mjGEOM_PLANE
+    floor = spec.worldbody.add_geom(name="floor", type=plane, size=[0, 0, 0.05], group=FLOOR_GROUP)
     floor.contype = floor.conaffinity = _WORLD_BIT
     floor.friction = FRICTION
     if not visuals:
@@ -133,13 +146,11 @@ def _add_object(spec: mujoco.MjSpec, obj: SceneObject, meshes: bool) -> None:
     for slot in range(SLOTS):
         geom = body.add_geom(name=f"object_{slot}", type=mujoco.mjtGeom.mjGEOM_BOX, group=OBJECT_GROUP)
         geom.friction = (obj.friction, *FRICTION[1:])
-        geom.priority = (
-            1  # or MuJoCo would take the larger friction of the two that touch, and nothing could be slippery
-        )
+        # or MuJoCo would take the larger friction of the two that touch, and nothing could be slippery
+        geom.priority = 1
         # every slot takes part in collision, for MuJoCo lays out its memory by the number that does; a slot to spare
         # is a grain in the middle of the first box, where nothing touches it
-        used = min(slot, len(obj.box_pos)) % len(obj.box_pos)
-        spare = slot >= len(obj.box_pos)
+        used, spare = min(slot, len(obj.box_pos)) % len(obj.box_pos), slot >= len(obj.box_pos)
         geom.pos, geom.quat, geom.size = (
             obj.box_pos[used],
             obj.box_quat[used],
@@ -252,7 +263,7 @@ def _add_robot(spec: mujoco.MjSpec, robot: Robot, visuals: bool) -> None:
         geom = _add_shape(bodies[shape.link], shape)
         geom.group, geom.friction, geom.mass = ROBOT_GROUP, FRICTION, 0.0
         geom.contype, geom.conaffinity = bits[shape.group], partners[shape.group]
-        geom.rgba = _COLORS["robot"] if not visuals else (0, 0, 0, 0)
+        geom.rgba = _GRAY if not visuals else (0, 0, 0, 0)
     for shape in robot.visual if visuals else ():
         geom = _add_shape(bodies[shape.link], shape)
         geom.group, geom.contype, geom.conaffinity, geom.mass = VISUAL_GROUP, 0, 0, 0.0
