@@ -218,9 +218,8 @@ def test_recovers_a_motion_that_the_robot_made() -> None:
     truth = Pose(np.hstack([t, 0.1 * t, 1.0 + 0 * t]), rot.from_rotvec(np.hstack([0.1 * t, 0.2 * t, t])), joints)
     links = TREE.place(truth)
     each, same = np.arange(20), np.tile(rot.IDENTITY, (20, 1))
-    bound = Bound(
-        each, each, np.zeros((20, 3)), each, np.ones(20), each, each, same, (), same[:0], (), (), np.zeros((0, 3))
-    )
+    none, one = np.zeros((0, 3)), np.ones(20)
+    bound = Bound(each, each, np.zeros((20, 3)), each, one, one, each, each, same, (), same[:0], (), (), (), none)
     problem = opt.make_problem(bound, TREE, LIMITS, links.pos, links.quat, 30.0, replace(PAPER, acceleration=1e-9))
     found, losses = solve(problem, truth._replace(joints=np.tile(middle, (20, 1))), 60, 1e-9)
     assert np.abs(found.joints - truth.joints).max() < 1e-3

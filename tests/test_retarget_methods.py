@@ -39,6 +39,7 @@ from mimicbench.retarget.methods.omnih2o import align
 from mimicbench.retarget.methods.optimization import PAPER
 from mimicbench.retarget.registry import METHODS
 from mimicbench.retarget.solver import solve
+from mimicbench.robots.description import Robot
 from mimicbench.robots.registry import ROBOTS
 
 H1 = ROBOTS.get("h1")
@@ -81,6 +82,12 @@ def reach(skeleton: Skeleton, frames: int = 12, obj: SceneObject | None = None) 
         np.tile(rot.IDENTITY, (frames, 1)),
         np.array([[-1.1, 0.3, 1.0], [-1.1, -0.3, 1.0]]),
     )
+
+
+def legs(robot: Robot) -> tuple[int, int]:
+    """Links of one hip and of its foot."""
+    hip, _, foot = robot.legs[0]
+    return robot.link_names.index(hip), robot.link_names.index(foot)
 
 
 # --- the paper's tables, to the letter
@@ -194,11 +201,12 @@ def test_aligned_skeleton_has_the_robots_limbs(skeleton: Skeleton) -> None:
 
 @pytest.mark.parametrize("skeleton", SKELETONS, ids=lambda skeleton: skeleton.name)
 @pytest.mark.parametrize("name", METHODS)
-def test_every_method_keeps_its_contract(name: str, skeleton: Skeleton) -> None:
-    box, method = make_box(0, 0), METHODS.get(name)
+@pytest.mark.parametrize("of", ROBOTS)
+def test_every_method_keeps_its_contract(of: str, name: str, skeleton: Skeleton) -> None:
+    box, method, robot = make_box(0, 0), METHODS.get(name), ROBOTS.get(of)
     motion = reach(skeleton, obj=box)
     for preset in method.presets:
-        result = method.retarget(Clip(motion, box, H1), preset)
+        result = method.retarget(Clip(motion, box, robot), preset)
         assert (result.id, result.reference_id, result.task, result.object_id) == (
             motion.id,
             motion.id,
@@ -208,18 +216,19 @@ def test_every_method_keeps_its_contract(name: str, skeleton: Skeleton) -> None:
         assert (result.fps, result.frames, result.robot, result.style) == (
             motion.fps,
             motion.frames,
-            "h1",
+            of,
             motion.style,
         )
         assert result.contact_names == motion.contact_names and (result.contacts == motion.contacts).all()
         assert (result.wrist_goal_w == motion.wrist_goal_w).all() and (result.object_pos_w == motion.object_pos_w).all()
         assert (result.object_quat_w == motion.object_quat_w).all()
         stored = result.joint_pos.astype(np.float32).astype(float)
-        assert (stored >= H1.joint_range[:, 0]).all() and (stored <= H1.joint_range[:, 1]).all()
-        assert set(MEASURES) <= set(result.measures) and not unsolved(
-            {**result.measures, "goal_error": 0.0}, method.limits
-        )
-        again = method.retarget(Clip(motion, box, ROBOTS.get("h1")), preset)
+        assert (stored >= robot.joint_range[:, 0]).all() and (stored <= robot.joint_range[:, 1]).all()
+        assert set(MEASURES) <= set(result.measures)
+        # methods of the paper follow the points of a person whom a small robot does not reach up to
+        small = {"position_error"} if robot.reach(*legs(robot)) < 0.7 and method.limits == Limits() else set()
+        assert set(unsolved({**result.measures, "goal_error": 0.0}, method.limits)) <= small
+        again = method.retarget(Clip(motion, box, ROBOTS.get(of)), preset)
         assert (again.joint_pos == result.joint_pos).all() and (again.root_pos_w == result.root_pos_w).all()
         assert dict(again.measures) == dict(result.measures)
 
