@@ -33,7 +33,7 @@ from mimicbench.sim.scene import CONTROL_DT
 def tracking_arrays(motion: RobotMotion, robot: Robot) -> dict[str, np.ndarray]:
     """The arrays of such a file, single precision: what our own trackers are given of a clip.
 
-    Velocities are the derivatives of the clip's splines; in the last frame, where the clip comes to rest, they are zero.
+    Velocities are the derivatives of the clip's splines; in the last frame, where it comes to rest, they are zero.
 
     Raises:
         BadMotion: The clip is of another robot, or shorter than two control steps.
