@@ -44,7 +44,7 @@ def gliding(task):
         turn = rot.from_rotvec(np.stack([0 * time, 0.1 * time, 0.2 * time], -1))
         more = {"object_pos_w": pos + [0.4, 0.0, -0.3], "object_quat_w": turn}
     if task.wrist_goals:
-        more = {"wrist_goal_w": np.array([[0.3, 0.2, 0.9], [np.nan] * 3])}
+        more = {"wrist_goal_w": np.array([[0.3, 0.2, 0.9], [0.4, -0.3, 1.1]])}
     joints = np.clip(ROBOT.rest_pose + swing, ROBOT.joint_range[:, 0], ROBOT.joint_range[:, 1])
     name = ROBOT.name
     motion = RobotMotion("clip", task.name, name, ROBOT.joint_names, 50.0, pos, quat, joints, obj.id, "clip", **more)

@@ -61,16 +61,21 @@ def clone(folder: Path, given: Given, config: CloneImitation) -> dict[str, Any]:
     clips = given.clips
     network: NetworkConfig = config.network.of(clips.robot, clips.task)
     demos = load_demos(given.demonstrations, clips.robot.name, state=network.inputs.body == "state")
-    scene = [clips.objects[object_id] for object_id in sorted(set(demos.object_ids))]
-    maps = _plain_maps(scene, clips.task) if network.inputs.elevation else None
-    goals = _goals(demos, clips) if network.inputs.memory or network.inputs.targets else None
-    frames = DemoFrames(demos, clips.objects, network.inputs, network.window, maps, goals, config.plans(demos, clips))
+    frames = demo_frames(demos, clips, network, config)
     course = replace(config.train, seed=given.seed, device=tensor_device(given.context.device))
     trained = train(network, frames, course, folder, given.context.quiet)
     told = {"demonstrations": demos.episodes, "batches": course.steps}
     notes = {"seed": given.seed, "task": clips.task.name, "gains": given.gains, **told}
     save_learner(folder, trained, clips.robot.name, notes)
     return told
+
+
+def demo_frames(demos: Demos, clips: ClipSet, network: NetworkConfig, config: CloneImitation) -> DemoFrames:
+    """The frames of demonstrations that follow these clips, as a network is shown them."""
+    scene = [clips.objects[object_id] for object_id in sorted(set(demos.object_ids))]
+    maps = _plain_maps(scene, clips.task) if network.inputs.elevation else None
+    goals = _goals(demos, clips) if network.inputs.memory or network.inputs.targets else None
+    return DemoFrames(demos, clips.objects, network.inputs, network.window, maps, goals, config.plans(demos, clips))
 
 
 def _plain_maps(scene: list[SceneObject], task: Task) -> MapMaker:

@@ -31,8 +31,7 @@ class PlanLayout:
 
     def __init__(self, spec: TrackerSpec, robot: Robot, task: Task) -> None:
         self.terms = tuple(term for term in chosen_terms(spec.observations, task) if term.privileged)
-        told, moved = 6 if task.wrist_goals else 0, 15 if task.moves_object else 0
-        self._widths = [self._pose, self._pose, told, moved, moved]
+        self._widths = [torch.Size(term.shape(robot, task)).numel() for term in self.terms]
         self.size = sum(width + 3 * len(term.turns) for term, width in zip(self.terms, self._widths, strict=True))
         """P."""
 

@@ -1,7 +1,9 @@
 """Learners in their closed loop."""
 
+from collections.abc import Mapping
+
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.imitate.goals import KnownGoal
@@ -39,6 +41,24 @@ class Senses:
         if self.goal is not None:
             self.goal.to(device)
 
+    def networks(self) -> list[nn.Module]:
+        """Those that perceive."""
+        return self.goal.networks() if self.goal else []
+
+    def memory(self) -> dict[str, Tensor]:
+        """(N, ...) what is carried from frame to frame, by name."""
+        found = {f"goal.{name}": value for name, value in self.goal.memory().items()} if self.goal else {}
+        for number, (vector, maps) in enumerate(self._past):
+            found |= {f"vector.{number}": vector, **({} if maps is None else {f"maps.{number}": maps})}
+        return found
+
+    def remember(self, memory: Mapping[str, Tensor]) -> None:
+        """Go on from what `memory` gave."""
+        if self.goal:
+            self.goal.remember({n.removeprefix("goal."): v for n, v in memory.items() if n.startswith("goal.")})
+        numbers = range(len(self._past))
+        self._past = [(memory[f"vector.{number}"], memory.get(f"maps.{number}")) for number in numbers]
+
     def begin(self, ids: Tensor, obs: Observations) -> None:
         """Robots `ids` (M,) begin anew: they find out about the goal, and before their first frame was the same one."""
         if self.goal is not None:
@@ -48,7 +68,13 @@ class Senses:
         vector, maps = self._frame(obs)
         if not self._past or len(self._past[0][0]) != len(vector):
             self._past = [(vector, maps)] * (self._inputs.history - 1)
-        self._past = [(_with(old, vector, ids), _with(seen, maps, ids)) for old, seen in self._past]
+        self._past = [
+            (
+                old.index_copy(0, ids, vector[ids]),
+                None if seen is None or maps is None else seen.index_copy(0, ids, maps[ids]),
+            )
+            for old, seen in self._past
+        ]
 
     def see(self, obs: Observations) -> tuple[Tensor, Tensor | None]:
         """The vectors (N, size) and the maps (N, channels, 128, 128), or (N, history, ...) of both."""
@@ -65,15 +91,6 @@ class Senses:
         state = obs["state"] if self._inputs.body == "state" else obs["proprio"]
         vector = self._inputs.vector(state, obs["proprio"], obs["time"][:, 0], memory)
         return vector, torch.stack([obs[name] for name in self._maps], 1) if self._maps else None
-
-
-def _with(old: Tensor | None, new: Tensor | None, ids: Tensor) -> Tensor | None:
-    """The old values with new ones for robots `ids`."""
-    if old is None or new is None:
-        return None
-    found = old.clone()
-    found[ids] = new[ids]
-    return found
 
 
 class VisionPolicy:
@@ -101,9 +118,10 @@ class VisionPolicy:
         """Find out about the goal, and remember it; forget what was planned."""
         self.senses.begin(ids, obs)
         if len(self._done) != obs.num_envs:
-            self._plan = self._plan[:0]
-            self._done = torch.zeros(obs.num_envs, dtype=torch.long, device=obs["time"].device)
-        self._done[ids] = self.learner.executes
+            proprio = obs["proprio"]
+            self._plan = proprio.new_zeros(obs.num_envs, self.learner.executes, self.learner.config.action_size)
+            self._done = torch.zeros(obs.num_envs, dtype=torch.long, device=proprio.device)
+        self._done = self._done.index_fill(0, ids, self.learner.executes)
 
     @torch.no_grad()
     def act(self, obs: Observations) -> Tensor:
@@ -112,12 +130,31 @@ class VisionPolicy:
         if self.learner.executes == 1:
             return self.learner.predict(vector, maps)
         # robots that began at different times predict at different times
-        due = (self._done == self.learner.executes).nonzero()[:, 0]
-        if len(due):
-            found = self.learner.plan(vector[due], None if maps is None else maps[due])[:, : self.learner.executes]
-            if len(self._plan) != len(self._done):
-                self._plan = found.new_zeros(len(self._done), *found.shape[1:])
-            self._plan[due], self._done[due] = found, 0
+        due = self._done == self.learner.executes
+        if torch.compiler.is_compiling():  # a graph cannot choose among them
+            self._plan = torch.where(due[:, None, None], self._predicted(vector, maps), self._plan)
+        elif due.any():
+            found = self._predicted(vector[due], None if maps is None else maps[due])
+            self._plan = self._plan.index_copy(0, due.nonzero()[:, 0], found)
+        self._done = torch.where(due, 0, self._done)
         target = self._plan[torch.arange(len(self._done), device=self._done.device), self._done]
-        self._done += 1
+        self._done = self._done + 1
         return target
+
+    def _predicted(self, vector: Tensor, maps: Tensor | None) -> Tensor:
+        """(n, executes, J) the actions that are carried out from now on."""
+        return self.learner.plan(vector, maps)[:, : self.learner.executes]
+
+    def networks(self) -> list[nn.Module]:
+        """All that it runs on."""
+        return [self.learner, *self.senses.networks()]
+
+    def memory(self) -> dict[str, Tensor]:
+        """(N, ...) what is carried from frame to frame, by name."""
+        plan = {} if self.learner.executes == 1 else {"plan": self._plan, "done": self._done}
+        return {**self.senses.memory(), **plan}
+
+    def remember(self, memory: Mapping[str, Tensor]) -> None:
+        """Go on from what `memory` gave."""
+        self.senses.remember(memory)
+        self._plan, self._done = memory.get("plan", self._plan), memory.get("done", self._done)

@@ -17,6 +17,7 @@ deviation in each frame of the chunk: the next frame is centimeters away, the la
 the joint angles of one frame; here it says the paper's poses of two, from which velocities follow.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Self
@@ -218,7 +219,20 @@ class HITPolicy:
         self._senses.begin(ids, obs)
         if len(self._last_action) != obs.num_envs:
             self._last_action = obs["proprio"].new_zeros(obs.num_envs, len(self._robot.joints))
-        self._last_action[ids] = 0.0
+        self._last_action = self._last_action.index_fill(0, ids, 0.0)
+
+    def networks(self) -> list[nn.Module]:
+        """All that it runs on."""
+        return [self._learner, self._tracker.network, *self._senses.networks()]
+
+    def memory(self) -> dict[str, Tensor]:
+        """(N, ...) what is carried from frame to frame, by name."""
+        return {"last_action": self._last_action, **self._senses.memory()}
+
+    def remember(self, memory: Mapping[str, Tensor]) -> None:
+        """Go on from what `memory` gave."""
+        self._last_action = memory["last_action"]
+        self._senses.remember(memory)
 
     @torch.no_grad()
     def act(self, obs: Observations) -> Tensor:
