@@ -336,3 +336,63 @@ def test_nothing_is_learned_from_the_frames_that_judge(demos, chairs, tmp_path):
     data.action[data.validation_frames] = math.nan  # whoever learned from one would notice
     trained = train(config, data, TrainConfig(steps=20, batch=32, device="cpu"), tmp_path, quiet=True)
     assert all(torch.isfinite(value).all() for value in trained.state_dict().values())
+
+
+def test_windows_end_where_episodes_do(demos, chairs):
+    """Two frames are seen, and the actions of eight, one of them past; beyond either end there is but the end."""
+    data = frames(demos, chairs, tiny("diffusion", INPUTS["blind"]))
+    assert demos.starts[1] == 20
+    batch, single = data.batch(torch.tensor([0, 1, 19, 20])), data.vector(torch.arange(demos.frames))
+    assert (batch.vector[:, 0] == single[[0, 0, 18, 20]]).all() and (batch.vector[:, 1] == single[[0, 1, 19, 20]]).all()
+    assert (batch.actions[1] == data.action[:8]).all()
+    assert (batch.actions[2] == data.action[[18, *[19] * 7]]).all() and batch.pad[2].tolist() == [False] * 2 + [
+        True
+    ] * 6
+    assert (batch.actions[3] == data.action[[20, 20, 21, 22, 23, 24, 25, 26]]).all() and not batch.pad[3].any()
+
+
+def test_what_is_foreseen_is_the_map_after_the_chunk(demos, chairs):
+    config = tiny("hit", INPUTS["paper"])
+    batch = frames(demos, chairs, config).batch(torch.tensor([3, 17]))
+    data = frames(demos, chairs, config)
+    assert config.window.chunk == 5 and batch.ahead.shape == batch.elevation.shape
+    assert (batch.ahead == data.elevation(torch.tensor([8, 19]))).all(), "none lies after the end"
+
+
+def test_a_plan_is_carried_out_before_the_next():
+    """Three frames of it, and by each robot from its own start on."""
+    config = tiny("diffusion", InputConfig(body="proprio", clock=True, elevation=False))
+    torch.manual_seed(0)
+    policy, random = VisionPolicy(config.build()), torch.Generator().manual_seed(0)
+    seen = [torch.randn(2, 48, generator=random) for _ in range(5)]
+
+    def senses(at):
+        time = torch.full((2, 1), 0.02 * at)
+        return Observations({"proprio": seen[at], "time": time, "odometry": torch.zeros(2, 3)})
+
+    def planned(*frames):
+        vectors = [config.inputs.vector(seen[at], seen[at], torch.full((2,), 0.02 * at), None) for at in frames]
+        with torch.no_grad():
+            return policy.learner.plan(torch.stack(vectors, 1), None)
+
+    policy.reset(torch.arange(2), senses(0))
+    targets = [policy.act(senses(at)) for at in range(4)]
+    first, second = planned(0, 0), planned(2, 3)
+    for at in range(3):
+        torch.testing.assert_close(targets[at], first[:, at])
+    torch.testing.assert_close(targets[3], second[:, 0])
+    policy.reset(torch.tensor([1]), senses(4))
+    last = policy.act(senses(4))
+    torch.testing.assert_close(last[0], second[0, 1])
+    torch.testing.assert_close(last[1], planned(4, 4)[1, 0])
+
+
+@pytest.mark.parametrize("kind", kinds())
+def test_no_learner_assumes_the_joints_of_one_robot(kind):
+    short = replace(H1, name="short", joints=H1.joints[:-2], rest_pose=H1.rest_pose[:-2])
+    for inputs in INPUTS.values():
+        config = replace(tiny(kind, inputs), inputs=inputs).of(short, SIT_CHAIR)
+        body = {"state": 3 + 2 * 17 + 12 * 20 + (0 if inputs.clock else 17), "proprio": 10 + 2 * 17}[inputs.body]
+        assert config.inputs.size == body + (13 if inputs.clock else 0) + (10 if inputs.memory else 0)
+        assert config.action_size in (17, 2 * (2 * 17 + 9))
+        assert config.build().action_mean.shape[-1] == config.action_size

@@ -75,7 +75,7 @@ class DiffusionConfig(NetworkConfig):
 
     @staticmethod
     def small(inputs: InputConfig | None = None) -> "DiffusionConfig":
-        """For a CPU: about 2 million parameters."""
+        """For a CPU: about 2.5 million parameters."""
         return DiffusionConfig(
             inputs=inputs or InputConfig(history=2),
             encoder=EncoderConfig.small(),
