@@ -117,28 +117,29 @@ class PosePlan:
         Raises:
             MimicbenchError: The tracker looks farther ahead than the plans go.
         """
-        parts = [frame.split(self._widths, -1) for frame in chunk.unbind(1)]
-        context = _Imagined.of(self.robot, self.task, obs["proprio"], lambda ahead: self._frame(parts, ahead))
+        first = chunk[:, 0].split(self._widths, -1)
+        context = _Imagined.of(self.robot, self.task, obs["proprio"], lambda ahead: self._frame(chunk, ahead))
         if self.task.moves_object:
-            context = context.beside(_object(parts[0][3]))
+            context = context.beside(_object(first[3]))
         wanted = (term for term in chosen_terms(spec.observations, self.task) if term.privileged)
         found = {term.name: term.compute(context) for term in wanted}
-        return {**found, "targets": parts[0][2].unflatten(-1, (2, 3))} if self.task.wrist_goals else found
+        return {**found, "targets": first[2].unflatten(-1, (2, 3))} if self.task.wrist_goals else found
 
-    def _frame(self, parts: list[tuple[Tensor, ...]], ahead: int) -> Frame:
+    def _frame(self, chunk: Tensor, ahead: int) -> Frame:
         """The planned frame `ahead` frames from now, in the robot's root frame as if that were the world's."""
-        if ahead > len(parts):
+        if ahead > chunk.shape[1]:
             raise MimicbenchError(
-                f"this tracker looks {ahead} frames ahead, but the plans end after {len(parts)}; learn with a longer "
-                "chunk (--imitate.network.chunk)"
+                f"this tracker looks {ahead} frames ahead, but the plans end after {chunk.shape[1]}; learn with a "
+                "longer chunk (--imitate.network.chunk)"
             )
-        (first, second), joints = parts[ahead - 1][:2], len(self.robot.joints)
+        first, second, _, _, moved = chunk[:, ahead - 1].split(self._widths, -1)
+        joints = len(self.robot.joints)
         joint_pos, joint_vel, pos, turn = first.split([joints, joints, 3, 6], -1)
         quat, later = rot.from_6d(turn), rot.from_6d(second[:, -6:])
         lin_vel = (second[:, -9:-6] - pos) / CONTROL_DT
         ang_vel = rot.to_rotvec(rot.multiply(later, rot.conjugate(quat))) / CONTROL_DT
         nowhere = pos.new_full((len(pos), 2, 3), torch.nan)
-        obj = _object(parts[ahead - 1][4]) if self.task.moves_object else ObjectState.at_origin(len(pos), pos.device)
+        obj = _object(moved) if self.task.moves_object else ObjectState.at_origin(len(pos), pos.device)
         return Frame(pos, quat, lin_vel, ang_vel, joint_pos, joint_vel, obj, nowhere, nowhere)
 
 
