@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from mimicbench import cli
 from mimicbench.bench import soak as soaking
 from mimicbench.bench import world
+from mimicbench.bench.imitation import bench_imitation
 from mimicbench.bench.maps import MapBenchConfig, bench_maps
 from mimicbench.bench.soak import SoakConfig, compile_family, soak, soak_task
 from mimicbench.bench.world import WorldBenchConfig, bench_task
@@ -33,6 +35,20 @@ def test_maps_beside_bare_physics():
     assert len(lines) == 4 and all(
         row[name] > 0 for row in found["rows"] for name in ("maps_per_second", "core_ms", "physics_steps")
     )
+
+
+@pytest.mark.parametrize("robot", ["h1", "short"])
+def test_learners_are_measured_on_any_robot(robot):
+    """Also on one with fewer joints, for which nothing is shipped."""
+    short = replace(H1, name="short", joints=H1.joints[:-1], rest_pose=H1.rest_pose[:-1])
+    lines, say = heard()
+    names = ("hit", "diffusion", "bc") if robot == "short" else ("hit", "planner")
+    found = bench_imitation(H1 if robot == "h1" else short, TASKS.get("sit-chair"), names, 0.01, say)
+    assert tuple(found) == names and len(lines) == len(names)
+    for name, figures in found.items():
+        assert ("waiting" in figures) == (name != "planner") and ("decision_ms" in figures) == (robot == "h1")
+        assert all(value > 0 for key, value in figures.items() if key != "waiting")
+        assert 0 <= figures.get("waiting", 0) <= 1
 
 
 def heard():

@@ -53,7 +53,7 @@ LIES = [
 
 def load(folder, kind):
     if kind in ("act", "bc"):
-        return load_learner(folder, "h1", {"act": ACTConfig, "bc": BCConfig}[checkpoint_kind(folder)])
+        return load_learner(folder, H1, {"act": ACTConfig, "bc": BCConfig}[checkpoint_kind(folder)])
     if kind == "perception":
         return load_perception(folder, "h1")
     if kind == "tracker":

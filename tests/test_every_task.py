@@ -22,6 +22,7 @@ from mimicbench.imitate.clock import clock_features
 from mimicbench.imitate.dataset import DemoFrames
 from mimicbench.imitate.demos import demonstrations
 from mimicbench.imitate.goals import GivenGoal
+from mimicbench.imitate.inputs import Window
 from mimicbench.imitate.learners.bc import BCImitation
 from mimicbench.imitate.learners.bc_clock import BCClockImitation
 from mimicbench.imitate.learners.planner import PlannerImitation
@@ -112,7 +113,7 @@ def test_a_clone_knows_its_goal(name, demonstrated, tmp_path):
         save_perception(tmp_path / "perception", eyes, ROBOT.name)
     policy = load_policy(tmp_path / "policy", ROBOT, clips.task)
     assert policy.learner.inputs.memory_size == clips.task.goal.memory_size
-    assert isinstance(policy._goal, GivenGoal) != save
+    assert isinstance(policy.senses.goal, GivenGoal) != save
     (run,) = run_policy(policy, replace(clips, task=replace(clips.task, time_limit=0.2)), env_config=ONE)
     assert not run.errors
 
@@ -121,11 +122,11 @@ def test_a_clone_knows_its_goal(name, demonstrated, tmp_path):
 def test_what_is_learned_from_is_what_will_be_observed(name, demonstrated):
     """Body, memory and map of a demonstration's frame, and of an environment in the same state."""
     clips, folder = demonstrated(name)
-    inputs = replace(BCClockImitation().network.inputs, elevation=True).of(clips.task)
+    inputs = replace(BCClockImitation().network.inputs, elevation=True).of(ROBOT, clips.task)
     demos = load_demos(folder, ROBOT.name, state=False)
     scene = list(clips.objects.values())
     frames = DemoFrames(
-        demos, clips.objects, inputs, 1, cloning._plain_maps(scene, clips.task), cloning._goals(demos, clips)
+        demos, clips.objects, inputs, Window(), cloning._plain_maps(scene, clips.task), cloning._goals(demos, clips)
     )
     bank = ReferenceBank(clips.motions, ROBOT)
     env = VecEnv(clips.task, ROBOT, clips.scenes, ONE, bank=bank)

@@ -49,6 +49,8 @@ MAY = {
     "imitate/learn_planner.py": "and its training",
     "policies/act.py": "one file a kind of policy",
     "policies/bc.py": "the same",
+    "policies/diffusion.py": "the same",
+    "policies/hit.py": "the same",
     "policies/planner.py": "the same",
     "benchmark/presets.py": "named recipes",
     "report/paper_tables.py": "the paper's numbers, by its tasks and methods",

@@ -14,11 +14,9 @@ from mimicbench.core.errors import BadFile, MimicbenchError
 from mimicbench.imitate.clock import clock_features
 from mimicbench.imitate.dataset import DemoFrames, EpisodeGoals, proprioception
 from mimicbench.imitate.encoder import Encoder, EncoderConfig
-from mimicbench.imitate.inputs import LAST_ACTION, Batch, InputConfig
+from mimicbench.imitate.inputs import Batch, InputConfig, Window
 from mimicbench.imitate.learn_perception import draw_maps
 from mimicbench.imitate.learned import load_learner, save_learner
-from mimicbench.imitate.learners.act import ACTConfig
-from mimicbench.imitate.learners.bc import BCConfig
 from mimicbench.imitate.lerobot import Demos
 from mimicbench.imitate.perception import (
     Perception,
@@ -35,19 +33,31 @@ from mimicbench.sensors.observations import Observations
 from mimicbench.tasks.sit_chair import TASK as SIT_CHAIR
 
 TINY = EncoderConfig(pool=4, widths=(8, 8, 8, 8), blocks=(1, 1, 1, 1))
+H1 = ROBOTS.get("h1")
 INPUTS = {
     "paper": InputConfig(),
-    "timed": InputConfig.timed().of(SIT_CHAIR),
-    "blind": InputConfig(body="state", clock=True, memory=True, elevation=False).of(SIT_CHAIR),
+    "timed": InputConfig.timed(),
+    "blind": InputConfig(body="state", clock=True, memory=True, elevation=False),
+}
+SMALL = {
+    "act": {"hidden": 32, "feedforward": 32, "heads": 2, "chunk": 5, "latent": 4, "dropout": 0.0},
+    "bc": {"hidden": 64, "reduce": (8,)},
+    "hit": {"hidden": 32, "heads": 2, "chunk": 5, "dropout": 0.0},
+    "diffusion": {"widths": (16, 32), "groups": 4, "chunk": 8, "executes": 3, "step_embedding": 8, "sample_steps": 4},
 }
 
 
+def kinds():
+    """Names of learners that clone, one for every kind of network."""
+    clones = (LEARNERS.get(name).config for name in LEARNERS if LEARNERS.get(name).config.clones)
+    return list({type(config().network): config().learner for config in reversed(list(clones))}.values())
+
+
 def tiny(kind, inputs):
-    if kind == "act":
-        return replace(
-            ACTConfig.small(inputs), encoder=TINY, hidden=32, feedforward=32, heads=2, chunk=5, latent=4, dropout=0.0
-        )
-    return replace(BCConfig.small(inputs), encoder=TINY, hidden=64, reduce=(8,))
+    """The network of a learner for the H1 at sit-chair, as small as can be."""
+    network = LEARNERS.get(kind).config().network
+    inputs = replace(inputs, history=network.inputs.history)
+    return replace(network, inputs=inputs, encoder=TINY, **SMALL[kind]).of(H1, SIT_CHAIR)
 
 
 @pytest.fixture(scope="module")
@@ -96,12 +106,23 @@ def goals_of(demos, chairs):
     return EpisodeGoals(SIT_CHAIR.goal, goals)
 
 
-def frames(demos, chairs, inputs, chunk):
-    """Frames of demonstrations."""
-    return DemoFrames(demos, chairs, inputs, chunk, goals=goals_of(demos, chairs))
+def frames(demos, chairs, network):
+    """Frames of demonstrations as a network is shown them."""
+    plans = Waves(network) if network.action_size != 19 else None
+    return DemoFrames(demos, chairs, network.inputs, network.window, goals=goals_of(demos, chairs), plans=plans)
 
 
-CASES = [(kind, name) for kind in ("act", "bc") for name in INPUTS]
+class Waves:
+    """Something to say of every frame, for learners that do not say joint targets."""
+
+    def __init__(self, network):
+        self.size = network.action_size
+
+    def of(self, frames, steps):
+        return torch.sin(0.1 * steps[..., None] + torch.arange(self.size)) + 0.01 * (steps - frames[:, None])[..., None]
+
+
+CASES = [(kind, name) for kind in kinds() for name in INPUTS]
 
 
 @pytest.mark.parametrize(("kind", "inputs"), CASES)
@@ -109,11 +130,13 @@ def test_learner_contract(kind, inputs, demos, chairs, tmp_path):
     config = tiny(kind, INPUTS[inputs])
     torch.manual_seed(0)
     learner = config.build()
-    data = frames(demos, chairs, config.inputs, learner.chunk)
+    data = frames(demos, chairs, config)
     batch = data.batch(torch.arange(10), torch.Generator().manual_seed(0))
-    assert batch.vector.shape == (10, config.inputs.size) and batch.actions.shape == (10, learner.chunk, 19)
+    history = (config.inputs.history,) if config.inputs.history > 1 else ()
+    assert batch.vector.shape == (10, *history, config.inputs.size)
+    assert batch.actions.shape == (10, config.window.chunk, config.action_size)
     assert (batch.elevation is None) == (not config.inputs.elevation)
-    learner.normalize_by(data.vector(torch.arange(demos.frames)), data.action)
+    learner.normalize_by(data.vector(torch.arange(demos.frames)), data.samples(torch.arange(demos.frames)))
     # the loss falls
     optimizer = torch.optim.Adam(learner.parameters(), 3e-3)
     losses = []
@@ -130,36 +153,47 @@ def test_learner_contract(kind, inputs, demos, chairs, tmp_path):
     # using it has no randomness, and does not depend on its neighbors in the batch
     learner.eval()
     with torch.no_grad():
+        plan = learner.plan(batch.vector, batch.elevation)
         first = learner.predict(batch.vector, batch.elevation)
         alone = learner.predict(batch.vector[3:4], None if batch.elevation is None else batch.elevation[3:4])
-    assert first.shape == (10, 19)
+    assert first.shape == (10, config.action_size) and (plan[:, 0] == first).all()
+    assert plan.shape[1] >= learner.executes
     torch.testing.assert_close(first[3:4], alone, atol=1e-5, rtol=1e-4)
     # saved and loaded, it is the same
     save_learner(tmp_path, learner, "h1")
     with torch.no_grad():
-        assert (load_learner(tmp_path, "h1", type(config))[0].predict(batch.vector, batch.elevation) == first).all()
+        assert (load_learner(tmp_path, H1, type(config))[0].predict(batch.vector, batch.elevation) == first).all()
     with pytest.raises(BadCheckpoint, match="another robot"):
-        load_learner(tmp_path, "g1", type(config))
+        load_learner(tmp_path, replace(H1, name="g1"), type(config))
 
 
 def test_presets_have_the_published_sizes():
+    def built(kind):
+        network = type(LEARNERS.get(kind).config().network)()
+        with torch.device("meta"):
+            return network.of(H1, SIT_CHAIR).build()
+
+    act, bc, hit, diffusion = (built(kind) for kind in ("act", "bc", "hit", "diffusion"))
     with torch.device("meta"):
-        act, bc, resnet = (
-            ACTConfig().build(),
-            BCConfig().build(),
-            Encoder(EncoderConfig(channels=3)),
-        )
-    assert (len(act.decoder_layers), len(act.encoder_layers), act.chunk, act.config.latent) == (7, 4, 100, 32)
+        resnet = Encoder(EncoderConfig(channels=3))
+    assert (len(act.decoder_layers), len(act.encoder_layers), act.config.chunk, act.config.latent) == (7, 4, 100, 32)
     assert act.inputs.size == 300 and act.map_encoder.config.side == 4
     # ResNet-18 without its classifier has 11.18 million weights for three channels
     assert sum(p.numel() for p in resnet.parameters()) == pytest.approx(11.18e6, rel=0.002)
     assert bc.mlp[0].in_features == 300 + 32 * 16
+    # 47 numbers in each of two frames
+    assert (hit.config.chunk, len(hit.blocks), hit.head.in_features, hit.head.out_features) == (50, 6, 512, 94)
+    assert hit.blocks[0].feedforward[0].out_features == 2048 and hit.config.feature_weight == 0.005
+    assert diffusion.config.widths == (512, 1024, 2048) and diffusion.config.step_embedding == 128
+    assert (diffusion.inputs.history, diffusion.config.chunk, diffusion.executes) == (2, 16, 8)
+    # FiLM is told the amount of noise, two states and the features of two maps
+    assert diffusion.unet.down[0][0].film[1].in_features == 128 + 2 * (300 + 512)
 
 
 def test_loss_ignores_what_comes_after_the_end(demos, chairs):
     config = tiny("act", INPUTS["blind"])
     learner = config.build().eval()
-    data = frames(demos, chairs, config.inputs, learner.chunk)
+    data = frames(demos, chairs, config)
     batch = data.batch(torch.tensor([18, 19]))
     assert batch.pad.tolist() == [[False, False, True, True, True], [False, True, True, True, True]]
     other = Batch(batch.vector, None, torch.where(batch.pad[..., None], 9.0, batch.actions), batch.pad)
@@ -171,17 +205,18 @@ def test_all_decoder_layers_learn(demos, chairs):
     # the original reads the first layer's output only
     config = replace(tiny("act", INPUTS["blind"]), decoder_layers=3)
     learner = config.build()
-    learner.loss(frames(demos, chairs, config.inputs, 5).batch(torch.arange(4)))["l1"].backward()
+    learner.loss(frames(demos, chairs, config).batch(torch.arange(4)))["l1"].backward()
     assert all(float(layer.feedforward[0].weight.grad.abs().sum()) > 0 for layer in learner.decoder_layers)
 
 
 def test_clock_leaves_the_last_action_out():
     state = torch.arange(300.0)[None]
     proprio, time = torch.zeros(1, 48), torch.zeros(1)
-    vector = InputConfig(clock=True).vector(state, proprio, time, None)
-    assert vector.shape == (1, InputConfig(clock=True).size) == (1, 281 + 13)
-    assert not set(range(LAST_ACTION.start, LAST_ACTION.stop)) & set(vector[0, :281].int().tolist())
-    assert InputConfig.timed().of(SIT_CHAIR).size == 48 + 13 + 10
+    inputs = InputConfig(clock=True).on(H1)
+    vector = inputs.vector(state, proprio, time, None)
+    assert vector.shape == (1, inputs.size) == (1, 281 + 13)
+    assert not set(range(278, 297)) & set(vector[0, :281].int().tolist())
+    assert InputConfig.timed().of(H1, SIT_CHAIR).size == 48 + 13 + 10
 
 
 def test_clock():
@@ -204,10 +239,11 @@ def test_proprioception_of_a_turned_robot():
 SHORT = TrainConfig(steps=6, batch=8, log_steps=2, save_every=1e9, average=0.9)
 
 
-def test_training_is_deterministic_and_survives_a_kill(demos, chairs, tmp_path):
-    config = tiny("act", INPUTS["timed"])
-    config = replace(config, dropout=0.1)
-    data = frames(demos, chairs, config.inputs, 5)
+@pytest.mark.parametrize("kind", kinds())
+def test_training_is_deterministic_and_survives_a_kill(kind, demos, chairs, tmp_path):
+    config = tiny(kind, INPUTS["timed"])
+    config = replace(config, **({"dropout": 0.1} if hasattr(config, "dropout") else {}))
+    data = frames(demos, chairs, config)
     whole = train(config, data, SHORT, tmp_path / "whole", quiet=True).state_dict()
     # stopped after three batches, then taken up; lines written after the checkpoint are forgotten
     train(config, data, replace(SHORT, steps=3, schedule="constant"), tmp_path / "constant", quiet=True)
@@ -215,7 +251,7 @@ def test_training_is_deterministic_and_survives_a_kill(demos, chairs, tmp_path):
     with open(tmp_path / "constant/metrics.jsonl", "a") as stream:
         stream.write('{"step": 4, "loss": 0}\n{"st')
     resumed = train(config, data, replace(SHORT, schedule="constant"), tmp_path / "constant", quiet=True).state_dict()
-    once = load_learner(tmp_path / "once", "h1", type(config))[0].state_dict()
+    once = load_learner(tmp_path / "once", H1, type(config))[0].state_dict()
     assert all((once[name] == resumed[name]).all() for name in once)
     steps = [json.loads(line)["step"] for line in (tmp_path / "constant/metrics.jsonl").read_text().splitlines()]
     assert steps == [2, 3, 4, 6, 6]
@@ -229,7 +265,7 @@ def test_training_is_deterministic_and_survives_a_kill(demos, chairs, tmp_path):
 
 def test_training_refuses(demos, chairs, tmp_path):
     config = tiny("bc", INPUTS["blind"])
-    data = frames(demos, chairs, config.inputs, 1)
+    data = frames(demos, chairs, config)
     train(config, data, SHORT, tmp_path, quiet=True)
     with pytest.raises(MimicbenchError, match="another train"):
         train(config, data, replace(SHORT, seed=1), tmp_path, quiet=True)
@@ -237,7 +273,7 @@ def test_training_refuses(demos, chairs, tmp_path):
         train(config, data, replace(SHORT, learning_rate=1e30, clip=0.0, warmup=0.0), tmp_path / "wild", quiet=True)
     assert not (tmp_path / "wild/model.safetensors").exists()
     with pytest.raises(BadFile, match="is missing"):
-        DemoFrames(demos, {}, config.inputs, 1)
+        DemoFrames(demos, {}, config.inputs, Window())
 
 
 SIGHT = PerceptionConfig(
@@ -248,7 +284,7 @@ SIGHT = PerceptionConfig(
 def test_policy_sees_the_shape_and_nothing_else(demos, chairs, tmp_path):
     config = tiny("act", INPUTS["timed"])
     save_learner(tmp_path / "act", config.build(), "h1")
-    robot, task = ROBOTS.get("h1"), SIT_CHAIR
+    robot, task = H1, SIT_CHAIR
     with pytest.raises(BadFile, match="perception"):
         load_policy(tmp_path / "act", robot, task)
     save_perception(tmp_path / "perception", Perception(SIGHT, SIT_CHAIR), "h1")
@@ -292,7 +328,7 @@ def test_every_learner_is_whole(name):
 def test_nothing_is_learned_from_the_frames_that_judge(demos, chairs, tmp_path):
     config = tiny("bc", INPUTS["blind"])
     goals = goals_of(demos, chairs)
-    data = DemoFrames(demos, chairs, config.inputs, config.chunk, validation=0.5, goals=goals)
+    data = DemoFrames(demos, chairs, config.inputs, config.window, validation=0.5, goals=goals)
     held, learned = set(data.validation_frames.tolist()), set(data.train_frames.tolist())
     assert held and learned and not held & learned and len(held) + len(learned) == demos.frames
     episodes = {int(data.episode[frame]) for frame in held}
@@ -300,3 +336,63 @@ def test_nothing_is_learned_from_the_frames_that_judge(demos, chairs, tmp_path):
     data.action[data.validation_frames] = math.nan  # whoever learned from one would notice
     trained = train(config, data, TrainConfig(steps=20, batch=32, device="cpu"), tmp_path, quiet=True)
     assert all(torch.isfinite(value).all() for value in trained.state_dict().values())
+
+
+def test_windows_end_where_episodes_do(demos, chairs):
+    """Two frames are seen, and the actions of eight, one of them past; beyond either end there is but the end."""
+    data = frames(demos, chairs, tiny("diffusion", INPUTS["blind"]))
+    assert demos.starts[1] == 20
+    batch, single = data.batch(torch.tensor([0, 1, 19, 20])), data.vector(torch.arange(demos.frames))
+    assert (batch.vector[:, 0] == single[[0, 0, 18, 20]]).all() and (batch.vector[:, 1] == single[[0, 1, 19, 20]]).all()
+    assert (batch.actions[1] == data.action[:8]).all()
+    assert (batch.actions[2] == data.action[[18, *[19] * 7]]).all() and batch.pad[2].tolist() == [False] * 2 + [
+        True
+    ] * 6
+    assert (batch.actions[3] == data.action[[20, 20, 21, 22, 23, 24, 25, 26]]).all() and not batch.pad[3].any()
+
+
+def test_what_is_foreseen_is_the_map_after_the_chunk(demos, chairs):
+    config = tiny("hit", INPUTS["paper"])
+    batch = frames(demos, chairs, config).batch(torch.tensor([3, 17]))
+    data = frames(demos, chairs, config)
+    assert config.window.chunk == 5 and batch.ahead.shape == batch.elevation.shape
+    assert (batch.ahead == data.elevation(torch.tensor([8, 19]))).all(), "none lies after the end"
+
+
+def test_a_plan_is_carried_out_before_the_next():
+    """Three frames of it, and by each robot from its own start on."""
+    config = tiny("diffusion", InputConfig(body="proprio", clock=True, elevation=False))
+    torch.manual_seed(0)
+    policy, random = VisionPolicy(config.build()), torch.Generator().manual_seed(0)
+    seen = [torch.randn(2, 48, generator=random) for _ in range(5)]
+
+    def senses(at):
+        time = torch.full((2, 1), 0.02 * at)
+        return Observations({"proprio": seen[at], "time": time, "odometry": torch.zeros(2, 3)})
+
+    def planned(*frames):
+        vectors = [config.inputs.vector(seen[at], seen[at], torch.full((2,), 0.02 * at), None) for at in frames]
+        with torch.no_grad():
+            return policy.learner.plan(torch.stack(vectors, 1), None)
+
+    policy.reset(torch.arange(2), senses(0))
+    targets = [policy.act(senses(at)) for at in range(4)]
+    first, second = planned(0, 0), planned(2, 3)
+    for at in range(3):
+        torch.testing.assert_close(targets[at], first[:, at])
+    torch.testing.assert_close(targets[3], second[:, 0])
+    policy.reset(torch.tensor([1]), senses(4))
+    last = policy.act(senses(4))
+    torch.testing.assert_close(last[0], second[0, 1])
+    torch.testing.assert_close(last[1], planned(4, 4)[1, 0])
+
+
+@pytest.mark.parametrize("kind", kinds())
+def test_no_learner_assumes_the_joints_of_one_robot(kind):
+    short = replace(H1, name="short", joints=H1.joints[:-2], rest_pose=H1.rest_pose[:-2])
+    for inputs in INPUTS.values():
+        config = replace(tiny(kind, inputs), inputs=inputs).of(short, SIT_CHAIR)
+        body = {"state": 3 + 2 * 17 + 12 * 20 + (0 if inputs.clock else 17), "proprio": 10 + 2 * 17}[inputs.body]
+        assert config.inputs.size == body + (13 if inputs.clock else 0) + (10 if inputs.memory else 0)
+        assert config.action_size in (17, 2 * (2 * 17 + 9))
+        assert config.build().action_mean.shape[-1] == config.action_size

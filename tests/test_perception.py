@@ -213,12 +213,12 @@ def test_the_surest_look_is_remembered(task):
     still = torch.zeros(1, 2), torch.zeros(1)
     memory.look(everyone, torch.zeros(1), torch.ones(1), *still)
     far = bool(memory.goal[0, list(task.goal.where)].norm() > SIGHT.distance[0] + 0.1)
-    assert memory.unsure(*still).tolist() == ([0] if far else [])
+    assert memory.unsure(*still).tolist() == [far]
     for _ in range(2):
         memory.look(everyone, torch.zeros(1), torch.ones(1), odometry, turned_by)
         torch.testing.assert_close(memory.goal, first, atol=1e-5, rtol=0)
         torch.testing.assert_close(memory.goal, moved(second, odometry, turned_by), atol=1e-5, rtol=0)
-    assert memory.unsure(odometry, turned_by).tolist() == []
+    assert memory.unsure(odometry, turned_by).tolist() == [False]
     torch.testing.assert_close(task.goal.now(memory.recall(odometry, turned_by)), second, atol=1e-5, rtol=0)
     memory.forget(everyone)
     assert memory.uncertainty.isinf().all()

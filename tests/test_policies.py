@@ -1,5 +1,6 @@
 """Policies from anywhere: shipped ones in Gymnasium, foreign ones in evaluation, and those that do not work."""
 
+import signal
 import textwrap
 from dataclasses import replace
 from pathlib import Path
@@ -10,15 +11,18 @@ import pytest
 import torch
 
 import mimicbench
+from mimicbench.commands.telling import tell_rates
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
 from mimicbench.core.motion import RobotMotion
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.vec_env import EnvConfig
-from mimicbench.evaluate.rollout import Judged, policy_rows, run_policy
+from mimicbench.evaluate.rollout import Judged, Protocol, policy_rows, run_policy
+from mimicbench.evaluate.rows import summarize
 from mimicbench.objects.registry import make_object
 from mimicbench.policies.loading import load_policy
 from mimicbench.policies.registry import LOADERS
+from mimicbench.report.compare import failure
 from mimicbench.sensors.observations import Observations
 from mimicbench.tasks.registry import TASKS
 from stool import H1, standing
@@ -157,6 +161,27 @@ def test_a_policy_that_does_not_work_fails_its_episodes_alone(body, told, failed
         assert replace(rows[i], policy="still") == sound[i], "the others are as they would be without it"
 
 
+@pytest.mark.parametrize("body", ["while {}: pass", "if {}: import time; time.sleep(60)"])
+def test_a_policy_that_takes_too_long_is_stopped(body, tmp_path):
+    """In the batch in which it does; those before it count."""
+    body = body.format("self.steps == 3 and obs.num_envs == 1")
+    slow = load_policy(written(tmp_path / "slow.py", body), H1, SIT_CHAIR)
+    clips = clip_set(3, 0.2)
+    runs = run_policy(slow, clips, Protocol(batch=2, patience=0.5), env_config=EnvConfig(workers=1))
+    rows = policy_rows(runs, clips, Judged("imitate", "slow", "improved", 0))
+    assert [row.error for row in rows] == ["", "", "act took more than 0.5 s"]
+    assert [row.steps for row in rows] == [10, 10, 2] and not rows[2].success
+    assert summarize(rows).to_dict()["errors"] == {"act took more than 0.5 s": [2]}
+    assert signal.getitimer(signal.ITIMER_REAL)[0] == 0.0
+
+
+def test_errors_are_listed(tmp_path, capsys):
+    rows = judged(written(tmp_path / "odd.py", "target[1:, 4] = float('nan') if self.steps == 6 else 0.0"))
+    tell_rates([rows], as_json=False)
+    assert "odd failed 2 of 3 episodes: act gave targets that are not finite (in 1, 2)" in capsys.readouterr().out
+    assert [failure(row) for row in rows][1:] == ["stopped by an error"] * 2
+
+
 def test_a_failed_episode_is_no_success(tmp_path):
     """Even if K was fulfilled before."""
     from mimicbench.evaluate.rollout import _failed
@@ -188,7 +213,7 @@ def test_files_that_make_no_policy(tmp_path):
 
 
 def test_kinds_of_checkpoints_are_a_registry(tmp_path):
-    assert LOADERS.names() == ("act", "bc", "planner")
+    assert LOADERS.names() == ("act", "bc", "diffusion", "hit", "planner")
     for kind in LOADERS:
         assert LOADERS.get(kind).name == kind
     with pytest.raises(UnknownName, match="kind of policy 'tracker'"):

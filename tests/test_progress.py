@@ -99,7 +99,13 @@ def test_a_script_without_a_guard_gets_a_sentence_that_names_it(guard, workers, 
 
 
 def test_only_who_looks_needs_eyes(tmp_path):
-    for learner, looks in (("planner", True), ("act-clock", True), ("act", False), ("bc", False)):
+    for learner, looks in (
+        ("planner", True),
+        ("act-clock", True),
+        ("act", False),
+        ("hit", False),
+        ("diffusion", False),
+    ):
         config = stage_type("imitate", {"learner": learner})()
         assert config.remembers == looks, learner
         run = start(making.small(imitate=config), tmp_path, making.QUIET)

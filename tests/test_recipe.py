@@ -23,6 +23,8 @@ from mimicbench.evaluate.rows import read_rows, rows_made_from
 from mimicbench.imitate.cloning import CloneImitation
 from mimicbench.imitate.learners.act import ACTConfig
 from mimicbench.imitate.learners.bc import BCConfig
+from mimicbench.imitate.learners.diffusion import DiffusionConfig
+from mimicbench.imitate.learners.hit import HITConfig
 from mimicbench.imitate.spec import ImitateConfig
 from mimicbench.objects.make import ObjectsConfig
 from mimicbench.references.make import ReferencesConfig
@@ -167,6 +169,18 @@ def test_the_papers_learners_have_its_sizes_and_training(learner, network):
         train = imitate.train
         assert (train.steps, train.batch, train.learning_rate, train.weight_decay) == (batches, 8, 1e-5, 1e-4)
         assert (train.schedule, train.warmup, train.clip, train.average) == ("constant", 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("learner", "network", "batch", "rate"),
+    [("hit", HITConfig(), 48, 1e-5), ("diffusion", DiffusionConfig(), 64, 1e-4)],
+)
+def test_learners_of_other_sources_have_their_training(learner, network, batch, rate):
+    imitate = read_recipe(recipe_tree(["paper"], None, {"task": "lie-bed", "imitate": {"learner": learner}})).imitate
+    assert isinstance(imitate, CloneImitation) and imitate.network == network
+    train = imitate.train
+    assert (train.steps, train.batch, train.learning_rate, train.clip) == (100_000, batch, rate, 0.0)
+    assert train.betas == ((0.95, 0.999) if learner == "diffusion" else (0.9, 0.999))
 
 
 def test_files_that_are_no_recipes(tmp_path):

@@ -44,6 +44,7 @@ COMMANDS = {
     "demos verify": Command("Find K again in stored demonstrations.", "stages", "verify", True),
     "imitate": Command("Learn a policy that sees.", "stages", "imitate", True),
     "evaluate": Command("Judge policies and trackers.", "judge", "evaluate", True),
+    "export policy": Command("Write a policy as an ONNX file.", "export_policy", "export_policy"),
     "run": Command("Do the whole task, and report on it.", "judge", "run", True),
     "export scene": Command("Write a robot and an object as MJCF.", "export", "scene"),
     "export motion": Command("Write a clip for BeyondMimic and mjlab.", "export", "motion"),
@@ -52,6 +53,7 @@ COMMANDS = {
     "bench retarget": Command("Measure every way to retarget.", "bench", "retarget"),
     "bench world": Command("Measure the environments of all tasks.", "bench", "world"),
     "bench maps": Command("Measure elevation maps, beside the physics.", "bench", "maps"),
+    "bench imitate": Command("Measure how fast learners learn and decide.", "bench", "imitate"),
     "bench robust": Command("Find out what a tracker survives.", "bench", "robust"),
     "bench soak": Command("Find out whether the world holds out.", "bench", "soak"),
 }

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from mimicbench.envs.clips import ClipSet
     from mimicbench.evaluate.rows import EpisodeRow
 
+FILES = {".py": "a Python file with a function make_policy()", ".onnx": "an ONNX file"}
+"""What policies of other people are, by the suffix of their files."""
 TRIES = 4
 """Times that more clips are made because K left too many out."""
 
@@ -35,7 +37,7 @@ class Who:
     name: str
     """As in rows and tables."""
     folder: Path
-    """Of its checkpoint; or a Python file."""
+    """Of its checkpoint; or a Python or ONNX file."""
 
     @property
     def is_program(self) -> bool:
@@ -45,7 +47,7 @@ class Who:
     @property
     def digests(self) -> dict[str, str]:
         """Digests of the networks that it runs on: its own, and those in the folders beside it that it may use."""
-        if self.is_program:
+        if self.folder.suffix in FILES:
             return {"program": digest_of(self.folder)}
         beside = {name: self.folder.parent / name for name in (keys.TRACKER, keys.PERCEPTION)}
         folders = {"checkpoint": self.folder, **{n: f for n, f in beside.items() if f != self.folder}}
@@ -53,7 +55,7 @@ class Who:
 
 
 def who_of(run: Run, name: str) -> Who:
-    """Whom the user means: `tracker`, `best`, a learner's name, the path of a checkpoint, or of a Python file.
+    """Whom the user means: `tracker`, `best`, a learner's name, or the path of a checkpoint, a Python or an ONNX file.
 
     What this recipe has learned in this workdir comes before what is shipped. Nothing is made.
 
@@ -61,9 +63,9 @@ def who_of(run: Run, name: str) -> Who:
         UnknownName: There is no such learner.
         MimicbenchError: Nobody has learned that, here or for the package; the message has the command.
     """
-    if name.endswith(".py"):
+    if Path(name).suffix in FILES:
         if not Path(name).is_file():
-            raise BadFile(f"{name} does not exist; give the path of a Python file with a function make_policy()")
+            raise BadFile(f"{name} does not exist; give the path of {FILES[Path(name).suffix]}")
         return Who(Path(name).stem, Path(name))
     if "/" in name or name.startswith("."):
         if not (Path(name) / CONFIG).exists():

@@ -1,7 +1,8 @@
 """Named recipes: trees of values for `recipe.read_recipe`. What a preset leaves out has its default.
 
 `ours` is all defaults. `paper` is the paper; where it is silent, the source that it names: the public HumanPlus code
-for the training of HST, and ACT's for ACT. Sizes: `smoke` shows that every stage works, `default` fits ten minutes,
+for the training of HST and HIT, ACT's for ACT and BC, Diffusion Policy's own. Sizes: `smoke` shows that every stage
+works, `default` fits ten minutes,
 `full` is what our results were made with, `paper-size` has as many objects and clips as the paper. `new-objects` has
 another seed than what is shipped was trained with.
 """
@@ -62,26 +63,66 @@ PAPER_NETWORKS: Mapping[str, Tree] = {
         "kl_weight": 10.0,
     },
     "bc": {"encoder": PAPER_MAP, "reduce": [128, 64, 32], "hidden": 1024},
+    "hit": {
+        "encoder": PAPER_MAP,
+        "chunk": 50,
+        "hidden": 512,
+        "heads": 8,
+        "blocks": 6,
+        "dropout": 0.1,
+        "feature_weight": 0.005,
+    },
+    "diffusion": {
+        "encoder": PAPER_MAP,
+        "chunk": 16,
+        "executes": 8,
+        "widths": [512, 1024, 2048],
+        "kernel": 5,
+        "groups": 8,
+        "step_embedding": 128,
+        "noise_steps": 100,
+        "sample_steps": 16,
+    },
 }
-"""ACT's and CNNMLP's sizes, by learner, as the public code of ACT has them."""
+"""Sizes by learner: of ACT and CNNMLP as the public code of ACT has them, of HIT as HumanPlus' README trains it, of
+Diffusion Policy those of its U-Net on images, sampled as on its real robots."""
 EPOCHS, BATCH = 2000, 8
 """Of ACT's training: an epoch shows one frame of each demonstration."""
-
-
-def _paper_training(clips: int) -> Tree:
-    """AdamW at a fixed 1e-5, no warm-up, no limit of the gradient, the last weights; three quarters of the clips are on
-    training objects.
-    """
-    return {
-        "steps": EPOCHS * (clips * 3 // 4) // BATCH,
-        "batch": BATCH,
-        "learning_rate": 1e-5,
-        "schedule": "constant",
-        "warmup": 0.0,
-        "weight_decay": 1e-4,
+PLAIN: Tree = {
+    "batch": BATCH,
+    "learning_rate": 1e-5,
+    "schedule": "constant",
+    "warmup": 0.0,
+    "weight_decay": 1e-4,
+    "clip": 0.0,
+    "average": 0.0,
+}
+"""AdamW at a fixed rate, no warm-up, no limit of the gradient, the last weights."""
+LONG = 100_000
+"""Batches of HIT's training. Epochs of Diffusion Policy's show every frame, of which the paper has a hundred times as
+many: it gets as many batches as HIT."""
+OWN_TRAINING: Mapping[str, Tree] = {
+    "hit": {**PLAIN, "steps": LONG, "batch": 48},
+    "diffusion": {
+        "steps": LONG,
+        "batch": 64,
+        "learning_rate": 1e-4,
+        "schedule": "cosine",
+        "warmup": 500 / LONG,
+        "weight_decay": 1e-6,
+        "betas": [0.95, 0.999],
         "clip": 0.0,
-        "average": 0.0,
-    }
+        "average": 0.9998,
+    },
+}
+"""HumanPlus' training of HIT, and Diffusion Policy's, whose average forgets ever more slowly and ends at this decay."""
+
+
+def _paper_training(learner: str, clips: int) -> Tree:
+    """That of its own source; ACT's and CNNMLP's go by epochs, of which three quarters of the clips are on training
+    objects.
+    """
+    return OWN_TRAINING.get(learner) or {**PLAIN, "steps": EPOCHS * (clips * 3 // 4) // BATCH}
 
 
 def _sizes(objects: int, clips: int, tracked: int, episodes: int, policies: tuple[str, ...]) -> Tree:
@@ -118,7 +159,7 @@ def _paper(chosen: Chosen) -> Tree:
     imitate: Tree = {"learner": learner}
     if learner in PAPER_NETWORKS:
         clips = sizes["references"]["count"]
-        imitate |= {"network": PAPER_NETWORKS[learner], "train": _paper_training(clips)}
+        imitate |= {"network": PAPER_NETWORKS[learner], "train": _paper_training(learner, clips)}
     starts = {"pos_noise": 0.0, "angle_noise": 0.0, "vel_noise": 0.0}
     tracking = {"focus": 0.0, "hold": 0.0, "push": 0.0, "starts": starts, "ends": ENDS}
     return merge(

@@ -13,6 +13,7 @@ import tyro
 from mimicbench.commands.options import Device, Json, Seed, Task, Workdir, Workers
 from mimicbench.core.run import to_stderr as say
 from mimicbench.core.settings import Amount, Count, Within
+from mimicbench.robots.registry import DEFAULT_ROBOT
 from mimicbench.tasks.registry import DEFAULT_TASK
 
 
@@ -92,6 +93,21 @@ def maps(
 
     chosen = tuple(TASKS.get(task).name for task in tasks or TASKS)
     _measured(bench_maps(MapBenchConfig(chosen, sizes, seconds, workers=workers, device=device), say), as_json)
+
+
+def imitate(
+    learners: Annotated[tuple[str, ...], tyro.conf.arg(help="whom to measure; by default all")] = (),
+    task: Task = DEFAULT_TASK,
+    robot: Annotated[str, tyro.conf.arg(help="which robot")] = DEFAULT_ROBOT,
+    seconds: Annotated[float, Within(0.01, 3600), tyro.conf.arg(help="how long each figure is measured")] = 10.0,
+    as_json: Json = False,
+) -> None:
+    """Measure how fast learners learn, for how much of that they wait for data, and how long a decision takes."""
+    from mimicbench.bench.imitation import bench_imitation
+    from mimicbench.robots.registry import ROBOTS
+    from mimicbench.tasks.registry import TASKS
+
+    _measured(bench_imitation(ROBOTS.get(robot), TASKS.get(task), learners, seconds, say), as_json)
 
 
 def robust(

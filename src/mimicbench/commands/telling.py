@@ -40,3 +40,7 @@ def tell_rates(groups: Sequence[Sequence[EpisodeRow]], as_json: bool) -> None:
         return
     for task in dict.fromkeys(one.task for one in found):
         print(to_terminal(results_table([one for one in found if one.task == task])))
+    for one in found:
+        for error, episodes in one.errors.items():
+            numbers = ", ".join(map(str, episodes))
+            print(f"{one.policy} failed {len(episodes)} of {one.kinematic.episodes} episodes: {error} (in {numbers})")

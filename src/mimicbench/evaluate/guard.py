@@ -1,7 +1,12 @@
 """A policy at arm's length: what it does wrong ends the episodes concerned, and no others."""
 
-from collections.abc import Callable
-from typing import TypeVar
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import NoReturn, TypeVar
 
 import torch
 from torch import Tensor
@@ -11,20 +16,26 @@ from mimicbench.envs.policy import Policy
 from mimicbench.sensors.observations import Observations
 
 T = TypeVar("T")
+PATIENCE = 60.0
+"""[s] that a policy may take to reset, or to decide for all robots of a batch."""
+
+
+class TooSlow(BaseException):
+    """A policy did not answer in time. It is no Exception, for policies may catch all of these."""
 
 
 class Guard:
     """Asks a policy for the targets of N robots, and keeps in which episodes it gave none."""
 
-    def __init__(self, policy: Policy, target: Tensor) -> None:
-        """`target` (N, J): what joints are given until the policy says otherwise."""
-        self._policy, self._last = policy, target
+    def __init__(self, policy: Policy, target: Tensor, patience: float = PATIENCE) -> None:
+        """`target` (N, J): what joints are given until the policy says otherwise; `patience` as PATIENCE [s]."""
+        self._policy, self._last, self._patience = policy, target, patience
         self.sound = torch.ones(len(target), dtype=torch.bool, device=target.device)
         """(N,) the episodes in which every target so far was finite."""
         self._error = ""
 
     def reset(self, ids: Tensor, obs: Observations) -> None:
-        """All episodes begin. Raises MimicbenchError, which is something that the user can mend."""
+        """All N episodes begin. Raises MimicbenchError, which is something that the user can mend."""
         self._tried("reset", lambda: self._policy.reset(ids, obs))
 
     def act(self, obs: Observations) -> Tensor | None:
@@ -48,9 +59,39 @@ class Guard:
 
     def _tried(self, what: str, call: Callable[[], T]) -> T | None:
         try:
-            return call()
+            with deadline(self._patience):
+                return call()
         except MimicbenchError:
             raise
+        except TooSlow:
+            self._error = f"{what} took more than {self._patience:g} s"
+            return None
         except Exception as error:  # noqa: BLE001 somebody else's program may raise anything
             self._error = f"{what} raised {type(error).__name__}" + (f": {error}" if str(error) else "")
             return None
+
+
+@contextmanager
+def deadline(seconds: float) -> Iterator[None]:
+    """Raises TooSlow once this has taken longer.
+
+    Python's own code is interrupted by an alarm; code in C, and in threads other than the main one, only when it comes
+    back.
+    """
+    begun = time.monotonic()
+    if threading.current_thread() is not threading.main_thread():
+        yield
+    else:
+        before = signal.signal(signal.SIGALRM, _too_slow)
+        signal.setitimer(signal.ITIMER_REAL, seconds)
+        try:
+            yield
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0)
+            signal.signal(signal.SIGALRM, before)
+    if time.monotonic() - begun > seconds:
+        raise TooSlow
+
+
+def _too_slow(number: int, frame: FrameType | None) -> NoReturn:
+    raise TooSlow

@@ -14,7 +14,7 @@ from mimicbench.envs.initial_states import stacked, start_of
 from mimicbench.envs.metrics import PHASES, Verdict
 from mimicbench.envs.policy import Policy, refuse_privileged
 from mimicbench.envs.vec_env import EnvConfig, VecEnv
-from mimicbench.evaluate.guard import Guard
+from mimicbench.evaluate.guard import PATIENCE, Guard
 from mimicbench.evaluate.rows import EpisodeRow
 from mimicbench.objects.shape import SceneObject
 from mimicbench.sim.physics import PhysicsConfig
@@ -30,6 +30,8 @@ class Protocol:
 
     batch: int = 128
     """Episodes side by side. Part of the protocol: networks may round differently in batches of another size."""
+    patience: float = PATIENCE
+    """[s] that a policy may take for a decision, for all robots of a batch."""
 
 
 @dataclass(frozen=True)
@@ -59,8 +61,9 @@ def run_policy(
 
     Everything else of the clips is withheld. Runs in batches of the protocol's size; returns one PolicyRun a batch.
     `tick(n)` is called when n more episodes are over. The policy's networks move to where the tensors of physics on the
-    device of `env_config` live. Episodes in which the policy raises, or gives targets that are none, have failed, and
-    `errors` says why; the others go on. Raises MimicbenchError if the policy observes what no robot can sense.
+    device of `env_config` live. Episodes in which the policy raises, gives targets that are none, or takes too long
+    have failed, and `errors` says why; the others go on. Raises MimicbenchError if the policy observes what no robot
+    can sense.
     """
     refuse_privileged(policy.observations, "this policy")
     protocol, env_config = protocol or Protocol(), env_config or EnvConfig()
@@ -68,14 +71,16 @@ def run_policy(
     for first in range(0, len(clips), protocol.batch):
         part = replace(clips, motions=clips.motions[first : first + protocol.batch])
         wanted = [episode - first for episode in record if first <= episode < first + len(part)]
-        runs.append(_run_batch(policy, part, wanted, env_config))
+        runs.append(_run_batch(policy, part, wanted, env_config, protocol.patience))
         if tick:
             tick(len(part))
     return runs
 
 
 @torch.no_grad()
-def _run_batch(policy: Policy, clips: ClipSet, record: Sequence[int], env_config: EnvConfig) -> PolicyRun:
+def _run_batch(
+    policy: Policy, clips: ClipSet, record: Sequence[int], env_config: EnvConfig, patience: float
+) -> PolicyRun:
     task, robot = clips.task, clips.robot
     env = VecEnv(task, robot, clips.scenes, replace(env_config, physics=PhysicsConfig(gains=policy.gains)))
     starts = [start_of(motion, clips.objects[motion.object_id], robot, task) for motion in clips.motions]
@@ -85,7 +90,7 @@ def _run_batch(policy: Policy, clips: ClipSet, record: Sequence[int], env_config
     start_distance = env.root_distance()
     end_distance, running = start_distance, torch.ones(len(clips), dtype=torch.bool, device=env.device)
     tracks: dict[int, list[np.ndarray]] = {episode: [env.physics.qpos()[episode].copy()] for episode in record}
-    guard = Guard(policy, env.context.state.joint_pos)
+    guard = Guard(policy, env.context.state.joint_pos, patience)
     for step in range(round(task.time_limit / CONTROL_DT)):
         obs = env.observe(policy.observations)
         if step == 0:

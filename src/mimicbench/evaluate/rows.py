@@ -6,7 +6,7 @@ that make its episode again.
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from functools import partial
 from math import isnan
 from pathlib import Path
@@ -82,7 +82,7 @@ class EpisodeRow:
     mujoco: str
     """Version that ran the episode."""
     error: str = ""
-    """What the policy did wrong, if that ended the episode: raised, or gave targets that are none."""
+    """What the policy did wrong, if that ended the episode: raised, gave targets that are none, or took too long."""
 
     def __post_init__(self) -> None:
         if isnan(self.max_energy) or self.max_energy < 0:
@@ -196,6 +196,8 @@ class Summary:
     fell: Rate
     stays: Rate
     """K's condition at the time limit, on the feet or the seat."""
+    errors: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    """What the policy did wrong, and the episodes that this ended; they count as failed."""
 
     @property
     def energy(self) -> Rate:
@@ -223,6 +225,7 @@ class Summary:
             "at_end": self.at_end.to_dict(),
             "stays": self.stays.to_dict(),
             "fell": self.fell.to_dict(),
+            "errors": {error: list(episodes) for error, episodes in self.errors.items()},
         }
 
 
@@ -240,7 +243,11 @@ def summarize(rows: Sequence[EpisodeRow]) -> Summary:
     by_limit = tuple(Rate(sum(row.holds(limit) for row in rows), n) for limit in ENERGY_LIMITS)
     names = ("success", "success_at_end", "fell", "stays")
     kinematic, at_end, fell, stays = (Rate(sum(getattr(row, name) for row in rows), n) for name in names)
-    return Summary(*kinds[0], kinematic=kinematic, at_end=at_end, by_limit=by_limit, fell=fell, stays=stays)
+    errors = {
+        error: tuple(row.episode for row in rows if row.error == error)
+        for error in dict.fromkeys(row.error for row in rows if row.error)
+    }
+    return Summary(*kinds[0], kinematic, at_end, by_limit, fell, stays, errors)
 
 
 def group(rows: Sequence[EpisodeRow]) -> dict[tuple[str, str, str, str], list[EpisodeRow]]:

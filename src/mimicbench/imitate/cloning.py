@@ -3,16 +3,17 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, ClassVar, Protocol, TypeVar
+from typing import Any, ClassVar
 
+import torch
 from torch import Tensor
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile, MimicbenchError
 from mimicbench.envs.clips import ClipSet
-from mimicbench.imitate.dataset import DemoFrames, EpisodeGoals, MapMaker
+from mimicbench.imitate.dataset import DemoFrames, EpisodeGoals, MapMaker, Plans
 from mimicbench.imitate.goals import goals_of, known_goal
-from mimicbench.imitate.inputs import InputConfig, Learner
+from mimicbench.imitate.inputs import InputConfig, NetworkConfig
 from mimicbench.imitate.learned import load_learner, save_learner
 from mimicbench.imitate.lerobot import Demos, load_demos
 from mimicbench.imitate.policy import VisionPolicy
@@ -29,27 +30,6 @@ REMEMBERING = InputConfig(body="proprio", clock=True, memory=True, elevation=Fal
 """Body, clock, and what has to be found as seen in the first map."""
 
 
-class NetworkConfig(Protocol):
-    """What a network that clones is built from: a frozen dataclass."""
-
-    @property
-    def inputs(self) -> InputConfig:
-        """What it sees."""
-        ...
-
-    @property
-    def chunk(self) -> int:
-        """Frames of action that it predicts."""
-        ...
-
-    def build(self) -> Learner:
-        """A new network, with weights from torch's random numbers."""
-        ...
-
-
-Network = TypeVar("Network", bound=Learner)
-
-
 @dataclass(frozen=True)
 class CloneImitation(ImitateConfig):
     """A clone of demonstrations; what it is made of is its field `network`, a NetworkConfig."""
@@ -64,6 +44,10 @@ class CloneImitation(ImitateConfig):
         """Whether it remembers its goal."""
         return self.network.inputs.memory
 
+    def plans(self, demos: Demos, clips: ClipSet) -> Plans | None:
+        """What it learns to say instead of the joint targets of demonstrations, whose clips these are."""
+        return None
+
 
 def cloner(name: str, config: type[CloneImitation]) -> LearnerSpec:
     """The learner of that name which clones demonstrations with the network of a configuration."""
@@ -74,18 +58,24 @@ def clone(folder: Path, given: Given, config: CloneImitation) -> dict[str, Any]:
     """Clone demonstrations into a folder, or go on cloning."""
     if given.demonstrations is None:
         raise MimicbenchError(f"{config.learner} clones demonstrations; make some with `mimicbench demos` first")
-    clips, network = given.clips, replace(config.network, inputs=config.network.inputs.of(given.clips.task))
+    clips = given.clips
+    network: NetworkConfig = config.network.of(clips.robot, clips.task)
     demos = load_demos(given.demonstrations, clips.robot.name, state=network.inputs.body == "state")
-    scene = [clips.objects[object_id] for object_id in sorted(set(demos.object_ids))]
-    maps = _plain_maps(scene, clips.task) if network.inputs.elevation else None
-    goals = _goals(demos, clips) if network.inputs.memory or network.inputs.targets else None
-    frames = DemoFrames(demos, clips.objects, network.inputs, network.chunk, maps, goals)
+    frames = demo_frames(demos, clips, network, config)
     course = replace(config.train, seed=given.seed, device=tensor_device(given.context.device))
     trained = train(network, frames, course, folder, given.context.quiet)
     told = {"demonstrations": demos.episodes, "batches": course.steps}
     notes = {"seed": given.seed, "task": clips.task.name, "gains": given.gains, **told}
     save_learner(folder, trained, clips.robot.name, notes)
     return told
+
+
+def demo_frames(demos: Demos, clips: ClipSet, network: NetworkConfig, config: CloneImitation) -> DemoFrames:
+    """The frames of demonstrations that follow these clips, as a network is shown them."""
+    scene = [clips.objects[object_id] for object_id in sorted(set(demos.object_ids))]
+    maps = _plain_maps(scene, clips.task) if network.inputs.elevation else None
+    goals = _goals(demos, clips) if network.inputs.memory or network.inputs.targets else None
+    return DemoFrames(demos, clips.objects, network.inputs, network.window, maps, goals, config.plans(demos, clips))
 
 
 def _plain_maps(scene: list[SceneObject], task: Task) -> MapMaker:
@@ -102,20 +92,25 @@ def _plain_maps(scene: list[SceneObject], task: Task) -> MapMaker:
 
 def _goals(demos: Demos, clips: ClipSet) -> EpisodeGoals:
     """What the demonstrations were to do, by the clips that were tracked."""
+    found = goals_of(clips)[clips_of(demos, clips)]
+    return EpisodeGoals(clips.task.goal, found, clips.task.map_cell)
+
+
+def clips_of(demos: Demos, clips: ClipSet) -> Tensor:
+    """(E,) which of the clips each demonstration follows. Raises BadFile if one is missing."""
     place = {motion.id: i for i, motion in enumerate(clips.motions)}
     missing = sorted(set(demos.reference_ids) - set(place))
     if missing:
         raise BadFile(f"clip {missing[0]!r} of the demonstrations is missing; make the demonstrations again")
-    found = goals_of(clips)[[place[name] for name in demos.reference_ids]]
-    return EpisodeGoals(clips.task.goal, found, clips.task.map_cell)
+    return torch.tensor([place[name] for name in demos.reference_ids])
 
 
-def clone_loader(config_type: type) -> Callable[[Path, Robot, Task], VisionPolicy]:
+def clone_loader(config_type: type[NetworkConfig]) -> Callable[[Path, Robot, Task], VisionPolicy]:
     """Reads policies whose network is built from that configuration."""
 
     def load(folder: Path, robot: Robot, task: Task) -> VisionPolicy:
         """The policy in a folder, with the eyes in the folder `perception` beside it if it remembers."""
-        learner, notes = load_learner(folder, robot.name, config_type)
+        learner, notes = load_learner(folder, robot, config_type)
         goal = known_goal(folder.parent / "perception", robot, task) if learner.inputs.memory else None
         return VisionPolicy(learner, goal, str(notes.get("gains", "improved")))
 

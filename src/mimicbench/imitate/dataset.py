@@ -4,6 +4,7 @@ what to do.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import torch
@@ -12,7 +13,7 @@ from torch import Tensor
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile
 from mimicbench.core.seeds import digest
-from mimicbench.imitate.inputs import Batch, InputConfig
+from mimicbench.imitate.inputs import Batch, InputConfig, Window
 from mimicbench.imitate.lerobot import Demos
 from mimicbench.objects.shape import SceneObject
 from mimicbench.sensors.heightmap import ObjectMaps
@@ -37,6 +38,14 @@ class EpisodeGoals:
     """[m] Side of a cell of the maps of what robots are told."""
 
 
+class Plans(Protocol):
+    """What a learner is to say instead of joint targets."""
+
+    def of(self, frames: Tensor, steps: Tensor) -> Tensor:
+        """(B, chunk, A) what is to be said in frames (B,) of the frames `steps` (B, chunk), none after the end."""
+        ...
+
+
 class DemoFrames:
     """The frames of demonstrations as a learner with the given inputs sees them.
 
@@ -48,9 +57,10 @@ class DemoFrames:
         demos: Demos,
         objects: Mapping[str, SceneObject],
         inputs: InputConfig,
-        chunk: int,
+        window: Window,
         maps: MapMaker | None = None,
         goals: EpisodeGoals | None = None,
+        plans: Plans | None = None,
         validation: float = 0.1,
     ) -> None:
         """Prepare everything but the maps, which are made batch by batch.
@@ -59,13 +69,14 @@ class DemoFrames:
             demos: The demonstrations.
             objects: By id, at least those of the demonstrations.
             inputs: What the learner sees.
-            chunk: Frames of action that it predicts.
+            window: Which frames it is shown.
             maps: Makes the elevation maps; by default the surfaces of objects that stay where they are, as seen from
                 the root, with noise.
             goals: What they were to do; needed if the learner has a memory or is told.
+            plans: What it is to say; joint targets by default.
             validation: Share of the episodes that is kept apart.
         """
-        self.demos, self.inputs, self.chunk = demos, inputs, chunk
+        self.demos, self.inputs, self.window, self._plans = demos, inputs, window, plans
         missing = sorted(set(demos.object_ids) - set(objects))
         if missing:
             raise BadFile(
@@ -106,10 +117,43 @@ class DemoFrames:
 
         Without a generator there is no noise.
         """
-        steps = frames[:, None] + torch.arange(self.chunk)
-        last = self.starts[self.episode[frames] + 1][:, None] - 1
-        elevation = self.elevation(frames, generator) if self.inputs.elevation else None
-        return Batch(self.vector(frames, generator), elevation, self.action[torch.minimum(steps, last)], steps > last)
+        steps, last = self._steps(frames)
+        seen = self._history(frames)
+        vector = self.vector(seen.flatten(), generator)
+        elevation = self.elevation(seen.flatten(), generator) if self.inputs.elevation else None
+        if self.inputs.history > 1:
+            vector = vector.unflatten(0, seen.shape)
+            elevation = None if elevation is None else elevation.unflatten(0, seen.shape)
+        ahead = torch.minimum(steps[:, -1] + 1, last[:, 0])
+        return Batch(
+            vector,
+            elevation,
+            self._actions(frames, steps, last),
+            steps > last,
+            self.elevation(ahead, generator) if self.window.looks_ahead and self.inputs.elevation else None,
+        )
+
+    def samples(self, frames: Tensor) -> Tensor:
+        """What is learned, of frames (M,), for its statistics: (M, A), or (M / 10, chunk, A) of plans."""
+        # plans are as large as their chunks are long, and neighbors are alike
+        return self.action[frames] if self._plans is None else self._actions(frames[::10], *self._steps(frames[::10]))
+
+    def _steps(self, frames: Tensor) -> tuple[Tensor, Tensor]:
+        """The frames (B, chunk) of the window of frames (B,), and the last one (B, 1) of the episode,
+        after which some may lie.
+        """
+        first = self.starts[self.episode[frames]][:, None]
+        steps = frames[:, None] + torch.arange(self.window.chunk) - self.window.past
+        return torch.maximum(steps, first), self.starts[self.episode[frames] + 1][:, None] - 1
+
+    def _history(self, frames: Tensor) -> Tensor:
+        """(B, history) the frames that are seen in frames (B,): the first one again where there was none before."""
+        before = frames[:, None] - torch.arange(self.inputs.history - 1, -1, -1)
+        return torch.maximum(before, self.starts[self.episode[frames]][:, None])
+
+    def _actions(self, frames: Tensor, steps: Tensor, last: Tensor) -> Tensor:
+        there = torch.minimum(steps, last)
+        return self.action[there] if self._plans is None else self._plans.of(frames, there)
 
     def vector(self, frames: Tensor, generator: torch.Generator | None = None) -> Tensor:
         """The input vectors (B, size) of frames (B,)."""

@@ -3,6 +3,7 @@
 No pretrained weights: height maps are not photographs.
 """
 
+import math
 from dataclasses import dataclass
 
 import torch
@@ -113,3 +114,16 @@ def append_coordinates(maps: Tensor) -> Tensor:
     rows = torch.linspace(-1, 1, maps.shape[2], device=maps.device)[:, None].expand(maps.shape[2:])
     columns = torch.linspace(-1, 1, maps.shape[3], device=maps.device)[None, :].expand(maps.shape[2:])
     return torch.cat([maps, torch.stack([rows, columns]).expand(len(maps), -1, -1, -1)], 1)
+
+
+def sine_positions_2d(side: int, width: int) -> Tensor:
+    """(1, side * side, width): half of the numbers tell the row, half the column, both scaled to 0..2 pi (Carion et al.
+
+    2020).
+    """
+    place = (torch.arange(side) + 1.0) / side * (2 * math.pi)
+    rate = torch.exp(torch.arange(0, width // 2, 2) * (-math.log(10000.0) / (width // 2)))
+    line = torch.stack([(place[:, None] * rate).sin(), (place[:, None] * rate).cos()], -1).flatten(1)
+    return torch.cat([line[:, None].expand(-1, side, -1), line[None].expand(side, -1, -1)], -1).reshape(
+        1, side * side, width
+    )

@@ -6,12 +6,13 @@ since has it in the hands, where the cameras see it badly; but then the body say
 say so in its plan (imitate.planner).
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from mimicbench.core import rotations as rot
 from mimicbench.envs.clips import ClipSet
@@ -50,6 +51,18 @@ class KnownGoal(Protocol):
         """(N, memory_size) what robots know by now: `GoalSpec.joined` of the start and of now."""
         ...
 
+    def networks(self) -> list[nn.Module]:
+        """Those that see."""
+        ...
+
+    def memory(self) -> dict[str, Tensor]:
+        """(N, ...) what it carries from frame to frame, by name."""
+        ...
+
+    def remember(self, memory: Mapping[str, Tensor]) -> None:
+        """Go on from what `memory` gave."""
+        ...
+
 
 def known_goal(folder: Path, robot: Robot, task: Task) -> KnownGoal:
     """What policies of a task know of its goal, seen by the perception in a folder unless it is told.
@@ -73,7 +86,7 @@ class GoalMemory:
 
     def forget(self, ids: Tensor) -> None:
         """Robots `ids` (M,) begin anew."""
-        self.uncertainty[ids] = torch.inf
+        self.uncertainty = self.uncertainty.index_fill(0, ids, torch.inf)
 
     def look(
         self, ids: Tensor, elevation: Tensor, root_height: Tensor, odometry_pos: Tensor, odometry_yaw: Tensor
@@ -91,14 +104,15 @@ class GoalMemory:
         found = self.spec.from_root(seen, odometry_pos, odometry_yaw)
         # a little surer is not enough: what is remembered should not jump about
         surer = uncertainty < 0.7 * self.uncertainty[ids]
-        self.goal[ids] = torch.where(surer[:, None], found, self.goal[ids])
-        self.uncertainty[ids] = torch.where(surer, uncertainty, self.uncertainty[ids])
+        self.goal = self.goal.index_copy(0, ids, torch.where(surer[:, None], found, self.goal[ids]))
+        kept = torch.where(surer, uncertainty, self.uncertainty[ids])
+        self.uncertainty = self.uncertainty.index_copy(0, ids, kept)
 
     def unsure(self, odometry_pos: Tensor, odometry_yaw: Tensor) -> Tensor:
-        """(M,) robots that should look again: unsure, and not so near yet that the map shows less than before."""
+        """(N,) who should look again: unsure, and not so near yet that the map shows less than before."""
         now = self.spec.to_root(self.goal, odometry_pos, odometry_yaw)[:, self.spec.where]
         near = max(self.perception.config.distance[0] + 0.1, self.spec.near)
-        return torch.nonzero((self.uncertainty > SURE) & (now.norm(dim=-1) > near))[:, 0]
+        return (self.uncertainty > SURE) & (now.norm(dim=-1) > near)
 
     def recall(self, odometry_pos: Tensor, odometry_yaw: Tensor) -> Tensor:
         """The memory (N, memory_size) of all robots, as `GoalSpec.carried`."""
@@ -134,12 +148,32 @@ class SeenGoal:
         time, odometry = obs["time"][:, 0], obs["odometry"]
         looks = time / LOOK_EVERY
         due = (time > 0) & ((looks - looks.round()).abs() * LOOK_EVERY < 1e-3)
-        if due.any():
-            ids = self._memory.unsure(odometry[:, :2], odometry[:, 2])
-            ids = ids[due[ids]]
+        if torch.compiler.is_compiling():
+            self._look_where(due & self._memory.unsure(odometry[:, :2], odometry[:, 2]), obs)
+        elif due.any():
+            ids = (due & self._memory.unsure(odometry[:, :2], odometry[:, 2])).nonzero()[:, 0]
             if len(ids):
                 self._look(ids, obs)
         return self._memory.recall(odometry[:, :2], odometry[:, 2])
+
+    def networks(self) -> list[nn.Module]:
+        """The perception."""
+        return [self._memory.perception]
+
+    def memory(self) -> dict[str, Tensor]:
+        """The goal, and how far off it may be."""
+        return {"goal": self._memory.goal, "uncertainty": self._memory.uncertainty}
+
+    def remember(self, memory: Mapping[str, Tensor]) -> None:
+        """Go on from what `memory` gave."""
+        self._memory.goal, self._memory.uncertainty = memory["goal"], memory["uncertainty"]
+
+    def _look_where(self, due: Tensor, obs: Observations) -> None:
+        """Robots that are `due` (N,) look. In a graph, which cannot choose among them, all look and some remember."""
+        before = self.memory()
+        self._look(torch.arange(len(due)), obs)
+        self._memory.goal = torch.where(due[:, None], self._memory.goal, before["goal"])
+        self._memory.uncertainty = torch.where(due, self._memory.uncertainty, before["uncertainty"])
 
     def _look(self, ids: Tensor, obs: Observations) -> None:
         odometry = obs["odometry"][ids]
@@ -165,7 +199,19 @@ class GivenGoal:
             self.goal = torch.zeros(obs.num_envs, self._spec.size, device=obs["proprio"].device)
         odometry = obs["odometry"][ids]
         told = given_goal(self._spec, obs["targets"][ids], obs["proprio"][ids])
-        self.goal[ids] = self._spec.from_root(told, odometry[:, :2], odometry[:, 2])
+        self.goal = self.goal.index_copy(0, ids, self._spec.from_root(told, odometry[:, :2], odometry[:, 2]))
+
+    def networks(self) -> list[nn.Module]:
+        """None."""
+        return []
+
+    def memory(self) -> dict[str, Tensor]:
+        """The goal."""
+        return {"goal": self.goal}
+
+    def remember(self, memory: Mapping[str, Tensor]) -> None:
+        """Go on from what `memory` gave."""
+        self.goal = memory["goal"]
 
     def recall(self, obs: Observations) -> Tensor:
         """(N, memory_size) of the start, and what is told now."""

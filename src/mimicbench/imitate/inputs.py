@@ -1,23 +1,16 @@
-"""What learners see and give, the same for all of them: a vector, a map, and a chunk of actions."""
+"""What learners see and give, the same for all of them: vectors, maps, and a chunk of actions."""
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, Self
 
 import torch
 from torch import Tensor, nn
 
+from mimicbench.core.settings import Positive
 from mimicbench.imitate.clock import SIZE as CLOCK_SIZE
 from mimicbench.imitate.clock import clock_features
+from mimicbench.robots.description import Robot
 from mimicbench.tasks.task import Task
-
-STATE_SIZE = 300
-"""S_current of the paper: joint angles 19, joint velocities 19, links' positions 60, orientations 60, velocities 60 and
-angular velocities 60 in the root frame, last action 19, gravity 3, in this order."""
-LAST_ACTION = slice(278, 297)
-"""Where the last action is in S_current."""
-PROPRIO_SIZE = 48
-"""Gravity 3, root height 1, root velocity 3 and angular velocity 3 in the root frame, joint angles 19 and velocities
-19."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +18,7 @@ class InputConfig:
     """Which of the senses a learner gets. The defaults are the paper's."""
 
     body: Literal["state", "proprio"] = "state"
-    """`state`: S_current, 300 numbers; `proprio`: the 48 numbers that a robot can measure of itself."""
+    """`state`: S_current (G.1), 300 numbers of the H1; `proprio`: what a robot can measure of itself, 48 of the H1."""
     clock: bool = False
     """Add the time since the start. The last action is then left out: copying one's own past is what fails without
     it."""
@@ -37,16 +30,32 @@ class InputConfig:
     """Show the elevation map of the present frame."""
     targets: bool = False
     """Beside it show a map of what the robot is told. The task decides."""
+    history: Positive = 1
+    """Frames that are seen, the present one last."""
+    joints: int = 0
+    """Of the robot, which decides."""
+    links: int = 0
+    """Of the robot, which decides."""
 
     @staticmethod
     def timed() -> "InputConfig":
         """The paper's inputs with a clock and a memory of the start."""
         return InputConfig(body="proprio", clock=True, memory=True)
 
-    def of(self, task: Task) -> "InputConfig":
-        """The same for a task."""
+    def on(self, robot: Robot) -> "InputConfig":
+        """The same for a robot."""
+        return replace(self, joints=len(robot.joints), links=len(robot.links))
+
+    def of(self, robot: Robot, task: Task) -> "InputConfig":
+        """The same for a robot at a task."""
         memory_size = task.goal.memory_size if self.memory else 0
-        return replace(self, memory_size=memory_size, targets=self.elevation and task.goal.given)
+        return replace(self.on(robot), memory_size=memory_size, targets=self.elevation and task.goal.given)
+
+    @property
+    def last_action(self) -> slice:
+        """Where the last action is in S_current: J, dJ, four times three numbers of every link, last action, g."""
+        first = 2 * self.joints + 12 * self.links
+        return slice(first, first + self.joints)
 
     @property
     def channels(self) -> int:
@@ -55,25 +64,25 @@ class InputConfig:
 
     @property
     def size(self) -> int:
-        """Length of the input vector."""
-        body = PROPRIO_SIZE
+        """Length of the input vector of a frame."""
+        body = 10 + 2 * self.joints
         if self.body == "state":
-            body = STATE_SIZE - (LAST_ACTION.stop - LAST_ACTION.start if self.clock else 0)
+            body = self.last_action.stop + 3 - (self.joints if self.clock else 0)
         return body + (CLOCK_SIZE if self.clock else 0) + (self.memory_size if self.memory else 0)
 
     def vector(self, state: Tensor, proprio: Tensor, time: Tensor, memory: Tensor | None) -> Tensor:
         """The input vector (N, size).
 
         Args:
-            state: (N, 300) S_current.
-            proprio: (N, 48).
+            state: (N, 3 + 3 J + 12 L) S_current.
+            proprio: (N, 10 + 2 J).
             time: (N,) since the start [s].
             memory: (N, memory_size) of goals.KnownGoal; needed if `memory` is on.
         """
         if self.body == "proprio":
             parts = [proprio]
         elif self.clock:
-            parts = [state[:, : LAST_ACTION.start], state[:, LAST_ACTION.stop :]]
+            parts = [state[:, : self.last_action.start], state[:, self.last_action.stop :]]
         else:
             parts = [state]
         if self.clock:
@@ -86,17 +95,59 @@ class InputConfig:
 
 
 @dataclass(frozen=True)
+class Window:
+    """Which frames around the present one a learner is shown of a demonstration."""
+
+    chunk: int = 1
+    """Frames of action."""
+    past: int = 0
+    """How many of them lie before the present."""
+    looks_ahead: bool = False
+    """Whether it is also shown the map of the frame after the chunk."""
+
+
+@dataclass(frozen=True)
 class Batch:
     """Frames of demonstrations to learn from."""
 
     vector: Tensor
-    """(B, size) input vectors."""
+    """(B, size) input vectors; (B, history, size) where more than one frame is seen."""
     elevation: Tensor | None
-    """(B, channels, 128, 128) maps of the same frames [m], or None if the learner sees none."""
+    """(B, channels, 128, 128) maps of the same frames [m], or (B, history, ...); None if the learner sees none."""
     actions: Tensor
-    """(B, chunk, A) joint position targets of this frame and the next ones [rad]."""
+    """(B, chunk, A) joint position targets of the window's frames [rad], or what else is learned."""
     pad: Tensor
     """(B, chunk) true after the end of the episode."""
+    ahead: Tensor | None = None
+    """(B, channels, 128, 128) maps of the frame after the chunk [m], for who looks ahead."""
+
+
+@dataclass(frozen=True)
+class NetworkConfig:
+    """What every network that clones is built from; each adds its sizes."""
+
+    inputs: InputConfig = InputConfig()
+    """What it sees."""
+    action_size: int = 0
+    """Joints of the robot, which decides."""
+
+    def of(self, robot: Robot, task: Task) -> Self:
+        """The same for a robot at a task."""
+        return replace(self, inputs=self.inputs.of(robot, task), action_size=len(robot.joints))
+
+    @property
+    def window(self) -> Window:
+        """Which frames it is shown."""
+        return Window()
+
+    @property
+    def layers(self) -> tuple[int, ...]:
+        """How many of everything that is repeated."""
+        return ()
+
+    def build(self) -> "Learner":
+        """A new network, with weights from torch's random numbers."""
+        raise NotImplementedError
 
 
 class Learner(nn.Module):
@@ -109,31 +160,33 @@ class Learner(nn.Module):
     """What its checkpoints are called."""
     config: Any
     """What it was built from."""
+    executes: int = 1
+    """Frames for which one prediction is carried out before the next one."""
 
-    def __init__(self, inputs: InputConfig, chunk: int, action_size: int) -> None:
+    def __init__(self, inputs: InputConfig, action_shape: tuple[int, ...]) -> None:
+        """`action_shape` is that of the statistics: (A,), or (chunk, A) where frames of a chunk differ."""
         super().__init__()
         self.inputs = inputs
-        self.chunk = chunk
         self.input_mean: Tensor
         self.input_std: Tensor
         self.action_mean: Tensor
         self.action_std: Tensor
-        for name, size in (("input", inputs.size), ("action", action_size)):
-            self.register_buffer(f"{name}_mean", torch.zeros(size))
-            self.register_buffer(f"{name}_std", torch.ones(size))
+        for name, shape in (("input", (inputs.size,)), ("action", action_shape)):
+            self.register_buffer(f"{name}_mean", torch.zeros(shape))
+            self.register_buffer(f"{name}_std", torch.ones(shape))
 
     def normalize_by(self, vector: Tensor, actions: Tensor) -> None:
-        """Take mean and deviation (at least 1e-2) from samples of input vectors (M, size) and actions (M, A)."""
+        """Take mean and deviation (at least 1e-2) from samples of input vectors (M, size) and actions (M, *shape)."""
         for name, values in (("input", vector), ("action", actions)):
             getattr(self, f"{name}_mean").copy_(values.mean(0))
             getattr(self, f"{name}_std").copy_(values.std(0).clamp(min=1e-2))
 
     def normalized_input(self, vector: Tensor) -> Tensor:
-        """Input vectors (N, size) with mean 0 and deviation 1, limited to 10 deviations."""
+        """Input vectors (..., size) with mean 0 and deviation 1, limited to 10 deviations."""
         return ((vector - self.input_mean) / self.input_std).clamp(-10, 10)
 
     def normalized_actions(self, actions: Tensor) -> Tensor:
-        """Actions (..., A) with mean 0 and deviation 1."""
+        """Actions (..., *shape) with mean 0 and deviation 1."""
         return (actions - self.action_mean) / self.action_std
 
     def normalized_map(self, elevation: Tensor) -> Tensor:
@@ -146,4 +199,8 @@ class Learner(nn.Module):
 
     def predict(self, vector: Tensor, elevation: Tensor | None) -> Tensor:
         """The action (N, A) [rad] for the present frame, without randomness."""
+        return self.plan(vector, elevation)[:, 0]
+
+    def plan(self, vector: Tensor, elevation: Tensor | None) -> Tensor:
+        """(N, K, A) the actions of the present frame and of those after it, without randomness; K >= `executes`."""
         raise NotImplementedError

@@ -1,12 +1,14 @@
 """Networks that clone demonstrations, on disk."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from mimicbench.core.building import built
 from mimicbench.core.checkpoint import load_checkpoint, save_checkpoint
-from mimicbench.imitate.inputs import Learner
+from mimicbench.imitate.inputs import Learner, NetworkConfig
+from mimicbench.robots.description import Robot
 
 
 def save_learner(folder: Path, learner: Learner, robot: str, notes: Mapping[str, Any] | None = None) -> None:
@@ -15,8 +17,10 @@ def save_learner(folder: Path, learner: Learner, robot: str, notes: Mapping[str,
     save_checkpoint(folder, learner.kind, robot, learner.config, tensors, notes)
 
 
-def load_learner(folder: Path, robot: str, config_type: type) -> tuple[Learner, Mapping[str, Any]]:
+def load_learner(folder: Path, robot: Robot, config_type: type[NetworkConfig]) -> tuple[Learner, Mapping[str, Any]]:
     """Read what `save_learner` wrote, and its notes. Raises BadCheckpoint."""
-    checkpoint = load_checkpoint(folder, robot=robot)
+    checkpoint = load_checkpoint(folder, robot=robot.name)
     config = checkpoint.config_as(config_type)
+    if not config.inputs.joints:  # those of 0.1.0 do not say
+        config = replace(config, inputs=config.inputs.on(robot))
     return built(checkpoint, config.build, config.layers), checkpoint.notes

@@ -1,11 +1,23 @@
-"""What a planner tells a tracker, as a vector that can be learned."""
+"""What a planner tells a tracker, as a vector that can be learned: the tracker's own terms, or poses of which these
+follow.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, cast
 
 import torch
 from torch import Tensor
 
 from mimicbench.core import rotations as rot
+from mimicbench.core.errors import MimicbenchError
 from mimicbench.robots.description import Robot
-from mimicbench.sensors.observations import chosen_terms
+from mimicbench.sensors.context import Frame, StepContext
+from mimicbench.sensors.observations import Observations, chosen_terms
+from mimicbench.sensors.reference import object_in_root, reference_links
+from mimicbench.sim.physics import LinkState, ObjectState, RobotState
+from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.task import Task
 from mimicbench.track.spec import Terms, TrackerSpec
 
@@ -48,3 +60,136 @@ class PlanLayout:
                 end = first + 6
             found[term.name] = torch.cat([*parts, values[:, end:]], -1) if parts else values
         return found
+
+
+class PosePlan:
+    """The poses of the two frames after each frame of a chunk, as seen from where the robot is now (G.2).
+
+    P numbers for each frame of the chunk: twice J, dJ, the root's position and its orientation (6D), 47 of the H1;
+    where wrists are given targets, these (6); where an object is moved, its state then and in the frame after it, each
+    of position, orientation (6D), linear and angular velocity (15). All but J and dJ are in the root frame of the frame
+    in which the plan is made. Velocities of the root follow from the difference of its two poses, those of all links
+    from forward kinematics.
+    """
+
+    def __init__(self, robot: Robot, task: Task) -> None:
+        self.robot, self.task = robot, task
+        self._pose = 2 * len(robot.joints) + 9
+        told, moved = 6 if task.wrist_goals else 0, 15 if task.moves_object else 0
+        self._widths = [self._pose, self._pose, told, moved, moved]
+        self.size = sum(self._widths)
+        """P."""
+
+    def flat(self, root: RobotState, now: ObjectState, two: Frame) -> Tensor:
+        """(M, P) of M frames of chunks.
+
+        Args:
+            root: (M,) where the robots are when the plan is made; only position and orientation of the root count.
+            now: (M,) the objects in the frames of the chunk.
+            two: (2 M,) the references one frame after these, and then those two frames after them.
+        """
+        count = len(root.root_pos_w)
+        quat = root.root_quat_w.repeat(2, 1)
+        pos = rot.rotate_inverse(quat, two.root_pos_w - root.root_pos_w.repeat(2, 1))
+        turn = rot.to_6d(rot.multiply(rot.conjugate(quat), two.root_quat_w))
+        poses = torch.cat([two.joint_pos, two.joint_vel, pos, turn], -1)
+        parts = [poses[:count], poses[count:]]
+        if self.task.wrist_goals:
+            # a hand that has nothing to do is where the reference has it
+            goal = torch.where(two.wrist_goal_w.isnan(), two.wrist_pos_w, two.wrist_goal_w)[:count]
+            away = goal - root.root_pos_w[:, None]
+            parts.append(rot.rotate_inverse(root.root_quat_w[:, None].expand(-1, 2, -1), away).flatten(1))
+        if self.task.moves_object:
+            then = ObjectState(*(part[:count] for part in _fields(two.object)))
+            for state in (now, then):
+                seen = object_in_root(root, state)
+                parts.append(torch.cat([seen[:, :3], rot.to_6d(rot.from_rotvec(seen[:, 3:6])), seen[:, 6:]], -1))
+        return torch.cat(parts, -1)
+
+    def terms(self, spec: TrackerSpec, chunk: Tensor, obs: Observations) -> dict[str, Tensor]:
+        """What a tracker has to be told of plans (N, K, P): its privileged terms, and the wrists' targets.
+
+        Args:
+            spec: The tracker.
+            chunk: (N, K, P); a tracker that looks n frames ahead needs K >= n.
+            obs: Of the N robots, with `proprio`.
+
+        Raises:
+            MimicbenchError: The tracker looks farther ahead than the plans go.
+        """
+        first = chunk[:, 0].split(self._widths, -1)
+        context = _Imagined.of(self.robot, self.task, obs["proprio"], lambda ahead: self._frame(chunk, ahead))
+        if self.task.moves_object:
+            context = context.beside(_object(first[3]))
+        wanted = (term for term in chosen_terms(spec.observations, self.task) if term.privileged)
+        found = {term.name: term.compute(context) for term in wanted}
+        return {**found, "targets": first[2].unflatten(-1, (2, 3))} if self.task.wrist_goals else found
+
+    def _frame(self, chunk: Tensor, ahead: int) -> Frame:
+        """The planned frame `ahead` frames from now, in the robot's root frame as if that were the world's."""
+        if ahead > chunk.shape[1]:
+            raise MimicbenchError(
+                f"this tracker looks {ahead} frames ahead, but the plans end after {chunk.shape[1]}; learn with a "
+                "longer chunk (--imitate.network.chunk)"
+            )
+        first, second, _, _, moved = chunk[:, ahead - 1].split(self._widths, -1)
+        joints = len(self.robot.joints)
+        joint_pos, joint_vel, pos, turn = first.split([joints, joints, 3, 6], -1)
+        quat, later = rot.from_6d(turn), rot.from_6d(second[:, -6:])
+        lin_vel = (second[:, -9:-6] - pos) / CONTROL_DT
+        ang_vel = rot.to_rotvec(rot.multiply(later, rot.conjugate(quat))) / CONTROL_DT
+        nowhere = pos.new_full((len(pos), 2, 3), torch.nan)
+        obj = _object(moved) if self.task.moves_object else ObjectState.at_origin(len(pos), pos.device)
+        return Frame(pos, quat, lin_vel, ang_vel, joint_pos, joint_vel, obj, nowhere, nowhere)
+
+
+@dataclass(frozen=True)
+class _Imagined(StepContext):
+    """Robots in their own root frames, as if these were the world's, before references that are planned.
+
+    There is no physics: only terms that follow from the robots' poses, their references and the object can be worked
+    out.
+    """
+
+    planned_object: ObjectState | None = None
+
+    @staticmethod
+    def of(robot: Robot, task: Task, proprio: Tensor, reference: Callable[[int], Frame]) -> "_Imagined":
+        """Of what robots measure of themselves (N, 10 + 2 J)."""
+        joints = len(robot.joints)
+        _, _, lin_vel, ang_vel, joint_pos, joint_vel = proprio.split([3, 1, 3, 3, joints, joints], -1)
+        at = ObjectState.at_origin(len(proprio), proprio.device)
+        state = RobotState(at.pos_w, at.quat_w, lin_vel, ang_vel, joint_pos, joint_vel)
+        none, unused = proprio[:, :0], cast("Any", None)
+        goal = proprio.new_full((len(proprio), 2, 3), torch.nan)
+        return _Imagined(
+            robot, task, unused, state, proprio[:, 0], none, proprio[:, 0], none, none, goal, reference, unused
+        )
+
+    def beside(self, obj: ObjectState) -> "_Imagined":
+        """The same beside an object."""
+        return replace(self, planned_object=obj)
+
+    @cached_property
+    def links(self) -> LinkState:
+        """By forward kinematics."""
+        state, at = self.state, ObjectState.at_origin(self.num_envs, self.device)
+        pose = (state.root_pos_w, state.root_quat_w, state.root_lin_vel_w, state.root_ang_vel_b)
+        return reference_links(self.robot, Frame(*pose, state.joint_pos, state.joint_vel, at, at.pos_w, at.pos_w))
+
+    @cached_property
+    def object(self) -> ObjectState:
+        """As planned."""
+        assert self.planned_object is not None
+        return self.planned_object
+
+
+def _object(numbers: Tensor) -> ObjectState:
+    """Of (N, 15) numbers of a plan."""
+    pos, turn, lin_vel, ang_vel = numbers.split([3, 6, 3, 3], -1)
+    quat = rot.from_6d(turn)
+    return ObjectState(pos, quat, lin_vel, rot.rotate_inverse(quat, ang_vel))
+
+
+def _fields(state: ObjectState) -> tuple[Tensor, ...]:
+    return state.pos_w, state.quat_w, state.lin_vel_w, state.ang_vel_b

@@ -211,8 +211,21 @@ class PlannerPolicy:
             self._last_action = torch.zeros(robots, len(self._robot.joints), device=device)
             self._style = torch.zeros(robots, self._network.sizes.style, device=device)
         self._goal.begin(ids, obs)
-        self._last_action[ids] = 0.0
-        self._style[ids] = self._network.choose(self._goal.goal[ids])
+        self._last_action = self._last_action.index_fill(0, ids, 0.0)
+        self._style = self._style.index_copy(0, ids, self._network.choose(self._goal.goal[ids]))
+
+    def networks(self) -> list[nn.Module]:
+        """All that it runs on."""
+        return [self._network, self._tracker.network, *self._goal.networks()]
+
+    def memory(self) -> dict[str, torch.Tensor]:
+        """(N, ...) what is carried from frame to frame, by name."""
+        return {"last_action": self._last_action, "style": self._style, **self._goal.memory()}
+
+    def remember(self, memory: Mapping[str, torch.Tensor]) -> None:
+        """Go on from what `memory` gave."""
+        self._last_action, self._style = memory["last_action"], memory["style"]
+        self._goal.remember(memory)
 
     @torch.no_grad()
     def act(self, obs: Observations) -> torch.Tensor:

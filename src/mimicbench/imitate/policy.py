@@ -1,30 +1,27 @@
 """Learners in their closed loop."""
 
+from collections.abc import Mapping
+
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.imitate.goals import KnownGoal
-from mimicbench.imitate.inputs import Learner
+from mimicbench.imitate.inputs import InputConfig, Learner
 from mimicbench.sensors.observations import Observations
 
 BODY = ("proprio", "time", "odometry")
 """What every policy observes beside maps and goals."""
 
 
-class VisionPolicy:
-    """A learner in its closed loop: sees, knows its goal if it was taught to, and takes the first predicted action,
-    every frame.
-    """
+class Senses:
+    """What learners see of N robots, frame by frame: vectors and maps, with as many past frames as they were shown."""
 
-    def __init__(self, learner: Learner, goal: KnownGoal | None = None, gains: str = "improved") -> None:
-        """`gains` are those of the tracker whose demonstrations it cloned."""
-        self.gains = gains
-        if learner.inputs.memory and goal is None:
+    def __init__(self, inputs: InputConfig, goal: KnownGoal | None = None) -> None:
+        """`goal` is needed, and used, if the learner remembers it."""
+        if inputs.memory and goal is None:
             raise MimicbenchError("this policy remembers its goal; give it what it knows of that, too")
-        self.learner = learner.eval()
-        self._goal = goal if learner.inputs.memory else None
-        inputs = learner.inputs
+        self._inputs, self.goal = inputs, goal if inputs.memory else None
         self._maps = (
             *(("heightmap",) if inputs.elevation else ()),
             *(("target_elevation",) if inputs.targets else ()),
@@ -33,28 +30,131 @@ class VisionPolicy:
             *(("state",) if inputs.body == "state" else ()),
             *BODY,
             *self._maps,
-            *(self._goal.observations if self._goal else ()),
+            *(self.goal.observations if self.goal else ()),
         )
         self.observations: tuple[str, ...] = tuple(dict.fromkeys(wanted))
+        self._past: list[tuple[Tensor, Tensor | None]] = []
+
+    def to(self, device: str) -> None:
+        """Move what perceives to a device; nothing is remembered."""
+        self._past = []
+        if self.goal is not None:
+            self.goal.to(device)
+
+    def networks(self) -> list[nn.Module]:
+        """Those that perceive."""
+        return self.goal.networks() if self.goal else []
+
+    def memory(self) -> dict[str, Tensor]:
+        """(N, ...) what is carried from frame to frame, by name."""
+        found = {f"goal.{name}": value for name, value in self.goal.memory().items()} if self.goal else {}
+        for number, (vector, maps) in enumerate(self._past):
+            found |= {f"vector.{number}": vector, **({} if maps is None else {f"maps.{number}": maps})}
+        return found
+
+    def remember(self, memory: Mapping[str, Tensor]) -> None:
+        """Go on from what `memory` gave."""
+        if self.goal:
+            self.goal.remember({n.removeprefix("goal."): v for n, v in memory.items() if n.startswith("goal.")})
+        numbers = range(len(self._past))
+        self._past = [(memory[f"vector.{number}"], memory.get(f"maps.{number}")) for number in numbers]
+
+    def begin(self, ids: Tensor, obs: Observations) -> None:
+        """Robots `ids` (M,) begin anew: they find out about the goal, and before their first frame was the same one."""
+        if self.goal is not None:
+            self.goal.begin(ids, obs)
+        if self._inputs.history == 1:
+            return
+        vector, maps = self._frame(obs)
+        if not self._past or len(self._past[0][0]) != len(vector):
+            self._past = [(vector, maps)] * (self._inputs.history - 1)
+        self._past = [
+            (
+                old.index_copy(0, ids, vector[ids]),
+                None if seen is None or maps is None else seen.index_copy(0, ids, maps[ids]),
+            )
+            for old, seen in self._past
+        ]
+
+    def see(self, obs: Observations) -> tuple[Tensor, Tensor | None]:
+        """The vectors (N, size) and the maps (N, channels, 128, 128), or (N, history, ...) of both."""
+        frame = self._frame(obs)
+        if self._inputs.history == 1:
+            return frame
+        frames = [*self._past, frame]
+        self._past = frames[1:]
+        vectors, maps = zip(*frames, strict=True)
+        return torch.stack(vectors, 1), torch.stack(maps, 1) if self._maps else None
+
+    def _frame(self, obs: Observations) -> tuple[Tensor, Tensor | None]:
+        memory = None if self.goal is None else self.goal.recall(obs)
+        state = obs["state"] if self._inputs.body == "state" else obs["proprio"]
+        vector = self._inputs.vector(state, obs["proprio"], obs["time"][:, 0], memory)
+        return vector, torch.stack([obs[name] for name in self._maps], 1) if self._maps else None
+
+
+class VisionPolicy:
+    """A learner in its closed loop: sees, knows its goal if it was taught to, and carries out the first of the actions
+    that it predicts, or as many as it is made for, before it predicts again.
+    """
+
+    def __init__(self, learner: Learner, goal: KnownGoal | None = None, gains: str = "improved") -> None:
+        """`gains` are those of the tracker whose demonstrations it cloned."""
+        self.gains = gains
+        self.learner = learner.eval()
+        self.senses = Senses(learner.inputs, goal)
+        self.observations: tuple[str, ...] = self.senses.observations
+        self._plan = torch.zeros(0, 0, 0)
+        self._done = torch.zeros(0, dtype=torch.long)
 
     def to(self, device: str) -> None:
         """Move the networks to a device."""
         self.learner.to(device)
-        if self._goal is not None:
-            self._goal.to(device)
+        self.senses.to(device)
+        self._plan, self._done = self._plan[:0].to(device), self._done[:0].to(device)
 
     @torch.no_grad()
     def reset(self, ids: Tensor, obs: Observations) -> None:
-        """Find out about the goal, and remember it."""
-        if self._goal is not None:
-            self._goal.begin(ids, obs)
+        """Find out about the goal, and remember it; forget what was planned."""
+        self.senses.begin(ids, obs)
+        if len(self._done) != obs.num_envs:
+            proprio = obs["proprio"]
+            self._plan = proprio.new_zeros(obs.num_envs, self.learner.executes, self.learner.config.action_size)
+            self._done = torch.zeros(obs.num_envs, dtype=torch.long, device=proprio.device)
+        self._done = self._done.index_fill(0, ids, self.learner.executes)
 
     @torch.no_grad()
     def act(self, obs: Observations) -> Tensor:
         """Joint position targets (N, J) [rad]."""
-        inputs = self.learner.inputs
-        memory = None if self._goal is None else self._goal.recall(obs)
-        state = obs["state"] if inputs.body == "state" else obs["proprio"]
-        vector = inputs.vector(state, obs["proprio"], obs["time"][:, 0], memory)
-        maps = torch.stack([obs[name] for name in self._maps], 1) if self._maps else None
-        return self.learner.predict(vector, maps)
+        vector, maps = self.senses.see(obs)
+        if self.learner.executes == 1:
+            return self.learner.predict(vector, maps)
+        # robots that began at different times predict at different times
+        due = self._done == self.learner.executes
+        if torch.compiler.is_compiling():  # a graph cannot choose among them
+            self._plan = torch.where(due[:, None, None], self._predicted(vector, maps), self._plan)
+        elif due.any():
+            found = self._predicted(vector[due], None if maps is None else maps[due])
+            self._plan = self._plan.index_copy(0, due.nonzero()[:, 0], found)
+        self._done = torch.where(due, 0, self._done)
+        target = self._plan[torch.arange(len(self._done), device=self._done.device), self._done]
+        self._done = self._done + 1
+        return target
+
+    def _predicted(self, vector: Tensor, maps: Tensor | None) -> Tensor:
+        """(n, executes, J) the actions that are carried out from now on."""
+        return self.learner.plan(vector, maps)[:, : self.learner.executes]
+
+    def networks(self) -> list[nn.Module]:
+        """All that it runs on."""
+        return [self.learner, *self.senses.networks()]
+
+    def memory(self) -> dict[str, Tensor]:
+        """(N, ...) what is carried from frame to frame, by name."""
+        plan = {} if self.learner.executes == 1 else {"plan": self._plan, "done": self._done}
+        return {**self.senses.memory(), **plan}
+
+    def remember(self, memory: Mapping[str, Tensor]) -> None:
+        """Go on from what `memory` gave."""
+        self.senses.remember(memory)
+        self._plan, self._done = memory.get("plan", self._plan), memory.get("done", self._done)

@@ -3,6 +3,8 @@
 import dataclasses
 import time
 from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -39,6 +41,8 @@ class TrainConfig:
     """Share of the batches over which the learning rate rises from 0."""
     weight_decay: float = 1e-4
     """Of AdamW."""
+    betas: tuple[float, float] = (0.9, 0.999)
+    """Decay of AdamW's averages of the gradient and of its square."""
     clip: float = 1.0
     """Longest gradient; 0 for no limit."""
     average: float = 0.999
@@ -66,11 +70,15 @@ def train(learner: Any, data: DemoFrames, config: TrainConfig, folder: Path, qui
     Returns:
         The trained network (the moving average, if there is one), on the CPU and ready for use.
     """
-    run = _Run(learner, data, config, folder)
+    with closing(CloneTraining(learner, data, config, folder)) as run:
+        return _trained(run, config, quiet)
+
+
+def _trained(run: "CloneTraining", config: TrainConfig, quiet: bool) -> Learner:
     run.resume()
     saved = time.monotonic()
     sums: dict[str, float] = {}
-    with counter(config.steps, f"{type(learner).__name__.removesuffix('Config')} learns", quiet) as tick:
+    with counter(config.steps, f"{type(run.learner).__name__} learns", quiet) as tick:
         tick(run.steps)
         while run.steps < config.steps:
             before = time.monotonic()
@@ -113,8 +121,8 @@ class _Average:
             value.copy_(tensors[name])
 
 
-class _Run:
-    """One training run: everything that has to survive a kill is in `save` and `resume`."""
+class CloneTraining:
+    """One training: everything that has to survive a kill is in `save` and `resume`."""
 
     def __init__(self, learner: Any, data: DemoFrames, config: TrainConfig, folder: Path) -> None:
         self.data, self.config, self.folder = data, config, folder
@@ -122,15 +130,20 @@ class _Run:
             torch.manual_seed(self._seed("weights"))
             self.learner = learner.build()
         frames = data.train_frames[:: max(1, len(data.train_frames) // 20_000)]
-        self.learner.normalize_by(data.vector(frames), data.action[frames])
+        self.learner.normalize_by(data.vector(frames), data.samples(frames))
         self.learner.to(config.device)
         self.parameters = dict(self.learner.named_parameters())
         self.average = _Average(self.learner, config.average)
         self.optimizer = torch.optim.AdamW(
-            self.parameters.values(), lr=config.learning_rate, weight_decay=config.weight_decay
+            self.parameters.values(), lr=config.learning_rate, betas=config.betas, weight_decay=config.weight_decay
         )
         self.steps = 0
         self.seconds = 0.0
+        self.waited = 0.0
+        """[s] that it has waited for data since it was begun or taken up."""
+        # the next batch is made while the network learns from this one
+        self._maker = ThreadPoolExecutor(1, "demonstrations")
+        self._next: Future[Batch] | None = None
         self.identity = {
             "learner": msgspec.to_builtins(dataclasses.asdict(learner)),
             "train": _identity(config),
@@ -143,9 +156,11 @@ class _Run:
     def step(self) -> dict[str, float]:
         """One batch. Its random numbers follow from its number, so a resumed run draws the same ones."""
         config, done = self.config, self.steps / self.config.steps
-        random = torch.Generator().manual_seed(self._seed("batch", self.steps))
-        frames = self.data.train_frames[torch.randint(len(self.data.train_frames), (config.batch,), generator=random)]
-        batch = _to(self.data.batch(frames, random), config.device)
+        before = time.monotonic()
+        coming = self._next or self._maker.submit(self._batch, self.steps)
+        batch = _to(coming.result(), config.device)
+        self._next = self._maker.submit(self._batch, self.steps + 1)
+        self.waited += time.monotonic() - before
         rate = min(1.0, (done + 1e-4) / config.warmup) if config.warmup else 1.0
         if config.schedule == "cosine":
             rate *= 0.5 * (1 + torch.cos(torch.tensor(done * torch.pi)).item())
@@ -171,10 +186,20 @@ class _Run:
         self.average.follow(self.learner, self.steps)
         return values
 
+    def _batch(self, number: int) -> Batch:
+        """The batch of that number."""
+        random, every = torch.Generator().manual_seed(self._seed("batch", number)), self.data.train_frames
+        return self.data.batch(every[torch.randint(len(every), (self.config.batch,), generator=random)], random)
+
     def log(self, parts: dict[str, float]) -> None:
         """Append a line to metrics.jsonl."""
         rate = self.optimizer.param_groups[0]["lr"]
-        append_metrics(self.folder, {"step": self.steps, "seconds": self.seconds, "learning_rate": rate, **parts})
+        told = {"step": self.steps, "seconds": self.seconds, "waited": self.waited, "learning_rate": rate}
+        append_metrics(self.folder, {**told, **parts})
+
+    def close(self) -> None:
+        """Make no more batches."""
+        self._maker.shutdown(cancel_futures=True)
 
     def save(self) -> None:
         """Write the state to go on from, and a checkpoint with its error on the episodes kept apart."""
@@ -205,7 +230,7 @@ class _Run:
 
     @torch.no_grad()
     def validation_error(self, learner: Learner) -> float | None:
-        """Mean absolute error [rad] of the predicted action on frames of episodes that were kept apart.
+        """Mean absolute error of what is said of the present, on frames of episodes that were kept apart.
 
         None if there are none.
         """
@@ -213,7 +238,8 @@ class _Run:
         if not len(frames):
             return None
         batch = self.data.batch(frames[:: max(1, len(frames) // _VALIDATION_FRAMES)])
-        return float((learner.predict(batch.vector, batch.elevation) - batch.actions[:, 0]).abs().mean())
+        present = batch.actions[:, self.data.window.past]
+        return float((learner.predict(batch.vector, batch.elevation) - present).abs().mean())
 
     def _seed(self, *keys: str | int) -> int:
         return digest(self.config.seed, "imitate", *keys) % (1 << 63)
@@ -222,7 +248,7 @@ class _Run:
 def _identity(config: TrainConfig) -> dict[str, Any]:
     """The part of the configuration that a resumed run must share; it may run longer or elsewhere."""
     free = ("steps", "save_every", "log_steps", "device")
-    return {key: value for key, value in dataclasses.asdict(config).items() if key not in free}
+    return {key: value for key, value in msgspec.to_builtins(dataclasses.asdict(config)).items() if key not in free}
 
 
 def _to(batch: Batch, device: str) -> Batch:
@@ -234,4 +260,5 @@ def _to(batch: Batch, device: str) -> Batch:
         None if batch.elevation is None else move(batch.elevation),
         move(batch.actions),
         move(batch.pad),
+        None if batch.ahead is None else move(batch.ahead),
     )

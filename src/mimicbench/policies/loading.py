@@ -1,4 +1,4 @@
-"""Policies by where they are: the folder of a checkpoint, whose kind says who reads it, or a Python file.
+"""Policies by where they are: the folder of a checkpoint, whose kind says who reads it, a Python or an ONNX file.
 
 A Python file has a function `make_policy()` that returns a `Policy`: how anything that was trained elsewhere is judged.
 It is a program and may do whatever programs do; checkpoints are data, and nothing in them is executed.
@@ -12,6 +12,7 @@ from types import ModuleType
 from mimicbench.core.checkpoint import checkpoint_kind
 from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
 from mimicbench.envs.policy import Policy, refuse_privileged
+from mimicbench.policies.onnx_file import load_onnx
 from mimicbench.policies.registry import LOADERS
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.observations import chosen_terms
@@ -19,15 +20,17 @@ from mimicbench.tasks.task import Task
 
 
 def load_policy(path: Path, robot: Robot, task: Task) -> Policy:
-    """The policy in a checkpoint's folder, or of a Python file.
+    """The policy in a checkpoint's folder, or of a Python or ONNX file.
 
     Raises:
         BadFile: There is neither, or the checkpoint cannot be read.
         UnknownName: Nobody reads checkpoints of that kind, or the policy observes what does not exist.
-        MimicbenchError: The Python file fails, or makes something else than a policy.
+        MimicbenchError: The Python file fails, or makes something else than a policy; the ONNX file has other inputs.
     """
     if path.suffix == ".py":
         return _of_file(path, robot, task)
+    if path.suffix == ".onnx":
+        return load_onnx(path, robot, task)
     return LOADERS.get(checkpoint_kind(path)).load(path, robot, task)
 
 

@@ -26,21 +26,17 @@ from torch.nn import functional
 
 from mimicbench.core.settings import Positive
 from mimicbench.imitate.cloning import CloneImitation, cloner
-from mimicbench.imitate.encoder import Encoder, EncoderConfig
-from mimicbench.imitate.inputs import Batch, InputConfig, Learner
+from mimicbench.imitate.encoder import Encoder, EncoderConfig, sine_positions_2d
+from mimicbench.imitate.inputs import Batch, InputConfig, Learner, NetworkConfig, Window
 from mimicbench.imitate.train import TrainConfig
 
 
 @dataclass(frozen=True)
-class ACTConfig:
+class ACTConfig(NetworkConfig):
     """The network. The defaults are the original's and the paper's."""
 
-    inputs: InputConfig = field(default_factory=InputConfig)
-    """What it sees."""
     encoder: EncoderConfig = field(default_factory=EncoderConfig)
     """The network that reads the map."""
-    action_size: Positive = 19
-    """Joints."""
     chunk: Positive = 100
     """Frames that are predicted at once."""
     hidden: Positive = 512
@@ -61,6 +57,11 @@ class ACTConfig:
     """Share of activations that are dropped in training."""
     kl_weight: float = 10.0
     """Weight of the divergence in the loss."""
+
+    @property
+    def window(self) -> Window:
+        """Which frames it is shown."""
+        return Window(self.chunk)
 
     @property
     def layers(self) -> tuple[int, ...]:
@@ -103,7 +104,7 @@ class ACT(Learner):
     kind = "act"
 
     def __init__(self, config: ACTConfig) -> None:
-        super().__init__(config.inputs, config.chunk, config.action_size)
+        super().__init__(config.inputs, (config.action_size,))
         self.config = config
         width = config.hidden
         # variational encoder: only in training
@@ -120,7 +121,7 @@ class ACT(Learner):
         if config.inputs.elevation:
             self.map_encoder = Encoder(replace(config.encoder, channels=config.inputs.channels))
             self.map_to_token = nn.Conv2d(config.encoder.widths[-1], width, 1)
-            self.register_buffer("map_positions", _sine_positions_2d(config.encoder.side, width), persistent=False)
+            self.register_buffer("map_positions", sine_positions_2d(config.encoder.side, width), persistent=False)
         self.encoder_layers = nn.ModuleList(_EncoderLayer(config) for _ in range(config.encoder_layers))
         self.decoder_layers = nn.ModuleList(_DecoderLayer(config) for _ in range(config.decoder_layers))
         self.decoder_norm = nn.LayerNorm(width)
@@ -141,11 +142,11 @@ class ACT(Learner):
         kl = -0.5 * (1 + log_variance - mean.square() - log_variance.exp()).sum(-1).mean()
         return {"loss": l1 + self.config.kl_weight * kl, "l1": l1, "kl": kl}
 
-    def predict(self, vector: Tensor, elevation: Tensor | None) -> Tensor:
-        """The first action (N, A) [rad] of the chunk for z = 0."""
+    def plan(self, vector: Tensor, elevation: Tensor | None) -> Tensor:
+        """The actions (N, chunk, A) [rad] for z = 0, of which the first is carried out."""
         state = self.normalized_input(vector)
         chunk = self._decode(state.new_zeros(len(state), self.config.latent), state, elevation)
-        return chunk[:, 0] * self.action_std + self.action_mean
+        return chunk * self.action_std + self.action_mean
 
     def _posterior(self, state: Tensor, actions: Tensor, pad: Tensor) -> tuple[Tensor, Tensor]:
         """Mean and log-variance (B, latent) of q(z | state, actions)."""
@@ -246,19 +247,6 @@ def _sine_positions(length: int, width: int) -> Tensor:
     rate = torch.exp(torch.arange(0, width, 2) * (-math.log(10000.0) / width))
     phase = torch.arange(length)[:, None] * rate
     return torch.stack([phase.sin(), phase.cos()], -1).flatten(1)[None]
-
-
-def _sine_positions_2d(side: int, width: int) -> Tensor:
-    """(1, side * side, width): half of the numbers tell the row, half the column, both scaled to 0..2 pi (Carion et al.
-
-    2020).
-    """
-    place = (torch.arange(side) + 1.0) / side * (2 * math.pi)
-    rate = torch.exp(torch.arange(0, width // 2, 2) * (-math.log(10000.0) / (width // 2)))
-    line = torch.stack([(place[:, None] * rate).sin(), (place[:, None] * rate).cos()], -1).flatten(1)
-    return torch.cat([line[:, None].expand(-1, side, -1), line[None].expand(side, -1, -1)], -1).reshape(
-        1, side * side, width
-    )
 
 
 @dataclass(frozen=True)

@@ -14,20 +14,16 @@ from torch.nn import functional
 from mimicbench.core.settings import Positive, Sizes
 from mimicbench.imitate.cloning import CloneImitation, cloner
 from mimicbench.imitate.encoder import Encoder, EncoderConfig
-from mimicbench.imitate.inputs import Batch, InputConfig, Learner
+from mimicbench.imitate.inputs import Batch, InputConfig, Learner, NetworkConfig
 from mimicbench.imitate.train import TrainConfig
 
 
 @dataclass(frozen=True)
-class BCConfig:
+class BCConfig(NetworkConfig):
     """The network. The defaults are the original's."""
 
-    inputs: InputConfig = field(default_factory=InputConfig)
-    """What it sees."""
     encoder: EncoderConfig = field(default_factory=EncoderConfig)
     """The network that reads the map."""
-    action_size: Positive = 19
-    """Joints."""
     reduce: Sizes = (128, 64, 32)
     """Channels of the convolutions after the encoder."""
     hidden: Positive = 1024
@@ -37,11 +33,6 @@ class BCConfig:
     def layers(self) -> tuple[int, ...]:
         """How many of everything that is repeated."""
         return len(self.reduce), *self.encoder.layers
-
-    @property
-    def chunk(self) -> int:
-        """Frames of action that it predicts."""
-        return 1
 
     def build(self) -> "BC":
         """A new network, with weights from torch's random numbers."""
@@ -59,7 +50,7 @@ class BC(Learner):
     kind = "bc"
 
     def __init__(self, config: BCConfig) -> None:
-        super().__init__(config.inputs, 1, config.action_size)
+        super().__init__(config.inputs, (config.action_size,))
         self.config = config
         size = config.inputs.size
         if config.inputs.elevation:
@@ -84,9 +75,9 @@ class BC(Learner):
         )
         return {"loss": mse}
 
-    def predict(self, vector: Tensor, elevation: Tensor | None) -> Tensor:
-        """The action (N, A) [rad]."""
-        return self._forward(vector, elevation) * self.action_std + self.action_mean
+    def plan(self, vector: Tensor, elevation: Tensor | None) -> Tensor:
+        """The action (N, 1, A) [rad]."""
+        return (self._forward(vector, elevation) * self.action_std + self.action_mean)[:, None]
 
     def _forward(self, vector: Tensor, elevation: Tensor | None) -> Tensor:
         x = self.normalized_input(vector)

@@ -1,0 +1,32 @@
+"""`mimicbench export policy`: a policy as a file that other programs can run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from mimicbench.commands.options import Json, Task
+from mimicbench.commands.telling import tell
+from mimicbench.core.errors import MimicbenchError
+from mimicbench.tasks.registry import DEFAULT_TASK
+
+
+def export_policy(
+    policy: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(help="folder of the policy's checkpoint")],
+    out: Annotated[Path | None, tyro.conf.arg(help="the file; by default <folder's name>.onnx here")] = None,
+    task: Task = DEFAULT_TASK,
+    as_json: Json = False,
+) -> None:
+    """Write a policy as an ONNX file with all that it needs, and see that both decide the same."""
+    from mimicbench.core.checkpoint import checkpoint_robot
+    from mimicbench.policies import export as exporting
+    from mimicbench.robots.registry import ROBOTS
+    from mimicbench.tasks.registry import TASKS
+
+    path = out or Path(f"{policy.resolve().name}.onnx")
+    if path.suffix != ".onnx":
+        raise MimicbenchError(f"--out is {str(path)!r}; give a name that ends in .onnx")
+    found = exporting.export_policy(policy, ROBOTS.get(checkpoint_robot(policy)), TASKS.get(task), path)
+    tell([found], as_json, f"{path}: {found['bytes'] / 1e6:.1f} MB, as the policy to {found['difference']:.1e} rad")

@@ -1,0 +1,267 @@
+"""HIT, the humanoid imitation transformer (Fu et al. 2024), as the paper uses it (appendix G): a planner of target
+poses over the tracker.
+
+One transformer without a decoder reads [state, one token per map feature, one learned query per frame of the chunk],
+all of which see each other. What comes out at the queries are the poses of the two frames after each frame of the
+chunk, as seen from where the robot is now (imitate.plan.PosePlan); at the map's tokens, the features that the map will
+have when the chunk is over, so that the map cannot be overlooked:
+
+    loss = L1(poses) + feature_weight * |tokens of the map - features of the map after the chunk|^2
+
+In use only the first frames of the chunk count, as many as the tracker looks ahead: completed by differences and
+forward kinematics they are what the tracker is told, in every frame anew.
+
+Three things differ from the original program on purpose. It sees photographs of two cameras, with an image network that
+was learned on others; here it sees the paper's elevation map, and learns to. Numbers of the poses have their mean and
+deviation in each frame of the chunk: the next frame is centimeters away, the last one a meter. And the original says
+the joint angles of one frame; here it says the paper's poses of two, from which velocities follow.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Self
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from mimicbench.core.settings import Positive
+from mimicbench.envs.clips import ClipSet
+from mimicbench.envs.reference import ReferenceBank
+from mimicbench.imitate.cloning import CloneImitation, clips_of, cloner
+from mimicbench.imitate.encoder import Encoder, EncoderConfig, sine_positions_2d
+from mimicbench.imitate.goals import known_goal
+from mimicbench.imitate.inputs import Batch, Learner, NetworkConfig, Window
+from mimicbench.imitate.learned import load_learner
+from mimicbench.imitate.lerobot import Demos
+from mimicbench.imitate.plan import PosePlan
+from mimicbench.imitate.planner import own_terms
+from mimicbench.imitate.policy import Senses
+from mimicbench.imitate.train import TrainConfig
+from mimicbench.robots.description import Robot
+from mimicbench.sensors.observations import Observations
+from mimicbench.sim.physics import ObjectState, RobotState
+from mimicbench.tasks.task import Task
+from mimicbench.track.checkpoint import load_tracker
+from mimicbench.track.spec import Tracker
+
+
+@dataclass(frozen=True)
+class HITConfig(NetworkConfig):
+    """The network. The defaults are those that the original's README trains with."""
+
+    encoder: EncoderConfig = field(default_factory=EncoderConfig)
+    """The network that reads the map."""
+    action_size: int = 0
+    """Numbers that tell the poses of a frame of the chunk. Robot and task decide."""
+    chunk: Positive = 50
+    """Frames that are planned at once."""
+    hidden: Positive = 512
+    """Width of all tokens; of the feed-forward blocks, four times that."""
+    heads: Positive = 8
+    """Attention heads."""
+    blocks: Positive = 6
+    """Of the transformer."""
+    dropout: float = 0.1
+    """Share of activations that are dropped in training."""
+    feature_weight: float = 0.005
+    """Weight of the map's features in the loss."""
+
+    def of(self, robot: Robot, task: Task) -> Self:
+        """The same for a robot at a task."""
+        return replace(super().of(robot, task), action_size=PosePlan(robot, task).size)
+
+    @property
+    def window(self) -> Window:
+        """Which frames it is shown."""
+        return Window(self.chunk, looks_ahead=self.inputs.elevation)
+
+    @property
+    def layers(self) -> tuple[int, ...]:
+        """How many of everything that is repeated."""
+        return self.blocks, *self.encoder.layers
+
+    def build(self) -> "HIT":
+        """A new network, with weights from torch's random numbers."""
+        return HIT(self)
+
+    @staticmethod
+    def small() -> "HITConfig":
+        """For a CPU: about 1 million parameters, half a second ahead."""
+        return HITConfig(encoder=EncoderConfig.small(), chunk=25, hidden=128, heads=4, blocks=3, dropout=0.05)
+
+
+class HIT(Learner):
+    """State and map -> plans."""
+
+    kind = "hit"
+
+    def __init__(self, config: HITConfig) -> None:
+        super().__init__(config.inputs, (config.chunk, config.action_size))
+        self.config = config
+        width = config.hidden
+        self.state_to_token = nn.Linear(config.inputs.size, width)
+        self.state_position = nn.Parameter(torch.randn(1, 1, width) * 0.02)
+        if config.inputs.elevation:
+            self.map_encoder = Encoder(replace(config.encoder, channels=config.inputs.channels))
+            self.map_to_token = nn.Conv2d(config.encoder.widths[-1], width, 1)
+            self.register_buffer("map_positions", sine_positions_2d(config.encoder.side, width), persistent=False)
+        self.queries = nn.Parameter(torch.randn(1, config.chunk, width) * 0.02)
+        self.blocks = nn.ModuleList(_Block(config) for _ in range(config.blocks))
+        self.head = nn.Linear(width, config.action_size)
+
+    def loss(self, batch: Batch, generator: torch.Generator | None = None) -> dict[str, Tensor]:
+        """L1 over the frames of the chunk that exist, and the error of the map's features after it."""
+        found, foreseen = self._forward(batch.vector, batch.elevation)
+        l1 = ((found - self.normalized_actions(batch.actions)).abs() * ~batch.pad[..., None]).mean()
+        if batch.ahead is None:
+            return {"loss": l1, "l1": l1}
+        feature = functional.mse_loss(foreseen, self._features(batch.ahead))
+        return {"loss": l1 + self.config.feature_weight * feature, "l1": l1, "feature": feature}
+
+    def plan(self, vector: Tensor, elevation: Tensor | None) -> Tensor:
+        """The plans (N, chunk, P), in meters, radians and seconds."""
+        return self._forward(vector, elevation)[0] * self.action_std + self.action_mean
+
+    def _features(self, elevation: Tensor) -> Tensor:
+        """(N, side * side, hidden) one token per map feature."""
+        return self.map_to_token(self.map_encoder(self.normalized_map(elevation))).flatten(2).transpose(1, 2)
+
+    def _forward(self, vector: Tensor, elevation: Tensor | None) -> tuple[Tensor, Tensor]:
+        """Normalized plans (N, chunk, P), and what has become of the map's tokens (N, side * side, hidden)."""
+        tokens = [self.state_to_token(self.normalized_input(vector))[:, None] + self.state_position]
+        if self.inputs.elevation:
+            if elevation is None:
+                raise ValueError("this learner sees elevation maps; give it one")
+            tokens.append(self._features(elevation) + self.get_buffer("map_positions"))
+        x = torch.cat([*tokens, self.queries.expand(len(vector), -1, -1)], 1)
+        for block in self.blocks:
+            x = block(x)
+        return self.head(x[:, -self.config.chunk :]), x[:, 1 : -self.config.chunk]
+
+
+class _Block(nn.Module):
+    """Self-attention and feed-forward; the sums go on from what has been normalized, as in the original."""
+
+    def __init__(self, config: HITConfig) -> None:
+        super().__init__()
+        width = config.hidden
+        self.heads, self.dropout = config.heads, config.dropout
+        self.norms = nn.ModuleList(nn.LayerNorm(width) for _ in range(3))
+        self.mix, self.out = nn.Linear(width, 3 * width), nn.Linear(width, width)
+        self.feedforward = nn.Sequential(
+            nn.Linear(width, 4 * width), nn.GELU(), nn.Linear(4 * width, width), nn.Dropout(config.dropout)
+        )
+        self.drop = nn.Dropout(config.dropout)
+
+    def forward(self, x: Tensor) -> Tensor:
+        x = self.norms[0](x)
+        query, key, value = (part.unflatten(-1, (self.heads, -1)).transpose(1, 2) for part in self.mix(x).chunk(3, -1))
+        dropout = self.dropout if self.training else 0.0
+        mixed = functional.scaled_dot_product_attention(query, key, value, dropout_p=dropout)
+        x = self.norms[1](x + self.drop(self.out(mixed.transpose(1, 2).flatten(2))))
+        return self.norms[2](x + self.feedforward(x))
+
+
+class ClipPlans:
+    """What the clips of demonstrations would have had a robot plan, wherever the tracker had taken it."""
+
+    def __init__(self, demos: Demos, clips: ClipSet) -> None:
+        self._layout = PosePlan(clips.robot, clips.task)
+        self._bank = ReferenceBank(clips.motions, clips.robot)
+        lengths = torch.from_numpy(demos.starts).diff()
+        self._clip = clips_of(demos, clips).repeat_interleave(lengths)
+        self._first = torch.from_numpy(demos.starts[:-1]).repeat_interleave(lengths)
+        self._qpos, self._qvel = torch.from_numpy(demos.qpos).float(), torch.from_numpy(demos.qvel).float()
+        self._joints = len(clips.robot.joints)
+
+    def of(self, frames: Tensor, steps: Tensor) -> Tensor:
+        """(B, chunk, P) what is planned in frames (B,) for frames `steps` (B, chunk) of the same episodes."""
+        here, there = frames[:, None].expand(steps.shape).flatten(), steps.flatten()
+        root = self._qpos[here, :7]
+        none = root[:, :0]
+        state = RobotState(root[:, :3], root[:, 3:], none, none, none, none)
+        index = there - self._first[here]
+        two = self._bank.frame(self._clip[here].repeat(2), torch.cat([index + 1, index + 2]))
+        return self._layout.flat(state, self._objects(there), two).unflatten(0, steps.shape)
+
+    def _objects(self, frames: Tensor) -> ObjectState:
+        """Where the objects are in frames (M,); at the origin where they stay there."""
+        pose, motion = self._qpos[frames, 7 + self._joints :], self._qvel[frames, 6 + self._joints :]
+        if not pose.shape[1]:
+            return ObjectState.at_origin(len(frames))
+        return ObjectState(pose[:, :3], pose[:, 3:7], motion[:, :3], motion[:, 3:6])
+
+
+class HITPolicy:
+    """HIT in closed loop: plans in every frame, and lets the tracker follow."""
+
+    def __init__(self, robot: Robot, task: Task, learner: Learner, tracker: Tracker, senses: Senses) -> None:
+        self._robot, self._learner, self._tracker, self._senses = robot, learner.eval(), tracker, senses
+        self._plan = PosePlan(robot, task)
+        # targets of wrists are among what is planned
+        self._own = tuple(name for name in own_terms(tracker.spec, task) if name != "targets")
+        self.gains = tracker.spec.gains
+        self.observations: tuple[str, ...] = tuple(dict.fromkeys((*senses.observations, *self._own)))
+        self._last_action = torch.zeros(0, len(robot.joints))
+
+    def to(self, device: str) -> None:
+        """Move the networks to a device."""
+        self._learner.to(device)
+        self._tracker.network.to(device)
+        self._senses.to(device)
+        self._last_action = self._last_action[:0].to(device)
+
+    @torch.no_grad()
+    def reset(self, ids: Tensor, obs: Observations) -> None:
+        """Nothing was done before."""
+        self._senses.begin(ids, obs)
+        if len(self._last_action) != obs.num_envs:
+            self._last_action = obs["proprio"].new_zeros(obs.num_envs, len(self._robot.joints))
+        self._last_action = self._last_action.index_fill(0, ids, 0.0)
+
+    def networks(self) -> list[nn.Module]:
+        """All that it runs on."""
+        return [self._learner, self._tracker.network, *self._senses.networks()]
+
+    def memory(self) -> dict[str, Tensor]:
+        """(N, ...) what is carried from frame to frame, by name."""
+        return {"last_action": self._last_action, **self._senses.memory()}
+
+    def remember(self, memory: Mapping[str, Tensor]) -> None:
+        """Go on from what `memory` gave."""
+        self._last_action = memory["last_action"]
+        self._senses.remember(memory)
+
+    @torch.no_grad()
+    def act(self, obs: Observations) -> Tensor:
+        """Joint position targets (N, J) [rad]."""
+        chunk = self._learner.plan(*self._senses.see(obs))
+        planned = self._plan.terms(self._tracker.spec, chunk, obs)
+        terms = {**{name: obs[name] for name in self._own}, "last_action": self._last_action, **planned}
+        self._last_action = self._tracker.action(terms)
+        return self._tracker.target(self._robot, terms, self._last_action)
+
+
+def load_hit(folder: Path, robot: Robot, task: Task) -> HITPolicy:
+    """Read a policy with the `tracker` in the folder beside it. Raises BadCheckpoint."""
+    learner, _ = load_learner(folder, robot, HITConfig)
+    goal = known_goal(folder.parent / "perception", robot, task) if learner.inputs.memory else None
+    return HITPolicy(robot, task, learner, load_tracker(folder.parent / "tracker", robot), Senses(learner.inputs, goal))
+
+
+@dataclass(frozen=True)
+class HITImitation(CloneImitation):
+    """HIT as the paper has it: S_current and the map of every frame, over the tracker that made the demonstrations."""
+
+    learner: str = "hit"
+    network: HITConfig = field(default_factory=HITConfig.small)
+    train: TrainConfig = field(default_factory=lambda: TrainConfig(steps=20_000, learning_rate=5e-4))
+
+    def plans(self, demos: Demos, clips: ClipSet) -> ClipPlans:
+        """The poses of the clips."""
+        return ClipPlans(demos, clips)
+
+
+LEARNER = cloner("hit", HITImitation)

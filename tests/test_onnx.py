@@ -1,0 +1,131 @@
+"""Policies as ONNX files: ours decide there as they do here, and other people's are judged or refused in a sentence."""
+
+import builtins
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+import mimicbench
+from mimicbench.benchmark.judging import who_of
+from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
+from mimicbench.envs.vec_env import EnvConfig
+from mimicbench.evaluate.rollout import run_policy
+from mimicbench.imitate.learned import save_learner
+from mimicbench.policies.loading import load_policy
+from test_hit import saved
+from test_imitate import INPUTS, tiny
+from test_policies import H1, SIT_CHAIR, clip_set
+
+onnx = pytest.importorskip("onnx", reason="the extra `onnx` is not installed")
+pytest.importorskip("onnxruntime", reason="the extra `onnx` is not installed")
+pytest.importorskip("onnxscript", reason="the extra `onnx` is not installed")
+SHIPPED = Path(mimicbench.__path__[0]) / "checkpoints" / "sit-chair"
+
+
+def untrained(kind, folder):
+    """A checkpoint of a learner that has learned nothing."""
+    if kind == "hit":
+        return saved(folder, SIT_CHAIR, "residual")
+    torch.manual_seed(0)
+    save_learner(folder / "policy", tiny(kind, INPUTS["paper"]).build(), "h1")
+    return folder / "policy"
+
+
+@pytest.mark.parametrize("kind", ["bc", "act", "hit", "diffusion", "bc-clock", "planner"])
+def test_exported_policies_decide_as_the_originals(kind, tmp_path):
+    """Over episodes, whatever they remember."""
+    from mimicbench.policies.export import TOLERANCE, export_policy
+
+    folder = SHIPPED / kind if (SHIPPED / kind).exists() and kind not in ("bc", "act") else untrained(kind, tmp_path)
+    found = export_policy(folder, H1, SIT_CHAIR, tmp_path / "policy.onnx")
+    assert found["difference"] < TOLERANCE and "time" in found["observations"]
+    clips, one = clip_set(2, 0.4), EnvConfig(workers=1)
+    policies = [load_policy(path, H1, SIT_CHAIR) for path in (folder, tmp_path / "policy.onnx")]
+    assert policies[0].gains == policies[1].gains
+    runs = [run_policy(policy, clips, record=[0, 1], env_config=one)[0] for policy in policies]
+    assert not runs[0].errors and not runs[1].errors
+    for i in range(2):
+        np.testing.assert_allclose(runs[0].recordings[i], runs[1].recordings[i], atol=5e-3)
+    with pytest.raises(BadFile, match="policy of task 'sit-chair'"):
+        load_policy(tmp_path / "policy.onnx", H1, replace(SIT_CHAIR, name="stand"))
+
+
+def made(path, terms=("proprio",), sizes=((48,),), joints=19, **notes):
+    """A policy of somebody else: the joint angles among what is measured, as they are."""
+    helper, kinds = onnx.helper, onnx.TensorProto
+    inputs = [helper.make_tensor_value_info(f"in{i}", kinds.FLOAT, ["n", *size]) for i, size in enumerate(sizes)]
+    ends = [
+        onnx.numpy_helper.from_array(np.array([at]), name) for at, name in ((10, "a"), (10 + joints, "b"), (1, "x"))
+    ]
+    node = helper.make_node("Slice", ["in0", "a", "b", "x"], ["target"])
+    output = helper.make_tensor_value_info("target", kinds.FLOAT, ["n", joints])
+    graph = helper.make_graph([node], "policy", inputs, [output], ends)
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
+    helper.set_model_props(model, {"observations": ", ".join(terms), "gains": "improved", **notes})
+    onnx.save(model, str(path))
+    return path
+
+
+def test_a_file_of_somebody_else_is_judged(tmp_path):
+    policy = load_policy(made(tmp_path / "mine.onnx"), H1, SIT_CHAIR)
+    assert policy.observations == ("proprio",) and policy.gains == "improved"
+    (run,) = run_policy(policy, clip_set(2, 0.2), env_config=EnvConfig(workers=1))
+    assert not run.errors and run.verdict.steps.tolist() == [10, 10]
+    import making
+    from mimicbench.benchmark.graph import start
+
+    who = who_of(start(making.small(), tmp_path, making.QUIET), str(tmp_path / "mine.onnx"))
+    assert who.name == "mine" and set(who.digests) == {"program"} and not who.is_program
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"terms": ("smell",)}, "unknown observation 'smell'"),
+        ({"terms": ("root_pose",), "sizes": ((7,),)}, "no robot can sense"),
+        ({"terms": ("targets",), "sizes": ((2, 3),)}, "observes 'targets', which sit-chair does not have"),
+        ({"sizes": ((40,),)}, r"'in0' stands for observation 'proprio' and is n x 40 .* has to be N x 48"),
+        ({"terms": ("proprio", "time")}, "has 1 inputs and 1 outputs, but names 2 observations"),
+        ({"terms": ("proprio",), "sizes": ((48,), (3,))}, "has 2 inputs and 1 outputs, but names 1 observations"),
+        ({"joints": 17}, "'target' stands for the joint targets and is n x 17"),
+        ({"gains": "none"}, "unknown gains 'none'"),
+        ({"robot": "g1"}, "policy of robot 'g1', not of 'h1'"),
+    ],
+)
+def test_files_that_are_no_policies_are_refused(change, told, tmp_path):
+    with pytest.raises((MimicbenchError, UnknownName), match=told):
+        load_policy(made(tmp_path / "odd.onnx", **change), H1, SIT_CHAIR)
+
+
+def test_files_that_are_no_onnx(tmp_path):
+    with pytest.raises(BadFile, match="does not exist"):
+        load_policy(tmp_path / "none.onnx", H1, SIT_CHAIR)
+    (tmp_path / "noise.onnx").write_bytes(b"\x08\x07" * 50)
+    with pytest.raises(BadFile, match="cannot be read as ONNX"):
+        load_policy(tmp_path / "noise.onnx", H1, SIT_CHAIR)
+    model = onnx.load(str(made(tmp_path / "mute.onnx")))
+    del model.metadata_props[:]
+    onnx.save(model, str(tmp_path / "mute.onnx"))
+    with pytest.raises(BadFile, match="does not say what it observes"):
+        load_policy(tmp_path / "mute.onnx", H1, SIT_CHAIR)
+
+
+def test_who_lacks_the_extra_is_told(tmp_path, monkeypatch):
+    """As if onnxruntime were not installed."""
+    path, real = made(tmp_path / "mine.onnx"), builtins.__import__
+
+    def without(name, *rest):
+        if name.startswith("onnx"):
+            raise ImportError(name=name)
+        return real(name, *rest)
+
+    from mimicbench.policies.export import export_policy
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(MimicbenchError, match=r"pip install 'mimicbench\[onnx\]'"):
+        load_policy(path, H1, SIT_CHAIR)
+    with pytest.raises(MimicbenchError, match=r"pip install 'mimicbench\[onnx\]'"):
+        export_policy(SHIPPED / "bc", H1, SIT_CHAIR, tmp_path / "out.onnx")
