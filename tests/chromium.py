@@ -20,6 +20,8 @@ FLAGS = (
     "--disable-background-networking",
     "--window-size=1440,900",
 )
+PATIENCE = 120.0
+"""[s] for one answer: without a graphics card, on a machine that is busy, a picture takes long."""
 _WORDS = (
     "[document.body?.innerText ?? '', ...[...document.querySelectorAll('input')].map(one => one.value)].join('\\n')"
 )
@@ -65,7 +67,7 @@ class Browser:
         self._number += 1
         self._socket.send(json.dumps({"id": self._number, "method": method, "params": parameters}))
         while True:
-            message = json.loads(self._socket.recv(timeout=60))
+            message = json.loads(self._socket.recv(timeout=PATIENCE))
             self._note(message)
             if message.get("id") == self._number:
                 assert "error" not in message, message["error"]

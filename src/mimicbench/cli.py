@@ -90,6 +90,11 @@ def _call(words: list[str]) -> None:
     if words[0] == "--version":
         print(f"mimicbench {__version__}")
         return
+    if words[0] == "--completion":
+        from mimicbench.commands.completion import script
+
+        print(script(COMMANDS))
+        return
     name = " ".join(words[:2]) if " ".join(words[:2]) in COMMANDS else words[0]
     if name not in COMMANDS:
         known = ", ".join(COMMANDS)
@@ -118,7 +123,8 @@ def overview() -> str:
             "",
             *lines,
             "",
-            "`mimicbench COMMAND --help` has every setting; `mimicbench --version` the version.",
+            "`mimicbench COMMAND --help` has every setting; `mimicbench --version` the version;",
+            "`eval \"$(mimicbench --completion)\"` lets bash and zsh complete all of them.",
         ]
     )
 

@@ -138,7 +138,7 @@ class Shortfall:
     """One thing that the condition of K asks for, and how much of it is missing."""
 
     words: str
-    """What is wrong; `{}` stands for how much, such as `pelvis {} above the seat`."""
+    """What is wrong; `{}` stands for how much, such as `pelvis {} too high`."""
     measure: Callable[[BodyPoints, ObjectInfo], np.ndarray]
     """(N,) how much [m], of NumPy arrays; at most 0 where nothing is missing, NaN where nothing is asked for."""
 
@@ -188,7 +188,7 @@ class Task:
     def failure_reason(self, body: BodyPoints, obj: ObjectInfo) -> list[str]:
         """(N,) what the condition of K lacks in each scene, of NumPy arrays, the most first; empty where it holds.
 
-        Such as `pelvis 3 cm beside the seat, pelvis 1 cm above it`.
+        Such as `pelvis 3 cm beside the seat, pelvis 1 cm too high`.
         """
         missing = np.array([part.measure(body, obj) for part in self.shortfalls])
         words = [part.words for part in self.shortfalls]

@@ -29,7 +29,7 @@ class ActPanel:
         """By role."""
         self.folders: dict[str, Path] = {}
         gui, on = session.server.gui, session.safely
-        with gui.add_folder("Act"):
+        with gui.add_folder("Act", order=4.0):
             self.who = {
                 "robot": gui.add_dropdown("Method", (NOBODY,), hint="follows the clip, or begins where it begins"),
                 "other": gui.add_dropdown("Compare with", (NOBODY,)),

@@ -22,7 +22,7 @@ class BrowsePanel:
         self.session, self.catalog = session, catalog
         gui, on = session.server.gui, session.safely
         tasks = catalog.tasks()
-        with gui.add_folder("Browse"):
+        with gui.add_folder("Browse", order=1.0):
             self.task = gui.add_dropdown("Task", tasks)
             self.kind = gui.add_dropdown("Kind", [KINDS[kind] for kind in catalog.kinds(tasks[0])])
             self.set = gui.add_dropdown("Set", [" "])
@@ -30,6 +30,8 @@ class BrowsePanel:
             self.item = gui.add_dropdown("Item", [" "])
             self.steps = gui.add_button_group("Go to", STEPS)
             self.facts = gui.add_markdown("")
+            with gui.add_folder("Details", expand_by_default=False):
+                self.details = gui.add_markdown("")
         self._found: list[str] = []
         self._ignoring = False
         self.task.on_update(on(lambda event: self._fill("kind")))
@@ -92,6 +94,7 @@ class BrowsePanel:
         place = f"**{item}** · {self._found.index(item) + 1} of {len(self._found)}"
         lines = [TASKS.get(str(self.task.value)).title, *opened.facts]
         self.facts.content = "\n".join([place, "", *(f"- {_plain(line)}" for line in lines)])
+        self.details.content = "\n".join(f"- {_plain(line)}" for line in opened.details) or "*nothing more is known*"
 
     def _step(self, step: str) -> None:
         if not self._found:

@@ -104,4 +104,5 @@ def joined(meshes: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
     whole = trimesh.Trimesh(corners, faces, process=False)
     colors = np.concatenate([mesh.visual.vertex_colors for mesh in meshes])  # pyright: ignore[reportAttributeAccessIssue]
     whole.visual = trimesh.visual.ColorVisuals(whole, vertex_colors=colors)
+    whole.vertex_normals  # noqa: B018 worked out here, or they are not sent and the browser draws every triangle flat
     return whole

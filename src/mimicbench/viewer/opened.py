@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,6 +28,8 @@ class Opened:
     obj: SceneObject
     facts: tuple[str, ...]
     """What is worth knowing of it, a line each."""
+    details: tuple[str, ...]
+    """What else is known of it."""
     tracks: dict[str, StoredTrack]
     """By what they are: `human`, `retargeted`, `robot`."""
     wrist_goal_w: np.ndarray
@@ -45,7 +48,8 @@ def open_item(catalog: Catalog, one: ItemSet, item: str) -> Opened:
 def _open_object(catalog: Catalog, one: ItemSet, item: str) -> Opened:
     one.file(item)
     obj = load_object(one.path, item)
-    return Opened(item, TASKS.get(one.task), ROBOTS.get(DEFAULT_ROBOT), obj, object_facts(obj), {}, np.zeros((0, 3)))
+    facts = object_facts(obj)
+    return Opened(item, TASKS.get(one.task), ROBOTS.get(DEFAULT_ROBOT), obj, facts, (), {}, np.zeros((0, 3)))
 
 
 def _open_reference(catalog: Catalog, one: ItemSet, item: str) -> Opened:
@@ -100,17 +104,7 @@ _OPENERS = {
 
 
 def _with(found: Opened, tracks: dict[str, StoredTrack], fact: str, policy: str | None = None) -> Opened:
-    return Opened(
-        found.name,
-        found.task,
-        found.robot,
-        found.obj,
-        (fact, *found.facts),
-        {**found.tracks, **tracks},
-        found.wrist_goal_w,
-        found.clip,
-        policy,
-    )
+    return replace(found, tracks={**found.tracks, **tracks}, facts=(fact, *found.facts), policy=policy)
 
 
 def _clip(
@@ -123,14 +117,17 @@ def _clip(
     objects.file(motion.object_id)  # the name comes from a file: it must be one of those that there are
     obj = load_object(objects.path, motion.object_id)
     robot = ROBOTS.get(robot_clip.robot if robot_clip else DEFAULT_ROBOT)
-    facts, tracks = [f"{motion.frames} frames, {motion.duration:.1f} s at {motion.fps:g} frames per second"], {}
+    facts, details, tracks = [f"{motion.duration:.1f} s, {motion.frames} frames"], [], {}
     if human is not None:
         tracks["human"] = human_track(task, human, obj)
-        facts.append(f"person: {human.source}" + (f", {_told(human.style)}" if human.style else ""))
+        facts.append(f"person: {human.source}")
+        details.append(f"the clip's choices: {_told(human.style)}")
     if robot_clip is not None:
         tracks["retargeted"] = robot_track(task, robot_clip, obj, robot)
-        facts.append(f"retargeted: {'kept' if robot_clip.success else 'left out'}, {_told(robot_clip.measures)}")
-    return Opened(name, task, robot, obj, (*facts, *object_facts(obj)), tracks, motion.wrist_goal_w, robot_clip)
+        facts.append(f"retargeted: {'kept' if robot_clip.success else 'left out'}")
+        details.append(f"what retargeting measured: {_told(robot_clip.measures)}")
+    facts += object_facts(obj)
+    return Opened(name, task, robot, obj, tuple(facts), tuple(details), tracks, motion.wrist_goal_w, robot_clip)
 
 
 def _human_of(catalog: Catalog, one: ItemSet, motion: RobotMotion) -> HumanMotion | None:
@@ -161,7 +158,6 @@ def object_facts(obj: SceneObject) -> tuple[str, ...]:
     return tuple(told)
 
 
-def _told(numbers: object) -> str:
+def _told(numbers: Mapping[str, float]) -> str:
     """Named numbers in words."""
-    assert isinstance(numbers, dict)
-    return ", ".join(f"{name.replace('_', ' ')} {value:.3g}" for name, value in numbers.items())
+    return ", ".join(f"{name.replace('_', ' ')} {value:.3g}" for name, value in numbers.items()) or "nothing"

@@ -68,6 +68,8 @@ def _furnish(server: viser.ViserServer) -> None:
     server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
     server.gui.set_panel_label("mimicbench")
     server.scene.set_up_direction("+z")
-    server.scene.add_grid("/floor", infinite_grid=True, fade_distance=25.0, shadow_opacity=0.25, plane_opacity=0.5)
+    server.gui.main_panel.dock_right()
+    lines = {"cell_color": (226, 226, 230), "section_color": (205, 205, 212)}
+    server.scene.add_grid("/floor", infinite_grid=True, fade_distance=18.0, shadow_opacity=0.25, **lines)
     camera = server.initial_camera
     camera.fov, camera.near = 0.75, 0.05

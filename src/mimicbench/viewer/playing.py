@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -24,12 +25,12 @@ class PlayPanel:
         self.advance: Callable[[float], None] | None = None
         """Called with a time [s] that is to be shown, before it is: episodes that are not over act on until then."""
         gui, on = session.server.gui, session.safely
-        with gui.add_folder("Time"):
+        with gui.add_folder("Time", order=2.0):
             self.button = gui.add_button(PLAY, hint="play from here, or from the beginning if it is over")
             self.slider = gui.add_slider("Second", min=0.0, max=1.0, step=CONTROL_DT, initial_value=0.0)
             self.steps = gui.add_button_group("Frame", STEPS)
             self.speed = gui.add_dropdown("Speed", SPEEDS, initial_value="1x")
-            self.loop = gui.add_checkbox("Again and again", False)
+            self.loop = gui.add_checkbox("Repeat", False)
         self._told = False
         self.button.on_click(on(lambda event: self.play(not self.playing)))
         self.slider.on_update(on(self._slid))
@@ -75,7 +76,7 @@ class PlayPanel:
     def _refit(self) -> None:
         """The slider goes from 0 to the end of what is there now."""
         self._told = True
-        self.slider.max = max(self.session.duration, CONTROL_DT)
+        self.slider.max = _ceil(self.session.duration)
         self._told = False
         self._follow()
 
@@ -83,7 +84,7 @@ class PlayPanel:
         """The slider is where the time is."""
         self._told = True
         if self.session.duration > self.slider.max:
-            self.slider.max = self.session.duration
+            self.slider.max = _ceil(self.session.duration)
         self.slider.value = min(self.session.time, self.slider.max)
         self._told = False
 
@@ -104,3 +105,8 @@ class PlayPanel:
             self.play(False)
             if self.loop.value:
                 self.play(True)
+
+
+def _ceil(seconds: float) -> float:
+    """The next whole control step, as a number of few digits."""
+    return round(max(1, math.ceil(seconds / CONTROL_DT - 1e-6)) * CONTROL_DT, 2)

@@ -27,7 +27,7 @@ class PlotPanel:
     def __init__(self, session: Session, play: PlayPanel) -> None:
         self.session, self.play = session, play
         gui, on = session.server.gui, session.safely
-        self.folder = gui.add_folder("Curves", visible=False)
+        self.folder = gui.add_folder("Curves", order=6.0, visible=False)
         with self.folder:
             self.effort = gui.add_uplot(
                 _empty(len(ROLES) + len(ENERGY_LIMITS) + 1),

@@ -23,9 +23,9 @@ class ShowPanel:
     def __init__(self, session: Session, act: ActPanel) -> None:
         self.session, self.act = session, act
         gui, on = session.server.gui, session.safely
-        with gui.add_folder("Now"):
+        with gui.add_folder("Now", order=3.0):
             self.words = gui.add_markdown("")
-        with gui.add_folder("Show"):
+        with gui.add_folder("Show", order=5.0):
             self.boxes = {name: gui.add_checkbox(CALLED[name], True) for name in LOOKS}
             self.map = gui.add_checkbox("Elevation map", False, hint="as the robot sees it")
             self.contacts = gui.add_checkbox("Contact forces", False)
