@@ -19,12 +19,15 @@ _mimicbench() {
   case "$current" in
     -*) key="_mimicbench_$(printf %%s "$name" | tr -c a-z _)"
         if ! eval "[ -n \\"\\${$key-}\\" ]"; then
-          eval "$key=\\$(mimicbench $name --help 2>/dev/null | grep -oE -- '--[a-z][a-z0-9.-]*' | sort -u | tr '\\n' ' ')"
+          eval "$key=\\$(_mimicbench_settings $name)"
         fi
         COMPREPLY=($(compgen -W "$(eval printf %%s "\\"\\$$key\\"")" -- "$current")) ;;
     *)  [ "$COMP_CWORD" -eq 2 ] && COMPREPLY=($(compgen -W "$(_mimicbench_second "$name")" -- "$current"))
         [ "${#COMPREPLY[@]}" -eq 0 ] && COMPREPLY=($(compgen -f -- "$current")) ;;
   esac
+}
+_mimicbench_settings() {
+  mimicbench "$@" --help 2>/dev/null | grep -oE -- '--[a-z][a-z0-9.-]*' | sort -u | tr '\\n' ' '
 }
 _mimicbench_second() {
   case "$1" in

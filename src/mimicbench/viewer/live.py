@@ -26,6 +26,7 @@ from mimicbench.robots.description import Robot
 from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.rows import Rows
 from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.threads import one_torch_thread
 from mimicbench.tasks.task import BodyPoints
 from mimicbench.track.checkpoint import load_tracker
 from mimicbench.viewer.opened import Opened
@@ -106,6 +107,7 @@ class Episode:
             self.step()
 
     @torch.no_grad()
+    @one_torch_thread()  # networks for one robot are too small to share, and threads wait by spinning
     def step(self) -> None:
         """One control step."""
         chosen = self.act()
