@@ -5,8 +5,11 @@ from __future__ import annotations
 import time
 from typing import Any
 
+import numpy as np
+
 from mimicbench.evaluate.rows import ENERGY_LIMITS
 from mimicbench.viewer.acting import ActPanel
+from mimicbench.viewer.opened import Opened
 from mimicbench.viewer.sensing import ContactProbe, elevation, map_picture, raised_cells
 from mimicbench.viewer.session import LOOKS, Actor, Session, frame_at
 
@@ -29,7 +32,9 @@ class ShowPanel:
             self.boxes = {name: gui.add_checkbox(CALLED[name], True) for name in LOOKS}
             self.map = gui.add_checkbox("Elevation map", False, hint="as the robot sees it")
             self.contacts = gui.add_checkbox("Contact forces", False)
-            self.picture = gui.add_image(_nothing(), label="Elevation map, ahead is up", visible=False)
+            self.picture = gui.add_image(
+                np.zeros((8, 8, 3), np.uint8), label="Elevation map, ahead is up", visible=False
+            )
         for name, box in self.boxes.items():
             box.on_update(on(lambda event, name=name, box=box: session.hide(name, not box.value)))
         for box in (self.map, self.contacts):
@@ -81,27 +86,28 @@ class ShowPanel:
         """Draw the map and the contacts of this moment, or take them away."""
         self._sensed = time.monotonic()
         actor, opened = self._seeing(), self.session.opened
-        for name in list(self._drawn):
-            self._drawn.pop(name).remove()
-        self.picture.visible = self.map.value and actor is not None
-        if actor is None or opened is None or not len(actor.track):
-            return
-        frame, scene = frame_at(actor.track, self.session.time), self.session.server.scene
+        drawn = self._draw(actor, opened) if actor is not None and opened is not None and len(actor.track) else {}
+        for name in set(self._drawn) - set(drawn):
+            self._drawn[name].remove()
+        self._drawn = drawn
+        self.picture.visible = "map" in drawn
+
+    def _draw(self, actor: Actor, opened: Opened) -> dict[str, Any]:
+        """What of it is in the scene now, each in place of what had its name."""
+        frame, scene, drawn = frame_at(actor.track, self.session.time), self.session.server.scene, {}
         pose = actor.track.pose(frame)
         if self.map.value:
             cell = opened.task.map_cell
             heights = elevation(opened.task, opened.obj, pose)
             points, colors = raised_cells(heights, cell, pose)
-            self._drawn["map"] = scene.add_point_cloud(
-                "/map", points, colors, point_size=cell / 2, point_shape="square"
-            )
+            drawn["map"] = scene.add_point_cloud("/map", points, colors, point_size=cell / 2, point_shape="square")
             self.picture.image = map_picture(heights, float(pose.pos_w[0, 2]))
         state = actor.track.state(frame) if self.contacts.value else None
-        if state is not None:
-            arrows = self._probe.forces(opened.robot, opened.obj, state)
-            if len(arrows):
-                sizes = {"shaft_radius": 0.008, "head_radius": 0.02, "head_length": 0.04}
-                self._drawn["contacts"] = scene.add_arrows("/contacts", arrows, (214, 39, 40), **sizes)
+        arrows = None if state is None else self._probe.forces(opened.robot, opened.obj, state)
+        if arrows is not None and len(arrows):
+            sizes = {"shaft_radius": 0.008, "head_radius": 0.02, "head_length": 0.04}
+            drawn["contacts"] = scene.add_arrows("/contacts", arrows, (214, 39, 40), **sizes)
+        return drawn
 
 
 def told_power(most: float) -> str:
@@ -109,9 +115,3 @@ def told_power(most: float) -> str:
     held = [f"{limit / 1e6:.0f}e6" for limit in ENERGY_LIMITS if most < limit]
     passes = f"P holds for λ = {', '.join(held)}" if held else "P holds for no λ"
     return f"largest e so far {most:.2g} W²: {passes}"
-
-
-def _nothing() -> Any:
-    import numpy as np
-
-    return np.zeros((8, 8, 3), np.uint8)
