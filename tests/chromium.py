@@ -18,7 +18,7 @@ FLAGS = (
     "--remote-debugging-port=0",
     "--no-first-run",
     "--disable-background-networking",
-    "--window-size=1440,900",
+    "--window-size=900,640",
 )
 PATIENCE = 120.0
 """[s] for one answer: without a graphics card, on a machine that is busy, a picture takes long."""
@@ -81,7 +81,8 @@ class Browser:
         elif message.get("method") == "Runtime.exceptionThrown":
             self.console.append(("error", json.dumps(parameters["exceptionDetails"])[:2000]))
         elif message.get("method") == "Log.entryAdded":
-            self.console.append((parameters["entry"]["level"], parameters["entry"]["text"]))
+            entry = parameters["entry"]
+            self.console.append((entry["level"], f"{entry['text']} {entry.get('url', '')}".strip()))
         elif message.get("method") == "Network.requestWillBeSent":
             self.requests.append(parameters["request"]["url"])
 

@@ -209,7 +209,7 @@ def test_a_push_pushes_and_the_map_is_the_robots_own(workdir):
     assert np.allclose(mine, theirs, atol=1e-5)
     assert mine.max() - mine.min() > 0.3, "it sees the chair"
     picture = map_picture(mine, float(episode.track.poses[-1].pos_w[0, 2]))
-    assert picture.shape == (384, 384, 3)
+    assert picture.shape == (128, 128, 3)
     episode.close()
 
 

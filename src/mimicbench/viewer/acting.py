@@ -13,7 +13,7 @@ from mimicbench.viewer.live import Episode, methods
 from mimicbench.viewer.playing import PlayPanel
 from mimicbench.viewer.session import Session
 
-NOBODY = "nobody"
+NOBODY: str = "nobody"
 PUSHES = {"Forward": (1.0, 0.0), "Back": (-1.0, 0.0), "Left": (0.0, 1.0), "Right": (0.0, -1.0)}
 """Directions as the robot sees them."""
 ROLES = ("robot", "other")
@@ -31,8 +31,8 @@ class ActPanel:
         gui, on = session.server.gui, session.safely
         with gui.add_folder("Act", order=4.0):
             self.who = {
-                "robot": gui.add_dropdown("Method", (NOBODY,), hint="follows the clip, or begins where it begins"),
-                "other": gui.add_dropdown("Compare with", (NOBODY,)),
+                "robot": gui.add_dropdown("Method", [NOBODY], hint="follows the clip, or begins where it begins"),
+                "other": gui.add_dropdown("Compare with", [NOBODY]),
             }
             self.beside = gui.add_checkbox("Side by side", True)
             self.button = gui.add_button("Act", hint="from the beginning")

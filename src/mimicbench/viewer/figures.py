@@ -31,6 +31,7 @@ class Look:
     color: Color | None = None
     """Of all of it; None: its own colors."""
     opacity: float = 1.0
+    """Of bodies of one color."""
 
 
 class Figure:
@@ -66,11 +67,10 @@ class Figure:
 
 
 def _add(server: viser.ViserServer, name: str, mesh: trimesh.Trimesh, look: Look) -> Any:
-    if look.color is None and look.opacity == 1.0:
+    if look.color is None:
         return server.scene.add_mesh_trimesh(name, mesh)
-    color = look.color or tuple(int(part) for part in mesh.visual.main_color[:3])  # pyright: ignore[reportAttributeAccessIssue]
     opacity = None if look.opacity == 1.0 else look.opacity
-    return server.scene.add_mesh_simple(name, mesh.vertices, mesh.faces, color=color, opacity=opacity)
+    return server.scene.add_mesh_simple(name, mesh.vertices, mesh.faces, color=look.color, opacity=opacity)
 
 
 def robot_meshes(robot: Robot, obj: SceneObject) -> dict[int, trimesh.Trimesh]:

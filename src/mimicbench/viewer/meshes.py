@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import Any
 
 import mujoco
 import numpy as np
 import trimesh
 from mjviser.conversions import mujoco_mesh_to_trimesh
+from trimesh.visual import ColorVisuals
 
 from mimicbench.core import rotations as rot
 from mimicbench.report.person import Solid
@@ -58,7 +60,7 @@ def colored(corners: np.ndarray, faces: np.ndarray, rgb: Sequence[float]) -> tri
     """A mesh of one color, in 0..1."""
     mesh = trimesh.Trimesh(corners, faces, process=False)
     color = np.array([*(round(255 * float(part)) for part in rgb), 255], np.uint8)
-    mesh.visual = trimesh.visual.ColorVisuals(mesh, vertex_colors=np.tile(color, (len(corners), 1)))
+    mesh.visual = ColorVisuals(mesh, vertex_colors=np.tile(color, (len(corners), 1)))
     return mesh
 
 
@@ -92,7 +94,7 @@ def solid_mesh(solid: Solid) -> trimesh.Trimesh:
     length = float(np.linalg.norm(to - at))
     corners, faces = capsule(solid.size[0], length / 2)
     if length > 1e-9:
-        corners = corners @ trimesh.geometry.align_vectors([0.0, 0.0, 1.0], (to - at) / length)[:3, :3].T
+        corners = corners @ np.asarray(trimesh.geometry.align_vectors([0.0, 0.0, 1.0], (to - at) / length))[:3, :3].T
     return colored(corners + (at + to) / 2, faces, solid.rgb)
 
 
@@ -102,7 +104,8 @@ def joined(meshes: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
     first = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
     faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, first, strict=True)])
     whole = trimesh.Trimesh(corners, faces, process=False)
-    colors = np.concatenate([mesh.visual.vertex_colors for mesh in meshes])  # pyright: ignore[reportAttributeAccessIssue]
-    whole.visual = trimesh.visual.ColorVisuals(whole, vertex_colors=colors)
+    visuals: list[Any] = [mesh.visual for mesh in meshes]
+    colors = np.concatenate([visual.vertex_colors for visual in visuals])
+    whole.visual = ColorVisuals(whole, vertex_colors=colors)
     whole.vertex_normals  # noqa: B018 worked out here, or they are not sent and the browser draws every triangle flat
     return whole

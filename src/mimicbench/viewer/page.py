@@ -69,7 +69,13 @@ def _furnish(server: viser.ViserServer) -> None:
     server.gui.set_panel_label("mimicbench")
     server.scene.set_up_direction("+z")
     server.gui.main_panel.dock_right()
-    lines = {"cell_color": (226, 226, 230), "section_color": (205, 205, 212)}
-    server.scene.add_grid("/floor", infinite_grid=True, fade_distance=18.0, shadow_opacity=0.25, **lines)
+    server.scene.add_grid(
+        "/floor",
+        infinite_grid=True,
+        fade_distance=18.0,
+        shadow_opacity=0.25,
+        cell_color=(226, 226, 230),
+        section_color=(205, 205, 212),
+    )
     camera = server.initial_camera
     camera.fov, camera.near = 0.75, 0.05

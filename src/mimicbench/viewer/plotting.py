@@ -16,9 +16,12 @@ ROLES = ("robot", "other")
 COLORS = {"robot": "#1f77b4", "other": "#de823c"}
 LIMIT_COLORS = ("#7fbf7f", "#c0b040", "#d88030", "#c03030")
 TORQUE, POWER = "torque [N m]", "power [W]"
-HARDEST = "the hardest worked"
+HARDEST: str = "the hardest worked"
 _PER_SECOND = 4.0
 _HEIGHT = 190
+_EFFORTS = (1.0, 3e7)
+"""[W^2] From the least that is drawn to somewhat above the largest limit."""
+_AXES: Any = ({}, {"size": 82, "grid": {"show": False}, "ticks": {"show": False}})
 
 
 class PlotPanel:
@@ -41,12 +44,13 @@ class PlotPanel:
                     _now(),
                 ),
                 title="e = Σ (torque · velocity)²  [W²]",
-                scales={"x": {"time": False}, "y": {"distr": 3, "log": 10}},
+                scales={"x": {"time": False}, "y": {"distr": 3, "log": 10, "range": _EFFORTS}},
+                axes=_AXES,
                 height=_HEIGHT,
                 legend={"show": True},
             )
             self.quantity = gui.add_dropdown("Curve", (TORQUE, POWER))
-            self.joint = gui.add_dropdown("Joint", (HARDEST,))
+            self.joint = gui.add_dropdown("Joint", [HARDEST])
             self.one = gui.add_uplot(
                 _empty(len(ROLES) + 3),
                 (
@@ -56,7 +60,8 @@ class PlotPanel:
                     _now(),
                 ),
                 title=" ",
-                scales={"x": {"time": False}},
+                scales={"x": {"time": False}, "y": {"range": (-1.0, 1.0)}},
+                axes=_AXES,
                 height=_HEIGHT,
                 legend={"show": True},
             )
@@ -97,6 +102,10 @@ class PlotPanel:
         chosen = {role: (found.torque if is_torque else found.power)[:, joint] for role, found in curves.items()}
         most = opened.robot.joints[joint].torque_limit if is_torque else np.nan
         bounds = [np.full(len(times), sign * most) for sign in (1.0, -1.0)]
+        reach = 1.05 * max(
+            [1.0, *(float(np.abs(values).max()) for values in chosen.values()), most if is_torque else 0.0]
+        )
+        self.one.scales = {"x": {"time": False}, "y": {"range": (-reach, reach)}}
         self.one.title = f"{opened.robot.joint_names[joint]}: {self.quantity.value}"
         self.one.data = (times, *_columns(chosen, len(times)), *bounds, _marked(now, chosen, len(times)))
 

@@ -30,12 +30,12 @@ _LENGTH = 1 / 1500
 def elevation(task: Task, obj: SceneObject, pose: Pose) -> np.ndarray:
     """(128, 128) the elevation map that a robot in a pose has, relative to its root [m]."""
     view = MapView(task.rig, task.map_cell)
-    poses = Poses(*(np.asarray(v, float)[None] for v in (pose.pos_w[0], pose.quat_w[0])), *_object(pose))
+    root, turn, there, turned = (
+        np.asarray(values, float)[None]
+        for values in (pose.pos_w[0], pose.quat_w[0], pose.object_pos_w, pose.object_quat_w)
+    )
+    poses = Poses(root, turn, there, turned)
     return maps_by_cameras([faces_of(obj)], poses, task.rig, view.pixels, task.map_cell, workers=1)[0]
-
-
-def _object(pose: Pose) -> tuple[np.ndarray, np.ndarray]:
-    return pose.object_pos_w[None].astype(float), pose.object_quat_w[None].astype(float)
 
 
 def raised_cells(heights: np.ndarray, cell: float, pose: Pose) -> tuple[np.ndarray, np.ndarray]:
@@ -47,12 +47,12 @@ def raised_cells(heights: np.ndarray, cell: float, pose: Pose) -> tuple[np.ndarr
     return root + rot.rotate(rot.from_yaw(yaw), ahead), _colors(heights[row, column] + root[2], root[2])
 
 
-def map_picture(heights: np.ndarray, root_height: float, times: int = 3) -> np.ndarray:
+def map_picture(heights: np.ndarray, root_height: float) -> np.ndarray:
     """A map as a picture, uint8: ahead is up, left is left, and the robot in the middle is red."""
     picture = _colors(heights + root_height, root_height)
     middle = len(heights) // 2
     picture[middle - 1 : middle + 1, middle - 1 : middle + 1] = (225, 40, 35)
-    return np.kron(picture[::-1, ::-1], np.ones((times, times, 1), np.uint8))
+    return picture[::-1, ::-1].copy()
 
 
 def _colors(height: np.ndarray, most: float) -> np.ndarray:

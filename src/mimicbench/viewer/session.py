@@ -182,9 +182,9 @@ class Session:
         low, high = opened.obj.bounds()
         points = np.concatenate([low[None], high[None], *paths])
         low, high = points.min(0), points.max(0)
-        middle = np.array([*(low + high)[:2] / 2, 0.55])
+        middle = np.array([*(low + high)[:2] / 2, 0.75])
         side = -1.0 if paths and points[2:, 1].mean() > 0 else 1.0
-        distance = 1.1 + 0.95 * float(np.linalg.norm((high - low)[:2]))
+        distance = 1.9 + 1.1 * float(np.linalg.norm((high - low)[:2]))
         position = middle + distance * np.array([0.62, 0.70 * side, 0.42])
         camera = self.server.initial_camera
         camera.position, camera.look_at = position, middle

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import time
 from typing import Any
 
 import numpy as np
+from PIL import Image
 
 from mimicbench.evaluate.rows import ENERGY_LIMITS
 from mimicbench.viewer.acting import ActPanel
@@ -101,12 +104,13 @@ class ShowPanel:
             heights = elevation(opened.task, opened.obj, pose)
             points, colors = raised_cells(heights, cell, pose)
             drawn["map"] = scene.add_point_cloud("/map", points, colors, point_size=cell / 2, point_shape="square")
-            self.picture.image = map_picture(heights, float(pose.pos_w[0, 2]))
+            self.picture.content = _picture(map_picture(heights, float(pose.pos_w[0, 2])))
         state = actor.track.state(frame) if self.contacts.value else None
         arrows = None if state is None else self._probe.forces(opened.robot, opened.obj, state)
         if arrows is not None and len(arrows):
-            sizes = {"shaft_radius": 0.008, "head_radius": 0.02, "head_length": 0.04}
-            drawn["contacts"] = scene.add_arrows("/contacts", arrows, (214, 39, 40), **sizes)
+            drawn["contacts"] = scene.add_arrows(
+                "/contacts", arrows, (214, 39, 40), shaft_radius=0.008, head_radius=0.02, head_length=0.04
+            )
         return drawn
 
 
@@ -115,3 +119,12 @@ def told_power(most: float) -> str:
     held = [f"{limit / 1e6:.0f}e6" for limit in ENERGY_LIMITS if most < limit]
     passes = f"P holds for λ = {', '.join(held)}" if held else "P holds for no λ"
     return f"largest e so far {most:.2g} W²: {passes}"
+
+
+def _picture(pixels: np.ndarray) -> str:
+    """A picture as part of the page: one that is fetched might be replaced before the browser has it."""
+    stream = io.BytesIO()
+    Image.fromarray(pixels).save(stream, "png")
+    data = base64.b64encode(stream.getvalue()).decode()
+    style = "width: 100%; image-rendering: pixelated"
+    return f'<div>Elevation map, ahead is up</div><img style="{style}" src="data:image/png;base64,{data}">'

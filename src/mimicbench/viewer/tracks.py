@@ -61,10 +61,20 @@ class State:
 class Track(Protocol):
     """Somebody's way through time."""
 
-    title: str
-    fps: float
-    figure: Skeleton | Robot
-    """Whose body it is."""
+    @property
+    def title(self) -> str:
+        """What it is called."""
+        ...
+
+    @property
+    def fps(self) -> float:
+        """Frames per second."""
+        ...
+
+    @property
+    def figure(self) -> Skeleton | Robot:
+        """Whose body it is."""
+        ...
 
     def __len__(self) -> int:
         """Frames, by now."""
@@ -153,8 +163,8 @@ class StoredTrack:
         """All that the physics was in a frame."""
         if self.recording is None:
             return None
-        rows = (values[frame] for values in (self.recording.qpos, self.recording.qvel, self.recording.target))
-        return State(*rows, self.recording.gains)
+        known = self.recording
+        return State(known.qpos[frame], known.qvel[frame], known.target[frame], known.gains)
 
 
 def first_fulfilled(task: Task, holds: np.ndarray, fps: float) -> int | None:
