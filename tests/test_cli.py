@@ -204,3 +204,27 @@ def test_a_closed_pipe_is_no_error():
     )
     os.close(writer)
     assert done.returncode == 141 and not done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["mimicbench", "ev"], ["evaluate"]),
+        (["mimicbench", "bench", "so"], ["soak"]),
+        (["mimicbench", "objects", "draw", "--wor"], ["--workdir", "--workers"]),
+        (["mimicbench", "table", "--pap"], ["--paper"]),
+    ],
+)
+def test_bash_completes_commands_and_settings(words, expected, tmp_path):
+    program = tmp_path / "mimicbench"
+    program.write_text(f'#!/bin/sh\nexec {sys.executable} -m mimicbench.cli "$@"\n')
+    program.chmod(0o755)
+    line = " ".join(f"'{word}'" for word in words)
+    script = f"""
+        export PATH={tmp_path}:$PATH
+        eval "$(mimicbench --completion)"
+        COMP_WORDS=({line}); COMP_CWORD={len(words) - 1}
+        _mimicbench; printf '%s\\n' "${{COMPREPLY[@]}}"
+    """
+    done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=False)
+    assert done.stdout.split() == expected, done.stderr

@@ -184,8 +184,8 @@ def body(pelvis=(0, 0, 0), ankles=((0, 0, 0), (0, 0, 0)), wrists=((0, 0, 0), (0,
     ("task", "points", "reason"),
     [
         ("sit-chair", body((0.28, 0, 0.6)), "pelvis 3 cm beside the seat"),
-        ("sit-sofa", body((0, 0, 0.8)), "pelvis 3 cm above it"),
-        ("sit-chair", body((-0.35, 0, 0.45)), "pelvis 10 cm beside the seat, pelvis 5 cm below it"),
+        ("sit-sofa", body((0, 0, 0.8)), "pelvis 3 cm too high"),
+        ("sit-chair", body((-0.35, 0, 0.45)), "pelvis 10 cm beside the seat, pelvis 5 cm too low"),
         ("sit-chair", body((0, 0, 0.6)), ""),
         (
             "lie-bed",

@@ -21,7 +21,8 @@ LEVELS = (
     {"evaluate"},
     {"benchmark"},
     {"report"},
-    {"bench"},
+    {"viewer"},
+    {"bench", "doctor"},
     {"commands"},
     {"cli"},
 )
@@ -81,6 +82,8 @@ def test_only_one_file_knows_rsl_rl():
         (["--version"], ["tyro", "numpy", "torch"]),
         (["table", "--help"], ["torch", "mujoco", "matplotlib", "pyarrow", "rsl_rl"]),
         (["retarget", "--help"], ["torch", "mujoco", "matplotlib", "pyarrow", "rsl_rl"]),
+        (["view", "--help"], ["torch", "mujoco", "viser", "trimesh", "pyarrow"]),
+        (["doctor", "--help"], ["torch", "mujoco", "matplotlib"]),
     ],
 )
 def test_help_is_free(arguments, heavy):

@@ -48,7 +48,9 @@ COMMANDS = {
     "run": Command("Do the whole task, and report on it.", "judge", "run", True),
     "export scene": Command("Write a robot and an object as MJCF.", "export", "scene"),
     "export motion": Command("Write a clip for BeyondMimic and mjlab.", "export", "motion"),
+    "view": Command("Look at everything in the browser.", "view", "view"),
     "table": Command("Print results beside the paper's.", "judge", "table"),
+    "doctor": Command("Say whether this machine can do everything.", "doctor", "doctor"),
     "bench": Command("Measure how fast this machine is.", "bench", "stages"),
     "bench retarget": Command("Measure every way to retarget.", "bench", "retarget"),
     "bench world": Command("Measure the environments of all tasks.", "bench", "world"),
@@ -92,6 +94,11 @@ def _call(words: list[str]) -> None:
     if words[0] == "--version":
         print(f"mimicbench {__version__}")
         return
+    if words[0] == "--completion":
+        from mimicbench.commands.completion import script
+
+        print(script(COMMANDS))
+        return
     name = " ".join(words[:2]) if " ".join(words[:2]) in COMMANDS else words[0]
     if name not in COMMANDS:
         known = ", ".join(COMMANDS)
@@ -120,7 +127,8 @@ def overview() -> str:
             "",
             *lines,
             "",
-            "`mimicbench COMMAND --help` has every setting; `mimicbench --version` the version.",
+            "`mimicbench COMMAND --help` has every setting; `mimicbench --version` the version;",
+            "`eval \"$(mimicbench --completion)\"` lets bash and zsh complete all of them.",
         ]
     )
 

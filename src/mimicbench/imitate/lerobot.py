@@ -114,6 +114,24 @@ def load_demos(folder: Path, robot: str | None = None, state: bool = True, only_
     )
 
 
+def episode_rows(folder: Path) -> list[dict[str, Any]]:
+    """One row for each episode, in order, without statistics: cheap, for no frame is read. Raises BadFile."""
+    return [row for _, rows, _ in _shards(folder, only_success=False) for row in rows]
+
+
+def load_episode(folder: Path, number: int) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """The simulator's states and the targets of one episode, and its row; only its shard is read.
+
+    Arrays are called as in `Demos`. Raises BadFile.
+    """
+    wanted = {"executed_action": "executed_action", "qpos": "sim.qpos", "qvel": "sim.qvel"}
+    for place, rows, _ in _shards(folder, only_success=False):
+        mine = [row for row in rows if row["episode_index"] == number]
+        if mine:
+            return _filled(folder, wanted, [(place, rows, mine)], mine[0]["length"]), mine[0]
+    raise BadFile(f"{folder} has no episode {number}; run `mimicbench demos` again")
+
+
 def _described(folder: Path, robot: str | None) -> tuple[str, float, tuple[str, ...]]:
     """Robot, rate and joint names of a dataset of ours."""
     path = folder / "meta" / "info.json"

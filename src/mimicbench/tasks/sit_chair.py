@@ -15,8 +15,8 @@ def pelvis_above_seat(body: BodyPoints, obj: ObjectInfo) -> Array:
 
 SHORTFALLS = (
     Shortfall("pelvis {} beside the seat", lambda body, obj: obj.beside(body.pelvis_pos_w)),
-    Shortfall("pelvis {} above it", lambda body, obj: body.pelvis_pos_w[:, 2] - obj.seat_height - PELVIS_BAND),
-    Shortfall("pelvis {} below it", lambda body, obj: obj.seat_height - body.pelvis_pos_w[:, 2]),
+    Shortfall("pelvis {} too high", lambda body, obj: body.pelvis_pos_w[:, 2] - obj.seat_height - PELVIS_BAND),
+    Shortfall("pelvis {} too low", lambda body, obj: obj.seat_height - body.pelvis_pos_w[:, 2]),
 )
 
 TASK = Task(

@@ -138,7 +138,7 @@ class Shortfall:
     """One thing that the condition of K asks for, and how much of it is missing."""
 
     words: str
-    """What is wrong; `{}` stands for how much, such as `pelvis {} above the seat`."""
+    """What is wrong; `{}` stands for how much, such as `pelvis {} too high`."""
     measure: Callable[[BodyPoints, ObjectInfo], np.ndarray]
     """(N,) how much [m], of NumPy arrays; at most 0 where nothing is missing, NaN where nothing is asked for."""
 
@@ -188,7 +188,7 @@ class Task:
     def failure_reason(self, body: BodyPoints, obj: ObjectInfo) -> list[str]:
         """(N,) what the condition of K lacks in each scene, of NumPy arrays, the most first; empty where it holds.
 
-        Such as `pelvis 3 cm beside the seat, pelvis 1 cm above it`.
+        Such as `pelvis 3 cm beside the seat, pelvis 1 cm too high`.
         """
         missing = np.array([part.measure(body, obj) for part in self.shortfalls])
         words = [part.words for part in self.shortfalls]
@@ -217,11 +217,7 @@ class Task:
         """Whether a human motion fulfils K, with the person's pelvis, ankles and wrists in place of the robot's: the
         filter before retargeting.
         """
-        body = body_of(motion.skeleton)
-        pos_w, _ = motion.forward_kinematics()
-        points = BodyPoints(
-            pos_w[:, body.pelvis], pos_w[:, [leg.end for leg in body.legs]], pos_w[:, [arm.end for arm in body.arms]]
-        )
+        points = human_points(motion, motion.forward_kinematics()[0])
         return self._judge(self._held(points, motion, obj), motion.fps)
 
     def trimmed(self, motion: RobotMotion, obj: SceneObject, robot: Robot) -> RobotMotion:
@@ -250,6 +246,13 @@ class Task:
     def _judge(self, holds: np.ndarray, fps: float) -> bool:
         needed = self.hold_frames(fps)
         return bool(holds[-needed:].all()) if self.in_last_frame else longest_run(holds) >= needed
+
+
+def human_points(motion: HumanMotion, joint_pos_w: np.ndarray) -> BodyPoints:
+    """What K looks at, of a person whose joints are at (T, J, 3) [m]."""
+    body = body_of(motion.skeleton)
+    ends = [[limb.end for limb in limbs] for limbs in (body.legs, body.arms)]
+    return BodyPoints(joint_pos_w[:, body.pelvis], joint_pos_w[:, ends[0]], joint_pos_w[:, ends[1]])
 
 
 def _centimeters(length: float) -> str:

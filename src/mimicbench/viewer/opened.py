@@ -1,0 +1,163 @@
+"""Opening an item: what it is made of is read, and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mimicbench.core.errors import BadFile
+from mimicbench.core.motion import HumanMotion, RobotMotion
+from mimicbench.objects.shape import SceneObject, load_object
+from mimicbench.robots.description import Robot
+from mimicbench.robots.registry import DEFAULT_ROBOT, ROBOTS
+from mimicbench.tasks.registry import TASKS
+from mimicbench.tasks.task import Task
+from mimicbench.viewer.catalog import Catalog, ItemSet, outcome
+from mimicbench.viewer.tracks import Recording, StoredTrack, human_track, recorded_track, robot_track
+
+
+@dataclass(frozen=True)
+class Opened:
+    """An item, and what belongs to it."""
+
+    name: str
+    task: Task
+    robot: Robot
+    obj: SceneObject
+    facts: tuple[str, ...]
+    """What is worth knowing of it, a line each."""
+    details: tuple[str, ...]
+    """What else is known of it."""
+    tracks: dict[str, StoredTrack]
+    """By what they are: `human`, `retargeted`, `robot`."""
+    wrist_goal_w: np.ndarray
+    """(2, 3) where wrists are to go, NaN for one without a goal [m]; (0, 3) if neither has one."""
+    clip: RobotMotion | None = None
+    """What a tracker can follow, and in whose first frame a policy can begin."""
+    policy: str | None = None
+    """Whose episode it is: to be acted out again, for its states are not stored."""
+
+
+def open_item(catalog: Catalog, one: ItemSet, item: str) -> Opened:
+    """Read an item of a set. Raises BadFile, BadMotion or BadObject."""
+    return _OPENERS[one.kind](catalog, one, item)
+
+
+def _open_object(catalog: Catalog, one: ItemSet, item: str) -> Opened:
+    one.file(item)
+    obj = load_object(one.path, item)
+    facts = object_facts(obj)
+    return Opened(item, TASKS.get(one.task), ROBOTS.get(DEFAULT_ROBOT), obj, facts, (), {}, np.zeros((0, 3)))
+
+
+def _open_reference(catalog: Catalog, one: ItemSet, item: str) -> Opened:
+    human = HumanMotion.load(one.file(item))
+    for made in catalog.sets(one.task, "retarget"):
+        if item in made.places and catalog.read_by(made, "references") is one:
+            return _clip(catalog, made, human, RobotMotion.load(made.file(item)), item)
+    return _clip(catalog, one, human, None, item)
+
+
+def _open_retargeted(catalog: Catalog, one: ItemSet, item: str) -> Opened:
+    motion = RobotMotion.load(one.file(item))
+    return _clip(catalog, one, _human_of(catalog, one, motion), motion, item)
+
+
+def _open_demonstration(catalog: Catalog, one: ItemSet, item: str) -> Opened:
+    from mimicbench.imitate.lerobot import load_episode
+
+    clips = catalog.read_by(one, "retarget")
+    number = one.places.get(item)
+    if number is None:
+        raise BadFile(f"{one.path} has no {item!r}; open the page anew if it was just made")
+    demo, row = load_episode(one.path, number)
+    motion = RobotMotion.load(clips.file(row["reference_id"]))
+    found = _clip(catalog, clips, _human_of(catalog, clips, motion), motion, item)
+    recording = Recording(demo["qpos"], demo["qvel"], demo["executed_action"], _gains_of(one))
+    track = recorded_track("demonstration", found.task, found.obj, found.robot, recording)
+    told = "fulfills K" if row["success"] else "does not fulfill K"
+    return _with(found, {"robot": track}, f"demonstration {number}: {told}, {row['length']} control steps")
+
+
+def _open_episode(catalog: Catalog, one: ItemSet, item: str) -> Opened:
+    if item not in one.places:
+        raise BadFile(f"{one.path} has no {item!r}; open the page anew if it was just made")
+    row = one.rows[one.places[item]]
+    clips = catalog.having(one.task, "retarget", row.reference_id)
+    if clips is None:
+        raise BadFile(f"no clip {row.reference_id} is left to begin {row.id} from; run `mimicbench evaluate` again")
+    motion = RobotMotion.load(clips.file(row.reference_id))
+    found = _clip(catalog, clips, _human_of(catalog, clips, motion), motion, item)
+    told = f"as judged: {outcome(row)}; largest e {row.max_energy:.3g} W²"
+    return _with(found, {}, told, row.policy)
+
+
+_OPENERS = {
+    "objects": _open_object,
+    "references": _open_reference,
+    "retarget": _open_retargeted,
+    "demos": _open_demonstration,
+    "evaluate": _open_episode,
+}
+
+
+def _with(found: Opened, tracks: dict[str, StoredTrack], fact: str, policy: str | None = None) -> Opened:
+    return replace(found, tracks={**found.tracks, **tracks}, facts=(fact, *found.facts), policy=policy)
+
+
+def _clip(
+    catalog: Catalog, one: ItemSet, human: HumanMotion | None, robot_clip: RobotMotion | None, name: str
+) -> Opened:
+    """A human clip and what was made of it, either of which may be missing."""
+    motion = robot_clip or human
+    assert motion is not None
+    task, objects = TASKS.get(one.task), catalog.read_by(one, "objects")
+    objects.file(motion.object_id)  # the name comes from a file: it must be one of those that there are
+    obj = load_object(objects.path, motion.object_id)
+    robot = ROBOTS.get(robot_clip.robot if robot_clip else DEFAULT_ROBOT)
+    facts, details, tracks = [f"{motion.duration:.1f} s, {motion.frames} frames"], [], {}
+    if human is not None:
+        tracks["human"] = human_track(task, human, obj)
+        facts.append(f"person: {human.source}")
+        details.append(f"the clip's choices: {_told(human.style)}")
+    if robot_clip is not None:
+        tracks["retargeted"] = robot_track(task, robot_clip, obj, robot)
+        facts.append(f"retargeted: {'kept' if robot_clip.success else 'left out'}")
+        details.append(f"what retargeting measured: {_told(robot_clip.measures)}")
+    facts += object_facts(obj)
+    return Opened(name, task, robot, obj, tuple(facts), tuple(details), tracks, motion.wrist_goal_w, robot_clip)
+
+
+def _human_of(catalog: Catalog, one: ItemSet, motion: RobotMotion) -> HumanMotion | None:
+    """The human clip of a robot's, if it is still there."""
+    try:
+        return HumanMotion.load(catalog.read_by(one, "references").file(motion.reference_id))
+    except BadFile:
+        return None
+
+
+def _gains_of(one: ItemSet) -> str:
+    """Gains that demonstrations were made with: those of their tracker."""
+    from mimicbench.track.registry import TRACKERS
+
+    name = one.header.get("recipe", {}).get("track", {}).get("tracker", next(iter(TRACKERS)))
+    return TRACKERS.get(name).gains
+
+
+def object_facts(obj: SceneObject) -> tuple[str, ...]:
+    """What is worth knowing of an object."""
+    low, high = obj.bounds()
+    size = " x ".join(f"{100 * length:.0f}" for length in high - low)
+    told = [f"object {obj.id}: {obj.kind}, {size} cm (length, width, height), {obj.split} split"]
+    if obj.seat_height is not None:
+        told.append(f"surface {100 * obj.seat_height:.0f} cm above the floor")
+    if obj.movable:
+        told.append(f"{obj.mass:.1f} kg, friction {obj.friction:.2f}")
+    return tuple(told)
+
+
+def _told(numbers: Mapping[str, float]) -> str:
+    """Named numbers in words."""
+    return ", ".join(f"{name.replace('_', ' ')} {value:.3g}" for name, value in numbers.items()) or "nothing"

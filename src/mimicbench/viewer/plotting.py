@@ -1,0 +1,156 @@
+"""The panel with curves: effort against the limits of P, and torque and power of a joint."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from mimicbench.evaluate.rows import ENERGY_LIMITS
+from mimicbench.viewer.playing import PlayPanel
+from mimicbench.viewer.session import Session, frame_at
+from mimicbench.viewer.tracks import Curves
+
+ROLES = ("robot", "other")
+COLORS = {"robot": "#1f77b4", "other": "#de823c"}
+LIMIT_COLORS = ("#7fbf7f", "#c0b040", "#d88030", "#c03030")
+TORQUE, POWER = "torque [N m]", "power [W]"
+HARDEST: str = "the hardest worked"
+_PER_SECOND = 4.0
+_HEIGHT = 190
+_EFFORTS = (1.0, 3e7)
+"""[W^2] From the least that is drawn to somewhat above the largest limit."""
+_AXES: Any = ({}, {"size": 82, "grid": {"show": False}, "ticks": {"show": False}})
+
+
+class PlotPanel:
+    """Curves of whoever has any."""
+
+    def __init__(self, session: Session, play: PlayPanel) -> None:
+        self.session, self.play = session, play
+        gui, on = session.server.gui, session.safely
+        self.folder = gui.add_folder("Curves", order=6.0, visible=False)
+        with self.folder:
+            self.effort = gui.add_uplot(
+                _empty(len(ROLES) + len(ENERGY_LIMITS) + 1),
+                (
+                    {"label": "s"},
+                    *(_line(role, COLORS[role]) for role in ROLES),
+                    *(
+                        _limit(f"λ {limit / 1e6:.0f}e6", color)
+                        for limit, color in zip(ENERGY_LIMITS, LIMIT_COLORS, strict=True)
+                    ),
+                    _now(),
+                ),
+                title="e = Σ (torque · velocity)²  [W²]",
+                scales={"x": {"time": False}, "y": {"distr": 3, "log": 10, "range": _EFFORTS}},
+                axes=_AXES,
+                height=_HEIGHT,
+                legend={"show": True},
+            )
+            self.quantity = gui.add_dropdown("Curve", (TORQUE, POWER))
+            self.joint = gui.add_dropdown("Joint", [HARDEST])
+            self.one = gui.add_uplot(
+                _empty(len(ROLES) + 3),
+                (
+                    {"label": "s"},
+                    *(_line(role, COLORS[role]) for role in ROLES),
+                    *(_limit(words, LIMIT_COLORS[-1]) for words in ("most", "least")),
+                    _now(),
+                ),
+                title=" ",
+                scales={"x": {"time": False}, "y": {"range": (-1.0, 1.0)}},
+                axes=_AXES,
+                height=_HEIGHT,
+                legend={"show": True},
+            )
+        self._drawn = 0.0
+        for box in (self.quantity, self.joint):
+            box.on_update(on(lambda event: self._draw()))
+        session.changed.append(self._changed)
+        session.moved.append(self._moved)
+
+    def _changed(self) -> None:
+        opened = self.session.opened
+        if opened is not None:
+            names = (HARDEST, *opened.robot.joint_names)
+            if self.joint.options != names:
+                self.joint.options = names
+        self._draw()
+
+    def _moved(self) -> None:
+        if time.monotonic() - self._drawn > 1 / _PER_SECOND or not self.play.playing:
+            self._draw()
+
+    def _curves(self) -> dict[str, Curves]:
+        found = {role: self.session.actors[role].track.curves() for role in ROLES if role in self.session.actors}
+        return {role: curves for role, curves in found.items() if curves is not None}
+
+    def _draw(self) -> None:
+        self._drawn, curves, opened = time.monotonic(), self._curves(), self.session.opened
+        self.folder.visible = bool(curves)
+        if not curves or opened is None:
+            return
+        times = max((found.time for found in curves.values()), key=len)
+        now = self._now(curves, times)
+        effort = {role: np.maximum(found.effort, 1.0) for role, found in curves.items()}
+        limits = [np.full(len(times), limit) for limit in ENERGY_LIMITS]
+        self.effort.data = (times, *_columns(effort, len(times)), *limits, _marked(now, effort, len(times)))
+        joint = self._joint(next(iter(curves.values())))
+        is_torque = self.quantity.value == TORQUE
+        chosen = {role: (found.torque if is_torque else found.power)[:, joint] for role, found in curves.items()}
+        most = opened.robot.joints[joint].torque_limit if is_torque else np.nan
+        bounds = [np.full(len(times), sign * most) for sign in (1.0, -1.0)]
+        reach = 1.05 * max(
+            [1.0, *(float(np.abs(values).max()) for values in chosen.values()), most if is_torque else 0.0]
+        )
+        self.one.scales = {"x": {"time": False}, "y": {"range": (-reach, reach)}}
+        self.one.title = f"{opened.robot.joint_names[joint]}: {self.quantity.value}"
+        self.one.data = (times, *_columns(chosen, len(times)), *bounds, _marked(now, chosen, len(times)))
+
+    def _joint(self, curves: Curves) -> int:
+        """The joint that is chosen; of the one that does most: place of the largest power."""
+        opened = self.session.opened
+        assert opened is not None
+        if self.joint.value in opened.robot.joint_names:
+            return opened.robot.joint_names.index(str(self.joint.value))
+        return int(np.abs(curves.power).max(0).argmax())
+
+    def _now(self, curves: dict[str, Curves], times: np.ndarray) -> int:
+        track = self.session.actors[next(iter(curves))].track
+        return min(frame_at(track, self.session.time), len(times) - 1)
+
+
+def _columns(values: dict[str, np.ndarray], count: int) -> list[np.ndarray]:
+    """A column of `count` numbers for each role, NaN where there is nothing."""
+    found = []
+    for role in ROLES:
+        column = np.full(count, np.nan)
+        if role in values:
+            column[: len(values[role])] = values[role]
+        found.append(column)
+    return found
+
+
+def _marked(now: int, values: dict[str, np.ndarray], count: int) -> np.ndarray:
+    """A column with one number: the first role's at this moment."""
+    column, first = np.full(count, np.nan), next(iter(values.values()))
+    column[now] = first[min(now, len(first) - 1)]
+    return column
+
+
+def _empty(series: int) -> tuple[np.ndarray, ...]:
+    return (np.arange(2.0), *(np.full(2, np.nan) for _ in range(series)))
+
+
+def _line(label: str, color: str) -> Any:
+    return {"label": label, "stroke": color, "width": 1.5, "points": {"show": False}}
+
+
+def _limit(label: str, color: str) -> Any:
+    return {"label": label, "stroke": color, "width": 1, "dash": [5, 4], "points": {"show": False}}
+
+
+def _now() -> Any:
+    return {"label": "now", "stroke": "#111111", "width": 0, "points": {"show": True, "size": 8, "fill": "#111111"}}

@@ -1,0 +1,130 @@
+"""The panel with what is seen, and what it comes to at this moment."""
+
+from __future__ import annotations
+
+import base64
+import io
+import time
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from mimicbench.evaluate.rows import ENERGY_LIMITS
+from mimicbench.viewer.acting import ActPanel
+from mimicbench.viewer.opened import Opened
+from mimicbench.viewer.sensing import ContactProbe, elevation, map_picture, raised_cells
+from mimicbench.viewer.session import LOOKS, Actor, Session, frame_at
+
+CALLED = {"human": "Human", "retargeted": "Retargeted (ghost)", "robot": "Robot", "other": "Second robot"}
+"""What bodies are called beside their boxes."""
+_SEEING = ("robot", "other", "retargeted")
+"""Whose map is shown: the first of them that is there."""
+_SENSES_PER_SECOND = 5.0
+
+
+class ShowPanel:
+    """Who is seen, what K says of each, and what the robot sees and feels."""
+
+    def __init__(self, session: Session, act: ActPanel) -> None:
+        self.session, self.act = session, act
+        gui, on = session.server.gui, session.safely
+        with gui.add_folder("Now", order=3.0):
+            self.words = gui.add_markdown("")
+        with gui.add_folder("Show", order=5.0):
+            self.boxes = {name: gui.add_checkbox(CALLED[name], True) for name in LOOKS}
+            self.map = gui.add_checkbox("Elevation map", False, hint="as the robot sees it")
+            self.contacts = gui.add_checkbox("Contact forces", False)
+            self.picture = gui.add_image(
+                np.zeros((8, 8, 3), np.uint8), label="Elevation map, ahead is up", visible=False
+            )
+        for name, box in self.boxes.items():
+            box.on_update(on(lambda event, name=name, box=box: session.hide(name, not box.value)))
+        for box in (self.map, self.contacts):
+            box.on_update(on(lambda event: self._sense()))
+        self._said, self._sensed, self._probe = "", 0.0, ContactProbe()
+        self._drawn: dict[str, Any] = {}
+        session.changed.append(self._changed)
+        session.moved.append(self._moved)
+
+    def _changed(self) -> None:
+        for name, box in self.boxes.items():
+            box.disabled = name not in self.session.actors
+        self._moved()
+        self._sense()
+
+    def _moved(self) -> None:
+        said = "\n\n".join(self._of(name) for name in self.session.actors) or "*an object; nobody moves*"
+        if said != self._said:
+            self._said = self.words.content = said
+        if time.monotonic() - self._sensed > 1 / _SENSES_PER_SECOND or not self.act.play.playing:
+            self._sense()
+
+    def _of(self, name: str) -> str:
+        """What K, P and the judge say of somebody at this moment."""
+        track, opened = self.session.actors[name].track, self.session.opened
+        assert opened is not None
+        frame, done = frame_at(track, self.session.time), track.fulfilled()
+        lacks = track.lacks(frame)
+        now = f"K lacks: {lacks}" if lacks else f"K's condition holds ({opened.task.hold_time:g} s are asked for)"
+        if done is None:
+            ever = "K not fulfilled"
+        elif frame >= done:
+            ever = f"**K fulfilled** at {done / track.fps:.1f} s"
+        else:
+            ever = f"K will be fulfilled at {done / track.fps:.1f} s"
+        lines = [f"**{track.title}** · {ever}", now]
+        curves = track.curves()
+        if curves is not None:
+            lines.append(told_power(float(curves.effort[: frame + 1].max(initial=0.0))))
+        if name in self.act.episodes:
+            lines.append(self.act.episodes[name].verdict())
+        return "  \n".join(lines)
+
+    def _seeing(self) -> Actor | None:
+        found = [self.session.actors[name] for name in _SEEING if name in self.session.actors]
+        return next((actor for actor in found if actor.visible), None)
+
+    def _sense(self) -> None:
+        """Draw the map and the contacts of this moment, or take them away."""
+        self._sensed = time.monotonic()
+        actor, opened = self._seeing(), self.session.opened
+        drawn = self._draw(actor, opened) if actor is not None and opened is not None and len(actor.track) else {}
+        for name in set(self._drawn) - set(drawn):
+            self._drawn[name].remove()
+        self._drawn = drawn
+        self.picture.visible = "map" in drawn
+
+    def _draw(self, actor: Actor, opened: Opened) -> dict[str, Any]:
+        """What of it is in the scene now, each in place of what had its name."""
+        frame, scene, drawn = frame_at(actor.track, self.session.time), self.session.server.scene, {}
+        pose = actor.track.pose(frame)
+        if self.map.value:
+            cell = opened.task.map_cell
+            heights = elevation(opened.task, opened.obj, pose)
+            points, colors = raised_cells(heights, cell, pose)
+            drawn["map"] = scene.add_point_cloud("/map", points, colors, point_size=cell / 2, point_shape="square")
+            self.picture.content = _picture(map_picture(heights, float(pose.pos_w[0, 2])))
+        state = actor.track.state(frame) if self.contacts.value else None
+        arrows = None if state is None else self._probe.forces(opened.robot, opened.obj, state)
+        if arrows is not None and len(arrows):
+            drawn["contacts"] = scene.add_arrows(
+                "/contacts", arrows, (214, 39, 40), shaft_radius=0.008, head_radius=0.02, head_length=0.04
+            )
+        return drawn
+
+
+def told_power(most: float) -> str:
+    """What the largest e by now [W^2] means for P."""
+    held = [f"{limit / 1e6:.0f}e6" for limit in ENERGY_LIMITS if most < limit]
+    passes = f"P holds for λ = {', '.join(held)}" if held else "P holds for no λ"
+    return f"largest e so far {most:.2g} W²: {passes}"
+
+
+def _picture(pixels: np.ndarray) -> str:
+    """A picture as part of the page: one that is fetched might be replaced before the browser has it."""
+    stream = io.BytesIO()
+    Image.fromarray(pixels).save(stream, "png")
+    data = base64.b64encode(stream.getvalue()).decode()
+    style = "width: 100%; image-rendering: pixelated"
+    return f'<div>Elevation map, ahead is up</div><img style="{style}" src="data:image/png;base64,{data}">'

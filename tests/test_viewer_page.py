@@ -1,0 +1,109 @@
+"""The viewer's page in a real browser: every kind of item opened, played, scrubbed, acted out, pushed, compared."""
+
+import pytest
+
+import chromium
+
+for name in ("viser", "mjviser", "websockets"):
+    pytest.importorskip(name, reason=f"{name} is not installed: pip install 'mimicbench[view]'")
+if chromium.found() is None:
+    pytest.skip("there is no Chromium here: apt install chromium", allow_module_level=True)
+
+from making import make, small  # noqa: E402
+from mimicbench.viewer.page import Page, ViewConfig  # noqa: E402
+
+SLOW = 240.0
+"""[s] Pictures are drawn by the processor, which may be busy."""
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    """A page on a small workdir."""
+    folder = tmp_path_factory.mktemp("work")
+    make("retarget", folder, small(clips=2))
+    found = Page(ViewConfig(folder, 18190))
+    found.server.scene.configure_default_lights(cast_shadow=False)
+    yield found
+    found.close()
+
+
+@pytest.fixture(scope="module")
+def browser(page):
+    """A browser that shows it."""
+    with chromium.Browser() as found:
+        found.go(page.url)
+        found.wait_for("1 of 2", SLOW)
+        yield found
+
+
+def test_all_kinds_open(browser, page):
+    for kind, words in (("objects", "cm (length, width, height)"), ("human references", "person: synthetic")):
+        browser.choose("Kind", kind)
+        browser.wait_for(words, SLOW)
+        assert page.session.opened.name == page.browse.item.value
+    browser.choose("Kind", "retargeted clips")
+    browser.wait_for("retargeted: kept", SLOW)
+    assert list(page.session.actors) == ["human", "retargeted"]
+
+
+def test_items_are_found_and_stepped_through(browser, page):
+    first = page.session.opened.name
+    browser.click("Next")
+    browser.wait_for("2 of 2", SLOW)
+    assert page.session.opened.name != first
+    browser.type("Find", "no such clip")
+    browser.wait_for("has 'no such clip' in its name", SLOW)
+    browser.type("Find", first[-5:])
+    browser.wait_for("1 of 1", SLOW)
+    assert page.session.opened.name == first
+    browser.type("Find", "")
+    browser.wait_for("1 of 2", SLOW)
+
+
+def test_the_timeline_plays_and_steps(browser, page):
+    browser.click(">|")
+    browser.wait_for("K fulfilled", SLOW)
+    assert page.session.time == pytest.approx(page.session.duration)
+    browser.click("|<")
+    browser.wait_for("K lacks: pelvis", SLOW)
+    browser.click(">")
+    page_time = 1 / page.session.opened.clip.fps
+    browser.wait(f"[...document.querySelectorAll('input')].some(one => Math.abs(one.value - {page_time}) < 0.02)", SLOW)
+    assert page.session.time == pytest.approx(page_time)
+    browser.click("Play")
+    browser.wait_for("Pause", SLOW)
+    browser.click("Pause")
+    browser.wait_for("Play", SLOW)
+    assert page.session.time > page_time
+
+
+def test_two_methods_act_side_by_side_and_are_pushed(browser, page):
+    browser.choose("Method", "tracker")
+    browser.choose("Compare with", "bc")
+    browser.click("Act")
+    browser.wait_for("largest e so far", SLOW)
+    assert set(page.act.episodes) == {"robot", "other"}
+    browser.click("Forward")
+    browser.wait_for("bc · ", SLOW)
+    browser.click("Pause")
+    assert len(page.act.episodes["robot"].track) > 1
+    browser.click("Elevation map")
+    browser.wait_for("Elevation map, ahead is up", SLOW)
+    browser.click("Contact forces")
+    browser.wait_for("Curves", SLOW)
+
+
+def test_what_cannot_be_is_told_and_the_page_goes_on(browser, page):
+    browser.choose("Method", "nobody")
+    browser.choose("Compare with", "nobody")
+    browser.click("Act")
+    browser.wait_for("choose a method first", SLOW)
+    browser.click("|<")
+    browser.wait_for("K lacks", SLOW)
+
+
+def test_the_console_is_free_of_errors(browser):
+    browser.run("1")
+    assert not [words for level, words in browser.console if level == "error"]
+    elsewhere = [url for url in browser.requests if not url.startswith(("http://localhost", "data:", "blob:"))]
+    assert not elsewhere, "the page needs nothing from the network"
