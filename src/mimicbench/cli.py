@@ -44,8 +44,8 @@ COMMANDS = {
     "demos verify": Command("Find K again in stored demonstrations.", "stages", "verify", True),
     "imitate": Command("Learn a policy that sees.", "stages", "imitate", True),
     "evaluate": Command("Judge policies and trackers.", "judge", "evaluate", True),
-    "export policy": Command("Write a policy as an ONNX file.", "export_policy", "export_policy"),
     "run": Command("Do the whole task, and report on it.", "judge", "run", True),
+    "export policy": Command("Write a policy as an ONNX file.", "export_policy", "export_policy"),
     "export scene": Command("Write a robot and an object as MJCF.", "export", "scene"),
     "export motion": Command("Write a clip for BeyondMimic and mjlab.", "export", "motion"),
     "view": Command("Look at everything in the browser.", "view", "view"),
@@ -128,7 +128,7 @@ def overview() -> str:
             *lines,
             "",
             "`mimicbench COMMAND --help` has every setting; `mimicbench --version` the version;",
-            "`eval \"$(mimicbench --completion)\"` lets bash and zsh complete all of them.",
+            '`eval "$(mimicbench --completion)"` lets bash and zsh complete all of them.',
         ]
     )
 
