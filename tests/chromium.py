@@ -26,6 +26,23 @@ _WORDS = (
     "[document.body?.innerText ?? '', ...[...document.querySelectorAll('input')].map(one => one.value)].join('\\n')"
 )
 """Everything that can be read on a page, in its fields, too."""
+_OPTIONS = "[...document.querySelectorAll('[role=option]')].filter(one => one.offsetParent !== null)"
+"""Of the list that is open."""
+
+
+def _field(label):
+    """A script that comes to the field beside a label."""
+    return f"""(() => {{
+        for (const one of document.querySelectorAll('label')) {{
+            if (one.innerText.trim() !== {json.dumps(label)}) continue;
+            let around = one;
+            for (let up = 0; up < 6 && around; up++, around = around.parentElement) {{
+                const input = around.querySelector('input:not([type=checkbox])');
+                if (input) return input;
+            }}
+        }}
+        return null;
+    }})()"""
 
 
 def found():
@@ -126,15 +143,16 @@ class Browser:
 
     def choose(self, label, option):
         """Take an option of the list with a label."""
+        self.wait(f"!({_OPTIONS}).length", PATIENCE)  # another list may still be closing
         self._focus(label)
-        self.wait("document.querySelectorAll('[role=option]').length > 0", 10)
+        self.wait(f"({_OPTIONS}).length", PATIENCE)
         script = f"""(() => {{
-            const found = [...document.querySelectorAll('[role=option]')].filter(
-                one => one.innerText.trim() === {json.dumps(option)});
+            const found = ({_OPTIONS}).filter(one => one.innerText.trim() === {json.dumps(option)});
             if (found.length) found[0].click();
             return found.length;
         }})()"""
         assert self.run(script), f"no option {option!r} of {label!r}"
+        self.wait(f"({_field(label)})?.value === {json.dumps(option)}", PATIENCE)
 
     def type(self, label, words):
         """Write into the field with a label."""
@@ -149,18 +167,7 @@ class Browser:
             self.call("Input.dispatchKeyEvent", type=kind, key=name, code=name)
 
     def _focus(self, label):
-        script = f"""(() => {{
-            const labels = [...document.querySelectorAll('label')].filter(
-                one => one.innerText.trim() === {json.dumps(label)});
-            for (const one of labels) {{
-                let box = one;
-                for (let up = 0; up < 6 && box; up++, box = box.parentElement) {{
-                    const input = box.querySelector('input:not([type=checkbox])');
-                    if (input) {{ input.focus(); input.click(); return true; }}
-                }}
-            }}
-            return false;
-        }})()"""
+        script = f"(() => {{ const input = {_field(label)}; input?.focus(); input?.click(); return !!input; }})()"
         assert self.run(script), f"no field {label!r}"
 
     def screenshot(self, path):

@@ -35,9 +35,7 @@ class ShowPanel:
             self.boxes = {name: gui.add_checkbox(CALLED[name], True) for name in LOOKS}
             self.map = gui.add_checkbox("Elevation map", False, hint="as the robot sees it")
             self.contacts = gui.add_checkbox("Contact forces", False)
-            self.picture = gui.add_image(
-                np.zeros((8, 8, 3), np.uint8), label="Elevation map, ahead is up", visible=False
-            )
+            self.picture = gui.add_html("", visible=False)
         for name, box in self.boxes.items():
             box.on_update(on(lambda event, name=name, box=box: session.hide(name, not box.value)))
         for box in (self.map, self.contacts):
