@@ -100,13 +100,14 @@ class GoalMemory:
             odometry_pos: (M, 2) their positions in the heading frame of their start [m].
             odometry_yaw: (M,) their headings since then [rad].
         """
-        seen, uncertainty = self.perception.look(elevation, root_height)
-        found = self.spec.from_root(seen, odometry_pos, odometry_yaw)
+        found, uncertainty = self.perception.look(elevation, root_height)
+        found = self.spec.from_root(found, odometry_pos, odometry_yaw)
         # a little surer is not enough: what is remembered should not jump about
         surer = uncertainty < 0.7 * self.uncertainty[ids]
-        self.goal = self.goal.index_copy(0, ids, torch.where(surer[:, None], found, self.goal[ids]))
+        seen = torch.where(surer[:, None], found, self.goal[ids])
+        self.goal = self.goal.index_copy(0, ids, seen.to(self.goal.dtype))
         kept = torch.where(surer, uncertainty, self.uncertainty[ids])
-        self.uncertainty = self.uncertainty.index_copy(0, ids, kept)
+        self.uncertainty = self.uncertainty.index_copy(0, ids, kept.to(self.uncertainty.dtype))
 
     def unsure(self, odometry_pos: Tensor, odometry_yaw: Tensor) -> Tensor:
         """(N,) who should look again: unsure, and not so near yet that the map shows less than before."""
@@ -199,7 +200,8 @@ class GivenGoal:
             self.goal = torch.zeros(obs.num_envs, self._spec.size, device=obs["proprio"].device)
         odometry = obs["odometry"][ids]
         told = given_goal(self._spec, obs["targets"][ids], obs["proprio"][ids])
-        self.goal = self.goal.index_copy(0, ids, self._spec.from_root(told, odometry[:, :2], odometry[:, 2]))
+        found = self._spec.from_root(told, odometry[:, :2], odometry[:, 2])
+        self.goal = self.goal.index_copy(0, ids, found.to(self.goal.dtype))
 
     def networks(self) -> list[nn.Module]:
         """None."""
