@@ -11,6 +11,8 @@ The collision shapes are our own, as large as Unitree's meshes: such as can sit,
 the ball at the end of the hand, as it is for robots whose forearm ends there.
 """
 
+from typing import Any
+
 from mimicbench.robots.description import Gains, Joint, Link, Robot, Shape, Vector
 from mimicbench.robots.mapping import Mapping, Pair
 from mimicbench.robots.people import PEOPLE, Names, mapping_from
@@ -68,7 +70,7 @@ _MASSES = (
     ),
 )
 _X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-_MOTORS = {
+_MOTORS: dict[str, tuple[Any, ...]] = {
     # axis, range of the left side, torque limit, velocity limit, rotor inertia; `improved` kp, kd, scale of an action
     "hip_pitch": (_Y, (-2.5307, 2.8798), 88.0, 32.0, 0.01017752, 150.0, 4.0, 0.3),
     "hip_roll": (_X, (-0.5236, 2.9671), 139.0, 20.0, 0.025101925, 150.0, 4.0, 0.3),
