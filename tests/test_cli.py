@@ -91,8 +91,8 @@ def test_what_is_refused_is_told_in_one_sentence(words, said, tmp_path, monkeypa
         ("evaluate --episodes 0", "evaluate.episodes is 0"),
         ("evaluate --policy nobody", "unknown policy 'nobody'; known are:"),
         ("evaluate --policy ./nowhere", "config.json does not exist"),
-        ("evaluate --task lie-bed", "no planner is shipped for lie-bed (only for sit-chair)"),
-        ("run --task all", "no planner is shipped for sit-sofa (only for sit-chair)"),
+        ("evaluate --task lie-bed", "no planner is shipped for lie-bed (only for sit-chair, touch-points)"),
+        ("run --task all", "no planner is shipped for sit-sofa (only for sit-chair, touch-points)"),
         ("run --policy tracker", "a report shows a policy"),
     ],
 )
