@@ -1,5 +1,7 @@
 """What episodes come to, on made-up traces of placed robots: who stays, who falls, when, and in what."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -23,9 +25,9 @@ LYING = rot.from_rotvec(np.array([0.0, 1.5, 0.0]))
 class Trace:
     """One robot beside a stool, and what the metrics make of the poses that it is shown in."""
 
-    def __init__(self, envs=1):
-        self.physics = NativePhysics(H1, [block()] * envs, workers=1)
-        self.metrics = EpisodeMetrics(SIT_CHAIR, H1, self.physics, CONTROL_DT)
+    def __init__(self, envs=1, task=SIT_CHAIR, obj=None):
+        self.physics = NativePhysics(H1, [obj or block()] * envs, workers=1)
+        self.metrics = EpisodeMetrics(task, H1, self.physics, CONTROL_DT)
         stool.place(self.physics, STAND, JOINTS)
         self.metrics.begin(Rows.every(envs), torch.full((envs, 2, 3), torch.nan))
 
@@ -66,6 +68,16 @@ def test_who_fell_does_not_stay_even_back_on_the_seat():
     trace.show(20, SIT, SITTING)
     found = trace.metrics.verdict()
     assert found.fell.all() and found.success.all() and found.success_at_end.all() and not found.stays.any()
+
+
+@pytest.mark.parametrize(("task", "leaning"), [("touch-points", False), ("lift-box", True)])
+def test_who_bends_down_has_not_fallen_and_who_sinks_down_has(task, leaning):
+    """A root at 0.6 of its height is as low as people bend; below 0.45 of it the robot is on the floor."""
+    obj = replace(block(), seat_height=None)
+    for height, quat, fallen in ((0.6, LYING, leaning), (0.46, rot.IDENTITY, False), (0.44, rot.IDENTITY, True)):
+        trace = Trace(task=TASKS.get(task), obj=obj)
+        trace.show(3, np.array([*FAR[:2], height * STAND[2]]), quat=quat)
+        assert bool(trace.metrics.verdict().fell[0]) == fallen, (height, quat)
 
 
 @pytest.mark.parametrize(

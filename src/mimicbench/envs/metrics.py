@@ -11,9 +11,13 @@ from mimicbench.sim.rows import Rows
 from mimicbench.tasks.task import BodyPoints, ObjectInfo, Task
 
 FALLEN_TILT = 1.2
-"""[rad] A robot whose root leans farther than this from upright counts as fallen, where lying is not the task."""
+"""[rad] A robot whose root leans farther than this from upright counts as fallen, where neither lying nor bending down
+is the task."""
 FALLEN_DROP = 0.15
 """[m] So does one whose root is this much below the seat."""
+FALLEN_SHARE = 0.45
+"""Where there is no seat, so does one whose root is below this share of its height at the start: who bends down as far
+as people do for what stands on the floor keeps 0.58 of it."""
 STAY = 0.3
 """[s] before the time limit over which the condition of K has to hold for a robot to have stayed."""
 PHASES = ("", "walking", "turning", "acting", "after success")
@@ -81,7 +85,7 @@ class EpisodeMetrics:
         self.fell_phase = torch.zeros(n, **zeros)
         self._phases = torch.zeros(max(1, round(_LOOK_BACK / control_dt)), n, dtype=torch.uint8, device=device)
         self._place = 0
-        self._lowest = _lowest(self.info)
+        self._lowest = _lowest(self.info, self.start_height)
 
     def begin(self, rows: Rows, wrist_goal_w: Tensor) -> None:
         """Episodes `rows` begin anew, with the objects that their scenes have now and goals (n, 2, 3)."""
@@ -89,14 +93,15 @@ class EpisodeMetrics:
         fresh = self._catalog.map(lambda array: array[self._physics.object_index[rows.ids]])
         for name, there in vars(self.info).items():
             rows.put(there, wrist_goal_w if name == "wrist_goal_w" else getattr(fresh, name))
-        rows.put(self._lowest, _lowest(fresh))
         for counts in (self.run, self.steps, self.max_effort, self.fell_phase):
             rows.put(counts, 0)
         for verdicts in (self.held, self.ever, self.fell, self.diverged):
             rows.put(verdicts, False)
         for unknown in (self.first_success, self.effort_at_success, self.fell_time):
             rows.put(unknown, torch.nan)
-        rows.put(self.start_height, self._physics.state().root_pos_w[rows.ids, 2])
+        height = self._physics.state().root_pos_w[rows.ids, 2].double()
+        rows.put(self.start_height, height)
+        rows.put(self._lowest, _lowest(fresh, height))
         for phases in self._phases:
             rows.put(phases, 0)
 
@@ -230,6 +235,7 @@ class EpisodeMetrics:
                 setattr(self, name, value.to(device))
 
 
-def _lowest(info: ObjectInfo) -> Tensor:
-    """(N,) below what height of the root a robot has fallen [m]."""
-    return torch.where(torch.isnan(info.seat_height), 0.3, info.seat_height) - FALLEN_DROP
+def _lowest(info: ObjectInfo, start_height: Tensor) -> Tensor:
+    """(N,) below what height of the root a robot has fallen that started at another [m]."""
+    seat = info.seat_height
+    return torch.where(torch.isnan(seat), (FALLEN_SHARE * start_height).to(seat.dtype), seat - FALLEN_DROP)

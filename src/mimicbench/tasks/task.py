@@ -171,7 +171,7 @@ class Task:
     requires_seat: bool
     """Whether the object must have something to sit or lie on."""
     upright: bool
-    """Whether who lies down has fallen."""
+    """Whether who leans as far as one who lies has fallen; not where one lies down, or bends down to the floor."""
     max_start_distance: float | None
     """[m] Starts are clipped to this distance from the object (appendix C.1)."""
     rig: Rig

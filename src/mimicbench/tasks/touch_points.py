@@ -48,7 +48,7 @@ TASK = Task(
     ),
     in_last_frame=False,
     requires_seat=False,
-    upright=True,
+    upright=False,
     max_start_distance=None,
     wrist_goals=True,
     rig=HEAD_RIG,
