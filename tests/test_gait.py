@@ -5,6 +5,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+import pace
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import HumanMotion
@@ -247,4 +248,4 @@ def test_a_plan_takes_milliseconds():
         begin = time.process_time()
         walk_from(body, state, route, STOP, 0.0, gait, 1.0)
         spent.append(time.process_time() - begin)
-    assert min(spent) < 0.02  # 3 ms on a server's core
+    assert min(spent) < 3.0 * pace.unit()

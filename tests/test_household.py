@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import pace
 from joined import joined
 from mimicbench.core.seeds import rng
 from mimicbench.objects.families.household import KINDS, build, draw_draft, make_household, make_untouched
@@ -93,7 +94,7 @@ def test_saved_and_loaded(tmp_path, touched):
         assert load_object(tmp_path, obj.id).to_dict() == obj.to_dict()
 
 
-def test_one_takes_less_than_5_ms():
+def test_one_takes_milliseconds():
     # the fastest of several batches: other work on the machine is not what is measured
     spent = []
     for batch in range(6):
@@ -101,4 +102,4 @@ def test_one_takes_less_than_5_ms():
         for i in range(10):
             make_household(10 * batch + i)
         spent.append((time.process_time() - start) / 10)
-    assert min(spent) < 0.005
+    assert min(spent) < 0.8 * pace.unit()
