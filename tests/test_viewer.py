@@ -223,6 +223,7 @@ def test_the_floor_bears_the_robot(workdir):
         assert (arrows[:, 1, 2] > arrows[:, 0, 2]).all(), "forces act upwards on who stands"
         borne.append((arrows[:, 1] - arrows[:, 0])[:, 2].sum() * 1500)
     assert np.mean(borne) == pytest.approx(weight, rel=0.25)
+    assert episode.track.state(len(episode.track) - 1) is episode.track.states[-1], "contacts are seen while it acts"
     episode.close()
 
 

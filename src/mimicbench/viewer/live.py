@@ -72,8 +72,10 @@ class LiveTrack:
         return None if found is None else found + 1
 
     def state(self, frame: int) -> State | None:
-        """All that the physics was in a frame; None in the last one, in which nobody has chosen yet what to do."""
-        return self.states[frame] if frame < len(self.states) else None
+        """All that the physics was in a frame; in the last one, in which nobody has chosen yet what to do, the one
+        before stands for it.
+        """
+        return self.states[min(frame, len(self.states) - 1)] if self.states else None
 
     def curves(self) -> Curves | None:
         """What the joints had to do."""
