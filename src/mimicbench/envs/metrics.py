@@ -237,5 +237,5 @@ class EpisodeMetrics:
 
 def _lowest(info: ObjectInfo, start_height: Tensor) -> Tensor:
     """(N,) below what height of the root a robot has fallen that started at another [m]."""
-    seat = info.seat_height
-    return torch.where(torch.isnan(seat), (FALLEN_SHARE * start_height).to(seat.dtype), seat - FALLEN_DROP)
+    plane = info.seat_height
+    return torch.where(torch.isnan(plane), (FALLEN_SHARE * start_height).to(plane.dtype), plane - FALLEN_DROP)
