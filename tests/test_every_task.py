@@ -87,7 +87,7 @@ def test_k_is_found_again_in_stored_states(name, tmp_path):
     demos = load_demos(tmp_path, ROBOT.name, state=False)
     assert unfulfilled(demos, clips) == [motion.id]
     np.testing.assert_allclose(replayed(demos, 0, motion).joint_pos[: motion.frames], motion.joint_pos, atol=1e-6)
-    with pytest.raises(BadFile, match="no clip"):
+    with pytest.raises(BadFile, match="is missing"):
         unfulfilled(demos, replace(clips, motions=[]))
 
 

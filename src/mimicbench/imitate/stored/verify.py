@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.errors import BadFile
 from mimicbench.core.motion import RobotMotion
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.metrics import STAY
+from mimicbench.imitate.cloning import clips_of
 from mimicbench.imitate.lerobot import Demos
 
 
@@ -18,16 +18,13 @@ def unfulfilled(demos: Demos, clips: ClipSet) -> list[str]:
 
     Raises BadFile if a demonstration is of none of the clips.
     """
-    followed, task = {motion.id: motion for motion in clips.motions}, clips.task
-    found = []
-    for episode, name in enumerate(demos.reference_ids):
-        if name not in followed:
-            raise BadFile(f"there is no clip {name!r} that a demonstration is of; the clips were made anew since")
-        motion = replayed(demos, episode, followed[name])
+    task, found = clips.task, []
+    for episode, clip in enumerate(clips_of(demos, clips).tolist()):
+        motion = replayed(demos, episode, clips.motions[clip])
         obj = clips.objects[motion.object_id]
         last = task.held(motion, obj, clips.robot)[-round(STAY * motion.fps) :]
         if not (task.fulfilled(motion, obj, clips.robot) and last.all()):
-            found.append(name)
+            found.append(demos.reference_ids[episode])
     return found
 
 

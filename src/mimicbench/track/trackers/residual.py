@@ -32,9 +32,6 @@ class ResidualConfig:
     """Of exp(-10 d), d being a wrist's distance from its reference [m], in the mean of both."""
     action_rate: float = 0.005
     """Price of the squared change of the action."""
-    effort: float = 0.1
-    """Price of e / 1e6 W^2, at most twice itself, e being what the power metric P judges a control step by. Walking has
-    a twentieth of that, so only jerks cost."""
     object: float = 0.5
     """Share of the whole that exp(-10 d) of the object's distance d [m] from its reference has, where it moves."""
 
@@ -53,7 +50,7 @@ def next_joint_pos(robot: Robot, terms: Terms) -> Tensor:
 
 
 def reward(context: StepContext, step: Transition, settings: ResidualConfig) -> Tensor:
-    """(N,) agreement with the reference, at most the sum of its weights, less prices of changed actions and jerks."""
+    """(N,) agreement with the reference, at most the sum of its weights, less a price on changing the action."""
     state, ref = context.state, context.reference(0)
     position = ((state.root_pos_w - ref.root_pos_w) ** 2).sum(-1)
     angle = rot.angle_between(state.root_quat_w, ref.root_quat_w)
@@ -74,8 +71,7 @@ def reward(context: StepContext, step: Transition, settings: ResidualConfig) -> 
     if context.task.moves_object:
         away = (context.object.pos_w - ref.object.pos_w).norm(dim=-1)
         agreement = (1 - settings.object) * agreement + settings.object * torch.exp(-10.0 * away)
-    jerks = settings.effort * (step.effort * 1e-6).clamp(max=2.0)
-    return agreement - settings.action_rate * ((step.action - step.previous.last_action) ** 2).sum(-1) - jerks
+    return agreement - settings.action_rate * ((step.action - step.previous.last_action) ** 2).sum(-1)
 
 
 TRACKER = TrackerSpec(
@@ -86,5 +82,4 @@ TRACKER = TrackerSpec(
     next_joint_pos,
     reward,
     ResidualConfig,
-    measures_effort=True,
 )
