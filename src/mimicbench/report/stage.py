@@ -74,11 +74,11 @@ def _curves(run: Run, policy: str) -> tuple[Curve, ...]:
 
 
 def showcase(run: Run, rows: Sequence[EpisodeRow], clips: Clips, policy: str) -> Showcase:
-    """One of the policy's episodes through all stages: the first of the first batch on which it succeeded, or the very
-    first.
+    """One of the policy's episodes through all stages: the first of the first batch in which it stays; else, succeeds;
+    else, the very first.
     """
     who, batch = who_of(run, policy), Protocol().batch
-    chosen = next((row for row in rows[:batch] if row.success), rows[0])
+    chosen = max(rows[:batch], key=lambda row: (row.stays, row.success))  # the first of the best
     motion = next(m for m in clips.set.motions if m.id == chosen.reference_id)
     one = replace(clips.set, motions=[motion])
     # the whole first batch again, so that the episode runs exactly as it was judged

@@ -115,11 +115,9 @@ def _lines(task: str, found: Sequence[Summary], energy: bool) -> list[tuple[str,
     """Policies, then trackers, each followed by the paper's."""
     lines: list[tuple[str, plots.Mark]] = []
     for color, (stage, measures) in enumerate((("imitate", "imitation"), ("track", "tracking"))):
-        word = "tracker" if stage == "track" else "policy"
         ours = [s for s in found if s.stage == stage]
         lines += [
-            (f"{word} {compare.label(s.policy, s.preset)}", plots.Mark(s.energy if energy else s.kinematic, color))
-            for s in ours
+            (compare.label(s.policy, s.preset), plots.Mark(s.energy if energy else s.kinematic, color)) for s in ours
         ]
         for method, rate in methods(task, measures).items() if ours else ():
             lines.append((f"paper: {method}", plots.Mark(float(rate.energy if energy else rate.kinematic), color)))
