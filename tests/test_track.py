@@ -285,11 +285,11 @@ def test_at_its_next_frame_the_reference_is_nowhere_else():
 def test_reward_of_perfect_tracking():
     bank = ReferenceBank([swing()], H1)
     context = context_of(bank, 10)
-    assert RESIDUAL.reward(context, moved_on(bank, context), OURS)[0] == pytest.approx(1.2, abs=1e-5)
+    assert RESIDUAL.reward(context, moved_on(bank, context), OURS)[0] == pytest.approx(1.4, abs=1e-5)
     away = RESIDUAL.reward(shifted(context, [0.06, 0.08, 0.0]), moved_on(bank, context), OURS)[0]
-    assert away == pytest.approx(1.0 + 0.2 * np.exp(-1), abs=1e-5), "wrists 10 cm off"
+    assert away == pytest.approx(1.0 + 0.2 * (np.exp(-1) + np.exp(-0.5)), abs=1e-5), "wrists and ankles 10 cm off"
     changed = moved_on(bank, context, action=0.5, previous=0.3)
-    assert RESIDUAL.reward(context, changed, OURS)[0] == pytest.approx(1.2 - 0.005 * 19 * 0.04, abs=1e-5)
+    assert RESIDUAL.reward(context, changed, OURS)[0] == pytest.approx(1.4 - 0.005 * 19 * 0.04, abs=1e-5)
     # F.3: 1 for the positions, 1 for each of 20 orientations, 5 for the root; joints as they are to be
     still_bank = ReferenceBank([CLIPS[0]], H1)
     rests = context_of(still_bank, 10)
@@ -313,6 +313,7 @@ def test_reward_by_hand():
         + 0.25 * np.exp(-19 * 0.01)
         + 0.1 * np.exp(-2 * 0.25)
         + 0.1 * np.exp(-0.02 * 19 * 4)
+        + 0.2
         + 0.2  # the links stand where they are to stand
     )
     context = context_of(bank, 5, off)
@@ -384,11 +385,11 @@ def test_papers_reward_multiplies_by_wrists_and_object():
 def test_our_reward_follows_the_object_where_it_moves():
     bank = ReferenceBank([lifted()], H1)
     at = context_of(bank, 10, task=LIFT_BOX)
-    assert RESIDUAL.reward(at, moved_on(bank, at), OURS)[0] == pytest.approx(0.5 * 1.2 + 0.5, abs=1e-5)
+    assert RESIDUAL.reward(at, moved_on(bank, at), OURS)[0] == pytest.approx(0.5 * 1.4 + 0.5, abs=1e-5)
     obj = at.object
     away = replace(obj, pos_w=obj.pos_w + torch.tensor([0.1, 0, 0]))
     lost = context_of(bank, 10, task=LIFT_BOX, obj=away)
-    assert RESIDUAL.reward(lost, moved_on(bank, lost), OURS)[0] == pytest.approx(0.6 + 0.5 * np.exp(-1.0), abs=1e-5)
+    assert RESIDUAL.reward(lost, moved_on(bank, lost), OURS)[0] == pytest.approx(0.7 + 0.5 * np.exp(-1.0), abs=1e-5)
 
 
 def test_what_actions_mean():

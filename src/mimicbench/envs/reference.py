@@ -53,7 +53,7 @@ class ReferenceBank:
         """The frames `index` (N,) of clips `clip` (N,), the last one where a clip is over."""
         row = self._table[self.starts[clip] + torch.minimum(index, self.lengths[clip] - 1)]
         j = self._joints
-        pos, quat, joint_pos, lin, ang, joint_vel, wrists = row.split([3, 4, j, 3, 3, j, 6], -1)
+        pos, quat, joint_pos, lin, ang, joint_vel, wrists, ankles = row.split([3, 4, j, 3, 3, j, 6, 6], -1)
         moved = self._objects[self._object_first[clip] + torch.minimum(index, self._object_last[clip])]
         return Frame(
             pos,
@@ -64,6 +64,7 @@ class ReferenceBank:
             joint_vel,
             ObjectState(*moved.split([3, 4, 3, 3], -1)),
             wrists.unflatten(-1, (2, 3)),
+            ankles.unflatten(-1, (2, 3)),
             self.wrist_goal_w[clip],
         )
 
@@ -96,7 +97,7 @@ def _pose_curve(times: np.ndarray, at: np.ndarray, pos: np.ndarray, quat: np.nda
 
 
 def _robot_rows(motion: RobotMotion, robot: Robot) -> np.ndarray:
-    """(T', 19 + 2 J) rows of pose, velocity and wrists at the control rate."""
+    """(T', 25 + 2 J) rows of pose, velocity, wrists and ankles at the control rate."""
     if motion.joint_names != robot.joint_names:
         raise BadMotion(
             f"clip {motion.id} is for {motion.robot!r} with other joints than {robot.name!r}; retarget it again"
@@ -108,8 +109,9 @@ def _robot_rows(motion: RobotMotion, robot: Robot) -> np.ndarray:
     joint_vel = joints(at, 1)
     joint_vel[-1] = 0
     links = robot.forward_kinematics(root.pos, root.quat, joint_pos)
-    wrists = BodyPoints.of(robot, *links).wrist_pos_w.reshape(len(at), 6)
-    return np.concatenate([root.pos, root.quat, joint_pos, root.lin_vel, root.ang_vel_w, joint_vel, wrists], -1)
+    points = BodyPoints.of(robot, *links)
+    ends = [pair.reshape(len(at), 6) for pair in (points.wrist_pos_w, points.ankle_pos_w)]
+    return np.concatenate([root.pos, root.quat, joint_pos, root.lin_vel, root.ang_vel_w, joint_vel, *ends], -1)
 
 
 def _object_rows(motion: RobotMotion, frames: int) -> np.ndarray:

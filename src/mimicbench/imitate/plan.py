@@ -140,7 +140,7 @@ class PosePlan:
         ang_vel = rot.to_rotvec(rot.multiply(later, rot.conjugate(quat))) / CONTROL_DT
         nowhere = pos.new_full((len(pos), 2, 3), torch.nan)
         obj = _object(moved) if self.task.moves_object else ObjectState.at_origin(len(pos), pos.device)
-        return Frame(pos, quat, lin_vel, ang_vel, joint_pos, joint_vel, obj, nowhere, nowhere)
+        return Frame(pos, quat, lin_vel, ang_vel, joint_pos, joint_vel, obj, nowhere, nowhere, nowhere)
 
 
 @dataclass(frozen=True)
@@ -175,7 +175,9 @@ class _Imagined(StepContext):
         """By forward kinematics."""
         state, at = self.state, ObjectState.at_origin(self.num_envs, self.device)
         pose = (state.root_pos_w, state.root_quat_w, state.root_lin_vel_w, state.root_ang_vel_b)
-        return reference_links(self.robot, Frame(*pose, state.joint_pos, state.joint_vel, at, at.pos_w, at.pos_w))
+        return reference_links(
+            self.robot, Frame(*pose, state.joint_pos, state.joint_vel, at, at.pos_w, at.pos_w, at.pos_w)
+        )
 
     @cached_property
     def object(self) -> ObjectState:

@@ -34,6 +34,8 @@ class Frame:
     """Where the object is to be; at the origin and at rest where it is fixed."""
     wrist_pos_w: Tensor
     """(N, 2, 3) where left and right wrist are in this frame [m]."""
+    ankle_pos_w: Tensor
+    """(N, 2, 3) where left and right ankle are in this frame [m]."""
     wrist_goal_w: Tensor
     """(N, 2, 3) where left and right wrist are to go in the end [m]; NaN without such a goal."""
 
