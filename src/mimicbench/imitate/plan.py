@@ -118,7 +118,7 @@ class PosePlan:
             MimicbenchError: The tracker looks farther ahead than the plans go.
         """
         first = chunk[:, 0].split(self._widths, -1)
-        context = _Imagined.of(self.robot, self.task, obs["proprio"], lambda ahead: self._frame(chunk, ahead))
+        context = Imagined.in_root(self.robot, self.task, obs["proprio"], lambda ahead: self._frame(chunk, ahead))
         if self.task.moves_object:
             context = context.beside(_object(first[3]))
         wanted = (term for term in chosen_terms(spec.observations, self.task) if term.privileged)
@@ -144,8 +144,8 @@ class PosePlan:
 
 
 @dataclass(frozen=True)
-class _Imagined(StepContext):
-    """Robots in their own root frames, as if these were the world's, before references that are planned.
+class Imagined(StepContext):
+    """Robots wherever their own reckoning has them, before references that are planned.
 
     There is no physics: only terms that follow from the robots' poses, their references and the object can be worked
     out.
@@ -154,19 +154,23 @@ class _Imagined(StepContext):
     planned_object: ObjectState | None = None
 
     @staticmethod
-    def of(robot: Robot, task: Task, proprio: Tensor, reference: Callable[[int], Frame]) -> "_Imagined":
-        """Of what robots measure of themselves (N, 10 + 2 J)."""
+    def of(robot: Robot, task: Task, state: RobotState, reference: Callable[[int], Frame]) -> "Imagined":
+        """Of robots (N,) in the frame that their references are in."""
+        joint_pos, unused = state.joint_pos, cast("Any", None)
+        none, zero = joint_pos[:, :0], joint_pos[:, 0]
+        goal = joint_pos.new_full((len(joint_pos), 2, 3), torch.nan)
+        return Imagined(robot, task, unused, state, zero, none, zero, none, none, goal, reference, unused)
+
+    @staticmethod
+    def in_root(robot: Robot, task: Task, proprio: Tensor, reference: Callable[[int], Frame]) -> "Imagined":
+        """In their own root frames, as if these were the world's, of what they measure of themselves (N, 10 + 2 J)."""
         joints = len(robot.joints)
         _, _, lin_vel, ang_vel, joint_pos, joint_vel = proprio.split([3, 1, 3, 3, joints, joints], -1)
         at = ObjectState.at_origin(len(proprio), proprio.device)
         state = RobotState(at.pos_w, at.quat_w, lin_vel, ang_vel, joint_pos, joint_vel)
-        none, unused = proprio[:, :0], cast("Any", None)
-        goal = proprio.new_full((len(proprio), 2, 3), torch.nan)
-        return _Imagined(
-            robot, task, unused, state, proprio[:, 0], none, proprio[:, 0], none, none, goal, reference, unused
-        )
+        return Imagined.of(robot, task, state, reference)
 
-    def beside(self, obj: ObjectState) -> "_Imagined":
+    def beside(self, obj: ObjectState) -> "Imagined":
         """The same beside an object."""
         return replace(self, planned_object=obj)
 
@@ -174,7 +178,8 @@ class _Imagined(StepContext):
     def links(self) -> LinkState:
         """By forward kinematics."""
         state, at = self.state, ObjectState.at_origin(self.num_envs, self.device)
-        pose = (state.root_pos_w, state.root_quat_w, state.root_lin_vel_w, state.root_ang_vel_b)
+        spin_w = rot.rotate(state.root_quat_w, state.root_ang_vel_b)
+        pose = (state.root_pos_w, state.root_quat_w, state.root_lin_vel_w, spin_w)
         return reference_links(
             self.robot, Frame(*pose, state.joint_pos, state.joint_vel, at, at.pos_w, at.pos_w, at.pos_w)
         )

@@ -2,9 +2,13 @@
 
 import numpy as np
 
+from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadObject
 from mimicbench.objects.shape import SceneObject
 from mimicbench.tasks.goal import Field, GoalSpec
+
+HEAD_ROOM = 0.24
+"""[m] Between the head's middle and the end where it goes, where nothing is known of a pillow."""
 
 
 def describe_berth(obj: SceneObject) -> np.ndarray:
@@ -25,6 +29,29 @@ def describe_berth(obj: SceneObject) -> np.ndarray:
     return np.array([*middle, 0.0, 1.0, head[1], head[0], height, sides[along], sides[1 - along]])
 
 
+def berth_like(goal: np.ndarray, room: np.ndarray) -> SceneObject:
+    """A block with such a place to lie on, in a room (2, 2) [m] that is taken."""
+    head, (height, length, width) = goal[[5, 4]], goal[6:9]
+    along = int(np.argmax(np.abs(head)))
+    half = np.array([length, width])[[along, 1 - along]] / 2
+    polygon = half * [[1, -1], [1, 1], [-1, 1], [-1, -1]]
+    towards = np.sign(head[along]) * np.eye(2)[along]
+    block = np.array([[0.0, 0.0, height / 2]]), np.array([[*half, height / 2]])
+    grey = np.full((1, 3), 0.6)
+    return SceneObject(
+        "stand-in",
+        "stand-in",
+        "berth",
+        block[0],
+        rot.IDENTITY[None],
+        block[1],
+        grey,
+        height,
+        polygon,
+        towards * (half[along] - HEAD_ROOM),
+    )
+
+
 def berth(window: float, near: float) -> GoalSpec:
     """Goals for what one lies on, of objects that fit into a window [m], whose front is less than `near` [m] from the
     middle.
@@ -41,4 +68,5 @@ def berth(window: float, near: float) -> GoalSpec:
         describe=describe_berth,
         window=window,
         near=near,
+        stand_in=berth_like,
     )

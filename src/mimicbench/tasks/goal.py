@@ -60,6 +60,9 @@ class GoalSpec:
     """[m] Side of the part of the map to look at, with room for every object at any angle; 0 if goals are given."""
     near: float = 0.0
     """[m] Who is no farther from the goal's middle is at the object, may have moved it, and does not look any more."""
+    stand_in: Callable[[np.ndarray, np.ndarray], SceneObject] | None = None
+    """An object with a goal (G,) in its own frame, where its middle is the origin and its front is +x, that takes up
+    the room between lowest and highest x and y (2, 2) [m]: what somebody plans with who knows no more than that."""
 
     @property
     def given(self) -> bool:
@@ -89,6 +92,11 @@ class GoalSpec:
     def where(self) -> tuple[int, ...]:
         """Columns of the goal's x and y: of its first place or point."""
         return next(self.columns[field.name][:2] for field in self.fields if field.kind in ("place", "point"))
+
+    @cached_property
+    def front(self) -> tuple[int, int]:
+        """Columns of sine and cosine of where the goal faces: of its first direction."""
+        return self._directions[0]
 
     def middle_and_spread(self) -> tuple[Tensor, Tensor]:
         """(G,) and (G,) of a network's outputs."""

@@ -2,9 +2,13 @@
 
 import numpy as np
 
+from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadObject
 from mimicbench.objects.shape import SceneObject
 from mimicbench.tasks.goal import Field, GoalSpec
+
+HALF_WIDTH = 0.25
+"""[m] Of a seat that nothing is known of but where its middle is."""
 
 
 def describe_seat(obj: SceneObject) -> np.ndarray:
@@ -14,6 +18,18 @@ def describe_seat(obj: SceneObject) -> np.ndarray:
         raise BadObject(f"object {obj.id} has no outline of its seat; describe it in seat_polygon")
     low, high = obj.seat_polygon.min(0), obj.seat_polygon.max(0)
     return np.array([*(low + high) / 2, 0.0, 1.0, height, high[0] - low[0]])
+
+
+def seat_like(goal: np.ndarray, room: np.ndarray) -> SceneObject:
+    """A block with such a seat, for one, in the middle of a room (2, 2) [m] that is taken."""
+    height, depth = goal[4], goal[5]
+    half = np.array([depth / 2, HALF_WIDTH])
+    low, high = np.minimum(room[0], -half), np.maximum(room[1], half)
+    high[0] = half[0]  # who sits there puts the feet in front of it
+    block = np.array([[*(low + high) / 2, height / 2]]), np.array([[*(high - low) / 2, height / 2]])
+    polygon = half * [[1, -1], [1, 1], [-1, 1], [-1, -1]]
+    grey = np.full((1, 3), 0.6)
+    return SceneObject("stand-in", "stand-in", "seat", block[0], rot.IDENTITY[None], block[1], grey, height, polygon)
 
 
 def seat(window: float) -> GoalSpec:
@@ -27,4 +43,5 @@ def seat(window: float) -> GoalSpec:
         ),
         describe=describe_seat,
         window=window,
+        stand_in=seat_like,
     )
