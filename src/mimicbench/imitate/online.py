@@ -32,9 +32,10 @@ from mimicbench.references.synthesis.registry import courses, synthesize
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.registry import DEFAULT_METHOD, METHODS
 from mimicbench.robots.description import Robot
+from mimicbench.sensors.context import StepContext
 from mimicbench.sensors.heightmap import CELLS
 from mimicbench.sensors.observations import Observations, chosen_terms
-from mimicbench.sim.physics import RobotState
+from mimicbench.sim.physics import ObjectState, RobotState
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.task import BodyPoints, Task
 from mimicbench.track.checkpoint import load_tracker
@@ -42,6 +43,8 @@ from mimicbench.track.spec import Tracker
 
 RAISED = 0.12
 """[m] What is so high above the floor is in the way."""
+LIFTED = 0.01
+"""[m] What the plan has moved so far is in the hands."""
 REACH = 2.0
 """[m] What is farther from a goal belongs to something else."""
 
@@ -173,6 +176,8 @@ class OnlinePolicy:
         index = (obs["time"][:, 0] / CONTROL_DT).round().long()
         state = seen_from(reckoned(obs["proprio"], obs["odometry"]), self._place)
         context = Imagined.of(self._robot, self._task, state, lambda ahead: bank.frame(robots, index + ahead))
+        if self._task.moves_object:
+            context = context.beside(in_hands(context))
         told = {term.name: term.compute(context) for term in self._told}
         terms = {**{name: obs[name] for name in self._own}, "last_action": self._last_action, **told}
         self._last_action = self._tracker.action(terms)
@@ -217,6 +222,27 @@ def seen_from(state: RobotState, place: Tensor) -> RobotState:
         root_quat_w=rot.multiply(back, state.root_quat_w),
         root_lin_vel_w=rot.rotate(back, state.root_lin_vel_w),
     )
+
+
+def in_hands(context: StepContext) -> ObjectState:
+    """Where objects are that the plan moves: where they stand, and once lifted wherever the hands are as the plan has
+    it.
+    """
+    planned, robot = context.reference(0), context.robot
+    wrists = BodyPoints.of(robot, context.links.pos_w, context.links.quat_w).wrist_pos_w
+    (left, right), (to_left, to_right) = wrists.unbind(1), planned.wrist_pos_w.unbind(1)
+    yaw, to_yaw = (torch.atan2(away[:, 1], away[:, 0]) for away in (left - right, to_left - to_right))
+    turn, obj = rot.from_yaw(rot.wrap_angle(yaw - to_yaw)), planned.object
+    middle, to_middle = (left + right) / 2, (to_left + to_right) / 2
+    carried = ObjectState(
+        middle + rot.rotate(turn, obj.pos_w - to_middle),
+        rot.multiply(turn, obj.quat_w),
+        rot.rotate(turn, obj.lin_vel_w),
+        obj.ang_vel_b,
+    )
+    lifted = (obj.pos_w.norm(dim=-1) > LIFTED)[:, None]
+    pairs = zip(vars(carried).values(), vars(obj).values(), strict=True)
+    return ObjectState(*(torch.where(lifted, hand, floor) for hand, floor in pairs))
 
 
 def rooms_of(elevation: Tensor, root_height: Tensor, place: Tensor, cell: float) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from mimicbench.core import rotations as rot
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.rigs import HEAD_RIG
 from mimicbench.tasks.goal import Field, GoalSpec
@@ -11,6 +12,8 @@ LIFT = 0.2
 """[m] How high the box is to be above where it stood (appendix D.1)."""
 NEAR = 0.1
 """[m] The wrists hold it while they are no farther from its surface than this (appendix D.1)."""
+MASS = 2.5
+"""[kg] Of a box that nobody has weighed: the middle of what boxes weigh."""
 
 
 def box_lifted_by_the_wrists(body: BodyPoints, obj: ObjectInfo) -> Array:
@@ -22,6 +25,13 @@ def describe_box(obj: SceneObject) -> np.ndarray:
     """(7,) the middle of the box, its front, which is +x, and its half sizes, front to back, left to right, and up."""
     low, high = obj.bounds()
     return np.array([*(low + high)[:2] / 2, 0.0, 1.0, *(high - low) / 2])
+
+
+def box_like(goal: np.ndarray, room: np.ndarray) -> SceneObject:
+    """A box of such sizes and of the usual weight."""
+    half = goal[4:7]
+    pos, quat, grey = np.array([[0.0, 0.0, half[2]]]), rot.IDENTITY[None], np.full((1, 3), 0.6)
+    return SceneObject("stand-in", "stand-in", "box", pos, quat, half[None], grey, movable=True, mass=MASS)
 
 
 TASK = Task(
@@ -46,6 +56,7 @@ TASK = Task(
             Field("half height", "scalar", noise=0.01, spread=0.05, middle=0.44),
         ),
         describe=describe_box,
+        stand_in=box_like,
         window=1.28,
         near=0.75,
     ),
