@@ -1,0 +1,208 @@
+"""Planning online: stand-ins are what their goals say, robots know where they are, plans do the task and go along."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from learning import ONE, ROBOT, clip_of, shape_of
+from mimicbench.benchmark.keys import SHIPPED
+from mimicbench.core import rotations as rot
+from mimicbench.core.errors import MimicbenchError
+from mimicbench.envs.clips import ClipSet
+from mimicbench.envs.reference import ReferenceBank
+from mimicbench.evaluate.rollout import run_policy
+from mimicbench.imitate.goals import goals_of
+from mimicbench.imitate.online import (
+    OnlineConfig,
+    OnlinePolicy,
+    Planning,
+    in_hands,
+    load_online,
+    reckoned,
+    rooms_of,
+    save_online,
+    seen_from,
+)
+from mimicbench.imitate.perception import Perception, PerceptionConfig, save_perception
+from mimicbench.imitate.plan import Imagined
+from mimicbench.objects.registry import FAMILIES
+from mimicbench.policies.loading import load_policy
+from mimicbench.sensors.heightmap import CELLS
+from mimicbench.sensors.proprioception import body_state
+from mimicbench.sim.physics import RobotState
+from mimicbench.tasks.registry import TASKS
+from mimicbench.track.checkpoint import build_tracker, load_tracker, save_tracker
+from mimicbench.track.network import TrackerNetwork
+
+PLANNED = [task for task in TASKS.all() if task.goal.stand_in is not None]
+NO_ROOM = np.zeros((2, 2))
+
+
+def untaught(task):
+    """A tracker that has learned nothing."""
+    shape = shape_of("residual", task)
+    return build_tracker(shape, TrackerNetwork(shape.observations, 19, (16,)).tensors())
+
+
+class Told:
+    """What a robot would see with perfect eyes, at the start of the episodes of some clips."""
+
+    observations = ("proprio",)
+
+    def __init__(self, clips):
+        first = [(motion.root_pos_w[0], rot.yaw_of(motion.root_quat_w[0])) for motion in clips.motions]
+        pos, yaw = (torch.tensor(np.array(part)).float() for part in zip(*first, strict=True))
+        self.goal = clips.task.goal.to_root(goals_of(clips), pos[:, :2], yaw)
+
+    def to(self, device):
+        pass
+
+    def begin(self, ids, obs):
+        pass
+
+    def recall(self, obs):
+        pass
+
+    def networks(self):
+        return []
+
+
+@pytest.mark.parametrize("task", PLANNED, ids=lambda task: task.name)
+def test_a_stand_in_has_the_goal_that_it_stands_for(task):
+    spec = task.goal
+    for index in range(6):
+        obj = FAMILIES.get(task.family).make(index, 0)
+        goal = torch.from_numpy(spec.describe(obj))
+        place = goal[list(spec.where)]
+        own = spec.to_root(goal, place, torch.atan2(*goal[list(spec.front)])).numpy()
+        again = spec.describe(spec.stand_in(own, NO_ROOM))
+        np.testing.assert_allclose(again, own, atol=1e-9)
+
+
+def test_a_seat_takes_up_the_room_but_for_the_feet():
+    room = np.array([[-0.6, -0.9], [0.8, 0.7]])
+    obj = TASKS.get("sit-sofa").goal.stand_in(np.array([0, 0, 0, 1, 0.44, 0.5]), room)
+    low, high = obj.bounds()
+    np.testing.assert_allclose(low, [-0.6, -0.9, 0.0], atol=1e-12)
+    np.testing.assert_allclose(high, [0.25, 0.7, 0.44], atol=1e-12)
+
+
+@given(st.floats(-3, 3), st.floats(-1.4, 1.4), st.floats(-3, 3), st.tuples(*[st.floats(-2, 2)] * 3), st.floats(-3, 3))
+def test_robots_know_where_they_are(yaw, pitch, roll, pos, start):
+    """Of what they measure of themselves, and of odometry, follows where they are in the frame of their start."""
+    turns = [np.eye(3)[axis] * angle for axis, angle in ((2, yaw), (1, pitch), (0, roll))]
+    about_z, about_y, about_x = (rot.from_rotvec(turn) for turn in turns)
+    quat = torch.tensor(rot.multiply(about_z, rot.multiply(about_y, about_x)))[None].float()
+    numbers = torch.linspace(-1, 1, 19)[None]
+    vel = torch.tensor([[0.3, -0.2, 0.1]])
+    state = RobotState(torch.tensor([pos]).float(), quat, vel, 2 * vel, numbers, -numbers)
+    there = torch.tensor([[0.7, -0.4, start]])
+    odometry = torch.tensor([[pos[0], pos[1], yaw]])
+    found = reckoned(body_state(state), odometry)
+    assert float(rot.angle_between(found.root_quat_w, quat)) < 2e-3
+    for name in ("root_pos_w", "root_lin_vel_w", "root_ang_vel_b", "joint_pos", "joint_vel"):
+        torch.testing.assert_close(getattr(found, name), getattr(state, name), atol=2e-3, rtol=0)
+    # seen from a place, and that place seen from the world again
+    seen = seen_from(found, there)
+    back = rot.rotate(rot.from_yaw(there[:, 2]), seen.root_pos_w) + torch.tensor([[0.7, -0.4, 0.0]])
+    torch.testing.assert_close(back, found.root_pos_w, atol=1e-4, rtol=0)
+
+
+def test_rooms_by_hand():
+    """A block in front and to the left; seen from a place to its right that faces it."""
+    maps = torch.full((1, CELLS, CELLS), -1.0)
+    cells = slice(CELLS // 2 + 25, CELLS // 2 + 35)  # 1.00 to 1.40 m ahead
+    maps[0, cells, CELLS // 2 : CELLS // 2 + 5] = -0.5  # 0 to 0.20 m to the left
+    place = torch.tensor([[1.2, -0.5, math.pi / 2]])
+    ((low, high),) = rooms_of(maps, torch.tensor([1.0]), place, 0.04)
+    np.testing.assert_allclose(low, [0.0, -0.18], atol=1e-6)
+    np.testing.assert_allclose(high, [0.68, 0.18], atol=1e-6)
+    assert (rooms_of(maps, torch.tensor([1.0]), place + 5.0, 0.04) == 0).all(), "far away it is none of its business"
+
+
+@pytest.mark.parametrize("task", PLANNED, ids=lambda task: task.name)
+def test_plans_do_the_task_from_where_the_robot_stands(task):
+    clips = clip_of(task)
+    goal, motion = goals_of(clips)[0].double(), clips.motions[0]
+    place, yaw = goal[list(task.goal.where)], torch.atan2(*goal[list(task.goal.front)])
+    own = task.goal.to_root(goal, place, yaw).numpy()
+    back = rot.from_yaw(np.array(-float(yaw)))
+    xy = rot.rotate(back, motion.root_pos_w[0] - [*place.tolist(), 0.0])[:2]
+    root = np.array([*xy, rot.yaw_of(motion.root_quat_w[0]) - float(yaw)])
+    planned = Planning(ROBOT, task, OnlineConfig()).plan(own, NO_ROOM, root, motion.joint_pos[0], 0)
+    assert task.fulfilled(planned, task.goal.stand_in(own, NO_ROOM), ROBOT)
+    assert np.linalg.norm(planned.root_pos_w[0, :2] - xy) < 0.08
+    assert abs(rot.wrap_angle(rot.yaw_of(planned.root_quat_w[0]) - root[2])) < 0.15
+
+
+def test_an_object_goes_with_the_hands_once_it_is_lifted():
+    clips = clip_of(TASKS.get("lift-box"))
+    bank = ReferenceBank(clips.motions, ROBOT)
+    last = int(bank.lengths[0]) - 1
+
+    def held(frame, shift=(0.0, 0.0, 0.0), yaw=0.0):
+        at = bank.frame(torch.zeros(1, dtype=torch.long), torch.tensor([frame]))
+        turn = rot.from_yaw(torch.tensor([yaw]))
+        pos = rot.rotate(turn, at.root_pos_w) + torch.tensor([shift])
+        quat = rot.multiply(turn, at.root_quat_w)
+        state = RobotState(pos, quat, at.root_lin_vel_w, at.root_ang_vel_w, at.joint_pos, at.joint_vel)
+        return at, in_hands(Imagined.of(ROBOT, clips.task, state, lambda ahead: at))
+
+    at, found = held(0, (0.3, 0.2, 0.0))
+    torch.testing.assert_close(found.pos_w, at.object.pos_w, msg="it stands where it stood")
+    at, found = held(last)
+    torch.testing.assert_close(found.pos_w, at.object.pos_w, atol=1e-4, rtol=0)
+    at, found = held(last, (0.1, -0.2, 0.05), 0.5)
+    turn = rot.from_yaw(torch.tensor([0.5]))
+    expected = rot.rotate(turn, at.object.pos_w) + torch.tensor([[0.1, -0.2, 0.05]])
+    torch.testing.assert_close(found.pos_w, expected, atol=1e-4, rtol=0)
+    assert float(rot.angle_between(found.quat_w, rot.multiply(turn, at.object.quat_w))) < 1e-3
+
+
+def test_the_shipped_tracker_follows_plans():
+    """Four chairs, with perfect eyes: at least three of four sit down, and stay."""
+    task = TASKS.get("sit-chair")
+    several = [clip_of(task, index) for index in range(4)]
+    objects = {key: obj for clips in several for key, obj in clips.objects.items()}
+    clips = ClipSet(task, ROBOT, [clips.motions[0] for clips in several], objects)
+    tracker = load_tracker(SHIPPED / "tracker", ROBOT)
+    (run,) = run_policy(OnlinePolicy(ROBOT, task, tracker, Told(clips), OnlineConfig()), clips, env_config=ONE)
+    assert not run.errors and int(run.verdict.success.sum()) >= 3 and int(run.verdict.stays.sum()) >= 3
+
+
+def test_a_plan_goes_where_its_goal_is_known_to_be():
+    """Never faster than the pace, until it is there."""
+    task = TASKS.get("sit-chair")
+    clips = clip_of(task)
+    told = Told(clips)
+    policy = OnlinePolicy(ROBOT, task, untaught(task), told, OnlineConfig(pace=0.5))
+    policy._forget(1)
+    policy._place = policy._wanted()
+    before = policy._place.clone()
+    told.goal = told.goal + torch.tensor([[0.03, -0.04, 0, 0, 0, 0]])
+    policy._go_along()
+    moved = policy._place - before
+    torch.testing.assert_close(moved, torch.tensor([[0.006, -0.008, 0.0]]), atol=1e-5, rtol=0)
+    for _ in range(6):
+        policy._go_along()
+    torch.testing.assert_close(policy._place - before, torch.tensor([[0.03, -0.04, 0.0]]), atol=1e-5, rtol=0)
+
+
+def test_a_checkpoint_plans_as_its_config_says(tmp_path):
+    task = TASKS.get("sit-chair")
+    shape = shape_of("residual", task)
+    save_tracker(tmp_path / "tracker", ROBOT, shape, TrackerNetwork(shape.observations, 19, (16,)).tensors(), {})
+    save_perception(tmp_path / "perception", Perception(PerceptionConfig(), task), ROBOT.name, {})
+    save_online(tmp_path / "policy", ROBOT, OnlineConfig(tries=1, seed=3), {})
+    policy = load_policy(tmp_path / "policy", ROBOT, task)
+    assert isinstance(policy, OnlinePolicy) and "elevation" in policy.observations
+    assert load_online(tmp_path / "policy", ROBOT, task)._config == OnlineConfig(tries=1, seed=3)
+    (run,) = run_policy(policy, clip_of(task), env_config=ONE)
+    assert not run.errors, "untaught eyes and an untaught tracker do nothing well, but nothing breaks"
+    given = TASKS.get("touch-points")
+    with pytest.raises(MimicbenchError, match="learn a planner instead"):
+        Planning(ROBOT, given, OnlineConfig())
