@@ -76,7 +76,8 @@ def who_of(run: Run, name: str) -> Who:
         if tracker is None:
             raise _nobody(run, "track", name, sorted(keys.shipped_trackers(run.recipe.robot)))
         return Who(name, tracker)
-    learner = next(iter(LEARNERS)) if name == "best" else name
+    there = (each for each in LEARNERS if keys.shipped(run, each) is not None)
+    learner = next(there, next(iter(LEARNERS))) if name == "best" else name
     try:
         config = stage_type("imitate", {"learner": learner})()
     except UnknownName as error:
