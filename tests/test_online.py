@@ -91,6 +91,7 @@ def test_a_seat_takes_up_the_room_but_for_the_feet():
     np.testing.assert_allclose(high, [0.25, 0.7, 0.44], atol=1e-12)
 
 
+@settings(deadline=None)
 @given(st.floats(-3, 3), st.floats(-1.4, 1.4), st.floats(-3, 3), st.tuples(*[st.floats(-2, 2)] * 3), st.floats(-3, 3))
 def test_robots_know_where_they_are(yaw, pitch, roll, pos, start):
     """Of what they measure of themselves, and of odometry, follows where they are in the frame of their start."""
