@@ -175,6 +175,14 @@ def test_a_policy_that_takes_too_long_is_stopped(body, tmp_path):
     assert signal.getitimer(signal.ITIMER_REAL)[0] == 0.0
 
 
+def test_a_policy_may_plan_before_its_episodes(tmp_path):
+    program = POLICY.replace("self.steps = 0", "self.steps = 0; import time; time.sleep(0.7)")
+    slow = load_policy(written(tmp_path / "slow.py", text=program), H1, SIT_CHAIR)
+    for patience, told in ((0.5, {}), (0.05, {0: "reset took more than 0.5 s"})):
+        (run,) = run_policy(slow, clip_set(1, 0.2), Protocol(patience=patience), env_config=EnvConfig(workers=1))
+        assert run.errors == told
+
+
 def test_errors_are_listed(tmp_path, capsys):
     rows = judged(written(tmp_path / "odd.py", "target[1:, 4] = float('nan') if self.steps == 6 else 0.0"))
     tell_rates([rows], as_json=False)

@@ -17,7 +17,9 @@ from mimicbench.sensors.observations import Observations
 
 T = TypeVar("T")
 PATIENCE = 60.0
-"""[s] that a policy may take to reset, or to decide for all robots of a batch."""
+"""[s] that a policy may take to decide for all robots of a batch."""
+BEFOREHAND = 10.0
+"""So many times as long it may take to reset them: who plans for a second before each episode is not too slow."""
 
 
 class TooSlow(BaseException):
@@ -36,11 +38,11 @@ class Guard:
 
     def reset(self, ids: Tensor, obs: Observations) -> None:
         """All N episodes begin. Raises MimicbenchError, which is something that the user can mend."""
-        self._tried("reset", lambda: self._policy.reset(ids, obs))
+        self._tried("reset", lambda: self._policy.reset(ids, obs), self._patience * BEFOREHAND)
 
     def act(self, obs: Observations) -> Tensor | None:
         """(N, J) targets, the last good ones of robots that are given no finite ones; None if there are none at all."""
-        target = None if self._error else self._tried("act", lambda: self._policy.act(obs))
+        target = None if self._error else self._tried("act", lambda: self._policy.act(obs), self._patience)
         if self._error:
             return None
         if not isinstance(target, Tensor) or target.shape != self._last.shape:
@@ -57,14 +59,14 @@ class Guard:
         found = dict.fromkeys((~self.sound).nonzero()[:, 0].tolist(), "act gave targets that are not finite")
         return {i: found.get(i, self._error) for i in range(len(self.sound))} if self._error else found
 
-    def _tried(self, what: str, call: Callable[[], T]) -> T | None:
+    def _tried(self, what: str, call: Callable[[], T], patience: float) -> T | None:
         try:
-            with deadline(self._patience):
+            with deadline(patience):
                 return call()
         except MimicbenchError:
             raise
         except TooSlow:
-            self._error = f"{what} took more than {self._patience:g} s"
+            self._error = f"{what} took more than {patience:g} s"
             return None
         except Exception as error:  # noqa: BLE001 somebody else's program may raise anything
             self._error = f"{what} raised {type(error).__name__}" + (f": {error}" if str(error) else "")
