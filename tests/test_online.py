@@ -193,6 +193,20 @@ def test_a_plan_goes_where_its_goal_is_known_to_be():
     torch.testing.assert_close(policy._place - before, torch.tensor([[0.03, -0.04, 0.0]]), atol=1e-5, rtol=0)
 
 
+def test_who_sees_what_cannot_be_stands_where_it_is():
+    """A seat below the floor: its robot waits, and the other one sits down all the same."""
+    task = TASKS.get("sit-chair")
+    one = clip_of(task)
+    clips = ClipSet(task, ROBOT, [one.motions[0]] * 2, one.objects)
+    told = Told(clips)
+    told.goal[0, 4] = -0.3
+    tracker = load_tracker(SHIPPED / "tracker", ROBOT)
+    policy = OnlinePolicy(ROBOT, task, tracker, told, OnlineConfig())
+    (run,) = run_policy(policy, clips, env_config=ONE, record=[0])
+    assert not run.errors and run.verdict.success.tolist() == [False, True]
+    assert not run.verdict.fell[0] and np.abs(run.recordings[0][-1, :2] - run.recordings[0][0, :2]).max() < 0.1
+
+
 def test_a_checkpoint_plans_as_its_config_says(tmp_path):
     task = TASKS.get("sit-chair")
     shape = shape_of("residual", task)

@@ -181,10 +181,10 @@ def tracker_folder(run: Run) -> Path | None:
 def shipped_trackers(robot: str) -> dict[str, Path]:
     """The robot's tracker that comes with the package, for each task that one was trained for.
 
-    That of several tasks comes first; policies that were learned over another have that beside them.
+    A task's own, which is beside its policies, comes before that of several tasks.
     """
     found = {}
-    for folder in (*sorted(SHIPPED.glob(f"*/{TRACKER}")), SHIPPED / TRACKER):
+    for folder in (SHIPPED / TRACKER, *sorted(SHIPPED.glob(f"*/{TRACKER}"))):
         if (folder / CONFIG).exists() and checkpoint_robot(folder) == robot:
             notes = read_json(folder / CONFIG)["notes"]
             found |= {task: folder for task in notes.get("tasks", [notes.get("task")])}

@@ -78,8 +78,9 @@ class Planning:
 
     def plan(
         self, goal: np.ndarray, room: np.ndarray, root: np.ndarray, joint_pos: np.ndarray, number: int
-    ) -> RobotMotion:
-        """The first of some plans that fulfils K on the stand-in; the last one if none does.
+    ) -> RobotMotion | None:
+        """The first of some plans that fulfils K on the stand-in; the last one if none does, None if nothing can be
+        planned with what was seen.
 
         Args:
             goal: (G,) in its own frame.
@@ -88,16 +89,19 @@ class Planning:
             joint_pos: (J,) its joints [rad].
             number: Of the plan, which decides its styles.
         """
-        obj, motion = self._stand_in(goal, room), None
-        for attempt in range(self._config.tries):
-            example = synthesize(self._task.name, self._config.tries * number + attempt, obj, self._config.seed)
-            ways = courses(self._task.name, obj, example.style)
-            human = plan_on(ways, self._state(root, joint_pos, ways[0].body), f"plan-{number}")
-            motion = self._retargeted(human, obj)
-            if self._task.fulfilled(motion, obj, self._robot):
-                break
-        assert motion is not None
-        return self._task.trimmed(motion, obj, self._robot)
+        motion = None
+        try:
+            obj = self._stand_in(goal, room)
+            for attempt in range(self._config.tries):
+                example = synthesize(self._task.name, self._config.tries * number + attempt, obj, self._config.seed)
+                ways = courses(self._task.name, obj, example.style)
+                human = plan_on(ways, self._state(root, joint_pos, ways[0].body), f"plan-{number}")
+                motion = self._retargeted(human, obj)
+                if self._task.fulfilled(motion, obj, self._robot):
+                    break
+        except MimicbenchError:  # eyes can be so wrong that nobody could sit there
+            return None
+        return None if motion is None else self._task.trimmed(motion, obj, self._robot)
 
     def _retargeted(self, human: HumanMotion, obj: SceneObject) -> RobotMotion:
         human = replace(human, object_id=obj.id)
@@ -159,7 +163,8 @@ class OnlinePolicy:
         stands = torch.cat([here.root_pos_w[:, :2], rot.yaw_of(here.root_quat_w)[:, None]], -1).double().cpu().numpy()
         joint_pos = here.joint_pos.double().cpu().numpy()
         for room, i in zip(rooms, ids.tolist(), strict=True):
-            self._motions[i] = self._planning.plan(own[i], room, stands[i], joint_pos[i], self._begun)
+            planned = self._planning.plan(own[i], room, stands[i], joint_pos[i], self._begun)
+            self._motions[i] = planned or standing(self._robot, self._task, here, i)
             self._begun += 1
         known = next(motion for motion in self._motions if motion is not None)
         self._bank = ReferenceBank([motion or known for motion in self._motions], self._robot, self._device)
@@ -196,6 +201,16 @@ class OnlinePolicy:
         far = away[:, :2].norm(dim=-1, keepdim=True).clamp(min=1e-9)
         step = away[:, :2] * (most / far).clamp(max=1.0)
         self._place = self._place + torch.cat([step, away[:, 2:].clamp(-2 * most, 2 * most)], -1)
+
+
+def standing(robot: Robot, task: Task, state: RobotState, row: int) -> RobotMotion:
+    """A robot that stays as it is."""
+    pose = (np.repeat(part[row : row + 1].double().cpu().numpy(), 2, 0) for part in _pose(state))
+    return RobotMotion("standing", task.name, robot.name, robot.joint_names, 1 / CONTROL_DT, *pose, "stand-in", "")
+
+
+def _pose(state: RobotState) -> tuple[Tensor, Tensor, Tensor]:
+    return state.root_pos_w, state.root_quat_w, state.joint_pos
 
 
 def reckoned(proprio: Tensor, odometry: Tensor) -> RobotState:
