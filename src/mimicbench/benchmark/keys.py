@@ -187,7 +187,8 @@ def shipped_trackers(robot: str) -> dict[str, Path]:
     for folder in (SHIPPED / TRACKER, *sorted(SHIPPED.glob(f"*/{TRACKER}"))):
         if (folder / CONFIG).exists() and checkpoint_robot(folder) == robot:
             notes = read_json(folder / CONFIG)["notes"]
-            found |= {task: folder for task in notes.get("tasks", [notes.get("task")])}
+            several = notes.get("tasks", [notes.get("task")])
+            found |= dict.fromkeys([folder.parent.name] if folder.parent != SHIPPED else several, folder)
     return found
 
 

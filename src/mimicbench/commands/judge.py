@@ -122,7 +122,7 @@ def table(
     """
     from mimicbench.evaluate.rows import read_rows
     from mimicbench.report import tables
-    from mimicbench.report.compare import beside_paper_table, summaries
+    from mimicbench.report.compare import beside_paper_table, best_table, summaries
     from mimicbench.report.paper_tables import TABLES, paper_table
 
     if not files and not paper:
@@ -134,7 +134,11 @@ def table(
         "csv": tables.to_csv,
     }[form]
     rows = [row for path in files for row in read_rows(path)]
-    for task in dict.fromkeys(row.task for row in rows):
+    several = dict.fromkeys(row.task for row in rows)
+    if len(several) > 1:
+        of_tasks = [summaries([row for row in rows if row.task == task]) for task in several]
+        print(write(best_table([one for found in of_tasks for one in found])))
+    for task in several:
         print(write(beside_paper_table(task, summaries([row for row in rows if row.task == task]))))
     for one in TABLES if paper else ():
         print(write(paper_table(one)))
