@@ -113,7 +113,8 @@ def best_table(found: Sequence[Summary]) -> Table:
         ("Task", "Policy", "K", "K, paper", "Stays", "Tracker: K", "K, paper's", "Tracker: stays"),
         tuple(rows),
         note="On objects and starts that nothing was trained on, with 95 % Wilson intervals and k/n. Simulator, "
-        "objects, clips and starts differ from the paper's, which gives no counts and does not look past the moment of success.",
+        "objects, clips and starts differ from the paper's, which gives no counts and does not look past the moment of "
+        "success.",
         source=CITATION,
     )
 
