@@ -9,10 +9,10 @@ from torch import Tensor
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.seeds import digest
-from mimicbench.core.settings import Share, Within
+from mimicbench.core.settings import Positive, Share, Within
 from mimicbench.envs.clip_starts import ClipStartConfig, ClipStarts
 from mimicbench.envs.clips import ClipSet
-from mimicbench.envs.hooks import Pushes
+from mimicbench.envs.hooks import AssistingWrench, Hook, Pushes
 from mimicbench.envs.reference import ReferenceBank
 from mimicbench.envs.vec_env import EnvConfig, VecEnv
 from mimicbench.sensors.context import StepContext
@@ -56,6 +56,11 @@ class TrackingConfig:
     """Standard deviation of the horizontal velocity that a push adds [m/s]."""
     push_interval: Annotated[float, Within(CONTROL_DT, 1e6)] = 2.0
     """Mean time between pushes [s]."""
+    assist: Share = 0.0
+    """How much of an assisting wrench pulls the root towards its reference at first, for what is lost before anything
+    can be learned of it."""
+    assist_steps: Positive = 5000
+    """Control steps over which it fades to nothing."""
     ends: EndConfig = field(default_factory=EndConfig)
     """When an episode has failed."""
 
@@ -86,7 +91,9 @@ class TrackingEnv:
         self.random = torch.Generator(device).manual_seed(digest(seed, "tracking starts") % (1 << 63))
         first = torch.randint(len(scenes), (num_envs,), generator=self.random, device=device).tolist()
         physics = PhysicsConfig(gains=spec.gains, meshes=any(obj.hulls for obj in scenes))
-        hooks = [Pushes(config.push, config.push_interval)] if config.push else []
+        self._wrench = AssistingWrench(share=config.assist)
+        hooks: list[Hook] = [Pushes(config.push, config.push_interval)] if config.push else []
+        hooks += [self._wrench] if config.assist else []
         self.env = VecEnv(
             clips.task,
             clips.robot,
@@ -101,6 +108,7 @@ class TrackingEnv:
         self.starts = ClipStarts(self.bank, self.env.physics.add_objects(scenes), clips.robot, config.starts)
         self.failures = Failures(device)
         self._hold = round(config.hold / CONTROL_DT)
+        self._stepped = 0
         self.ended = torch.zeros(len(ENDS), dtype=torch.long, device=device)
         """How many episodes ended for each of ENDS."""
         self._start(Rows.every(num_envs, device))
@@ -146,11 +154,17 @@ class TrackingEnv:
             following = self.context.reference(1).joint_pos
             target = self.spec.target(self.clips.robot, following, action, settings)
         transition = self.env.step(target, action)
+        self._count(self._stepped + 1)
         reward = self.spec.reward(self.context, transition, settings)
         done, time_out = self._ends()
         reward = torch.where(self.env.physics.diverged, torch.zeros_like(reward), reward)
         self._start(self.env.rows(done))
         return self.observe(), reward, done, time_out
+
+    def _count(self, stepped: int) -> None:
+        """So many control steps are over: the assistance has faded by as much."""
+        self._stepped = stepped
+        self._wrench.share = self.config.assist * max(0.0, 1.0 - stepped / self.config.assist_steps)
 
     def _ends(self) -> tuple[Tensor, Tensor]:
         diverged, length = self.env.physics.diverged, self.bank.lengths[self.env.clip] - 1
@@ -168,7 +182,7 @@ class TrackingEnv:
 
     def state_tensors(self) -> dict[str, Tensor]:
         """All that decides how the episodes go on, between steps."""
-        own = {"starts": self.random.get_state(), "ended": self.ended.clone()}
+        own = {"starts": self.random.get_state(), "ended": self.ended.clone(), "stepped": torch.tensor(self._stepped)}
         parts = {"env": self.env, "failures": self.failures}
         return own | {
             f"{name}/{key}": value for name, part in parts.items() for key, value in part.state_tensors().items()
@@ -178,6 +192,7 @@ class TrackingEnv:
         """The inverse of `state_tensors`, in an environment made alike."""
         self.random.set_state(tensors["starts"].cpu())
         self.ended = tensors["ended"].to(self.device)
+        self._count(int(tensors["stepped"]))
         for name, part in {"env": self.env, "failures": self.failures}.items():
             chosen = {n.removeprefix(f"{name}/"): v for n, v in tensors.items() if n.startswith(f"{name}/")}
             part.load_state_tensors(chosen)
