@@ -12,6 +12,9 @@ from mimicbench.core.settings import Within
 from mimicbench.imitate.registry import LEARNERS
 from mimicbench.track.registry import TRACKERS
 
+_ENDLESS = 1e6
+"""Bounds from here on only keep out what is a mistake."""
+
 
 def presets_page() -> str:
     """The names that `--preset` takes."""
@@ -23,7 +26,9 @@ def presets_page() -> str:
 
 def settings_page(part: str) -> str:
     """Every setting of a stage; those that follow from a name in it, for each of the names."""
-    kind = stage_type(part)
+    made = stage_type(part)
+    # a stage whose settings follow from a name says so in `chosen`; what all names share stands where that does
+    kind = next((base for base in made.__mro__ if "chosen" in vars(base)), made)
     found = [f"# Settings: {part}", summary(kind.__doc__), settings_table(kind, part, seen=set())]
     for choice, registry in (("tracker", TRACKERS), ("learner", LEARNERS)):
         if hasattr(kind, choice) and hasattr(kind, "chosen"):
@@ -63,7 +68,11 @@ def within(hint: Any) -> str:
     every = [
         bound for option in (hint, *getattr(hint, "__args__", ())) for bound in getattr(option, "__metadata__", ())
     ]
-    return ", ".join(f"{bound.low:g} to {bound.high:g}" for bound in every if isinstance(bound, Within))
+    return ", ".join(
+        f"{bound.low:g} to {bound.high:g}" if bound.high < _ENDLESS else f"{bound.low:g} or more"
+        for bound in every
+        if isinstance(bound, Within)
+    )
 
 
 def option(name: str) -> str:
