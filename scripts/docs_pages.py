@@ -98,6 +98,16 @@ def on_page_markdown(markdown: str, **_: Mapping[str, Any]) -> str:
     return linked(markdown)
 
 
+def on_post_page(output: str, **_: Any) -> str:
+    """MkDocs: the theme's search asks for a script of another host where pages are opened as files; none is fetched."""
+    return re.sub(r'<script src="https?://[^"]+"></script>', "", output)
+
+
+def on_post_template(output_content: str, **_: Any) -> str:
+    """MkDocs: the same for pages without a source, such as that for what is not found."""
+    return on_post_page(output_content)
+
+
 def main() -> None:
     """Write the pages."""
     parser = argparse.ArgumentParser(description="Write the generated pages of the documents.")
