@@ -31,13 +31,11 @@ class AsLeRobotSees(gymnasium.ObservationWrapper):
         assert isinstance(inner, gymnasium.spaces.Dict)
         self.felt = [name for name in FELT if name in inner.spaces]
         size = sum(int(np.prod(inner[name].shape or ())) for name in self.felt)
-        rows, columns = inner["elevation"].shape or ()
+        cells = inner["elevation"].shape or ()
         self.observation_space = gymnasium.spaces.Dict(
             {
                 "agent_pos": gymnasium.spaces.Box(-1000.0, 1000.0, (size,), np.float32),
-                "pixels": gymnasium.spaces.Dict(
-                    {"elevation": gymnasium.spaces.Box(0, 255, (rows, columns, 3), np.uint8)}
-                ),
+                "pixels": gymnasium.spaces.Dict({"elevation": gymnasium.spaces.Box(0, 255, (*cells, 3), np.uint8)}),
             }
         )
 
