@@ -1,6 +1,7 @@
 # make run     the whole pipeline on new chairs with the shipped checkpoints, ending with a table and a report
 # make test    style and tests
 # make check   the same, and types
+# make docs    the documents as a site, in site/
 # make mutation  changes what numbers rest on, line by line, and lists what no test notices (hours)
 # Each makes its own virtual environment first, once; it needs python3 with venv, and a package index.
 
@@ -22,7 +23,7 @@ PIP := $(BIN)/python -m pip install --quiet --constraint constraints.txt
 READY := $(VENV)/.ready
 INSTALLING := $(VENV)/.installing
 
-.PHONY: help setup run test check mutation format lint type clean
+.PHONY: help setup run test check docs mutation format lint type clean
 
 help:
 	@grep -E '^# make' Makefile | cut -c3-
@@ -38,6 +39,12 @@ test: lint
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses $(JOBS)
 
 check: type test
+
+docs: $(READY)
+	@echo "Building the documents into site/"
+	@$(PIP) --editable ".[docs]"
+	$(BIN)/python -m mkdocs build --strict --quiet
+	@echo "Open site/index.html"
 
 mutation: $(READY)
 	@echo "Changing what numbers rest on, line by line: what survives, no test has noticed"
@@ -58,7 +65,7 @@ type: $(READY)
 	$(BIN)/pyright --pythonpath $(BIN)/python
 
 clean:
-	rm -rf .pytest_cache .ruff_cache .hypothesis build dist
+	rm -rf .pytest_cache .ruff_cache .hypothesis build dist site
 
 # An installation that was killed is thrown away and made again; a finished one is brought up to date.
 $(READY): pyproject.toml constraints.txt

@@ -1,6 +1,5 @@
-"""Action chunking with transformers (Zhao et al.
-
-2023), as the paper uses it: one map, one state, a chunk of joint targets.
+"""Action chunking with transformers (Zhao et al. 2023), as the paper uses it: one map, one state, a chunk of joint
+targets.
 
 Training: a conditional variational autoencoder. Its encoder reads [CLS, state, the demonstrated chunk] and gives the
 mean and log-variance of a latent z, which stands for what state and map do not decide. The policy, which is the

@@ -1,0 +1,1 @@
+"""Pages of the documents that follow from the code: one module for each kind."""
