@@ -77,6 +77,11 @@ class StepContext:
         return self.physics.object_state()
 
     @cached_property
+    def contact_force(self) -> Tensor:
+        """(N, L, 3) sum of all forces of contact on each link [N], where the physics measures them."""
+        return self.physics.contact_force()
+
+    @cached_property
     def root_turn(self) -> Tensor:
         """(3, 3, N) rotation matrices from the root's frame to the world's."""
         return root_turn(self.state)
