@@ -13,6 +13,7 @@ from tensordict import TensorDict
 
 from mimicbench.core.settings import Positive, Share, Sizes
 from mimicbench.core.training import OptimizerState
+from mimicbench.track.muon import MuonAndAdam
 from mimicbench.track.network import Blueprint
 from mimicbench.track.warm_start import plain_network, take_over, take_statistics
 
@@ -48,8 +49,8 @@ class PPOConfig:
     critic_rate: float | None = 1e-3
     """The critic's own learning rate; None: the same. What the actor may change by is no measure for it: the better it
     is, the more of an advantage is more than noise."""
-    optimizer: Literal["adam", "adamw"] = "adam"
-    """AdamW decays weights by torch's default of 0.01."""
+    optimizer: Literal["adam", "adamw", "muon"] = "adam"
+    """AdamW decays weights by torch's default of 0.01; Muon is for the weights of layers, with Adam for the rest."""
     value_weight: float = 1.0
     """Of the value loss."""
     max_grad_norm: float = 1.0
@@ -110,20 +111,25 @@ class PPOLearner:
             schedule=config.schedule,
             max_grad_norm=config.max_grad_norm,
             value_loss_coef=config.value_weight,
-            optimizer=config.optimizer,
+            optimizer="adam" if config.optimizer == "muon" else config.optimizer,
             device=device,
         )
+        if config.optimizer == "muon":
+            self.ppo.optimizer = MuonAndAdam((self.ppo.actor, self.ppo.critic), config.learning_rate)
         if config.critic_rate is not None:
             self._let_critic_learn_at(config.critic_rate)
         self.ppo.train_mode()
 
     def _let_critic_learn_at(self, rate: float) -> None:
         """At its own rate, though rsl-rl gives every group of parameters the actor's."""
-        groups = [{"params": list(model.parameters())} for model in (self.ppo.actor, self.ppo.critic)]
-        self.ppo.optimizer = type(self.ppo.optimizer)(groups, lr=self.config.learning_rate)
+        if self.config.optimizer != "muon":
+            groups = [{"params": list(model.parameters())} for model in (self.ppo.actor, self.ppo.critic)]
+            self.ppo.optimizer = type(self.ppo.optimizer)(groups, lr=self.config.learning_rate)
 
         def correct(optimizer: torch.optim.Optimizer, *_: Any) -> None:
-            optimizer.param_groups[1]["lr"] = rate
+            groups = optimizer.param_groups  # the actor's, then the critic's
+            for group in groups[len(groups) // 2 :]:
+                group["lr"] = rate
 
         self.ppo.optimizer.register_step_pre_hook(correct)
 
