@@ -55,6 +55,7 @@ from tracked import (
     shifted,
     state_of,
     swing,
+    tiny,
 )
 
 RESIDUAL, HST, PHC = (TRACKERS.get(name) for name in ("residual", "hst", "phc"))
@@ -513,12 +514,6 @@ def test_first_actions_leave_the_reference_alone():
     network = blueprint.network(19)
     network.load_tensors(PPOLearner(blueprint, 19, 4, PPOConfig()).network_tensors())
     assert network(torch.randn(16, 167)).abs().max() < 0.05
-
-
-def tiny(rounds):
-    return TrackConfig(
-        samples=rounds * 8 * TINY.steps, num_envs=8, evaluate_clips=2, ppo=TINY, save_every=0.0, evaluate_every=10**9
-    )
 
 
 def test_training_end_to_end_and_again(tmp_path):

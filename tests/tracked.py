@@ -19,6 +19,7 @@ from mimicbench.tasks.registry import TASKS
 from mimicbench.track.ppo import PPOConfig
 from mimicbench.track.spec import Layout, flat
 from mimicbench.track.tracking import TrackingConfig
+from mimicbench.track.train import TrackConfig
 from stool import H1, block, seated, standing
 
 SIT_CHAIR, LIFT_BOX, TOUCH = (TASKS.get(name) for name in ("sit-chair", "lift-box", "touch-points"))
@@ -133,3 +134,10 @@ def shifted(context, away):
     links = context.physics.links()
     physics = FakePhysics(replace(links, pos_w=links.pos_w + torch.tensor(away)), context.physics.object_state())
     return replace(context, physics=physics)
+
+
+def tiny(rounds):
+    """A training of so many rounds."""
+    return TrackConfig(
+        samples=rounds * 8 * TINY.steps, num_envs=8, evaluate_clips=2, ppo=TINY, save_every=0.0, evaluate_every=10**9
+    )

@@ -17,6 +17,7 @@ from mimicbench.core.seeds import digest
 from mimicbench.core.settings import Amount, BadSetting, Positive, Within
 from mimicbench.core.training import TorchRandom, append_metrics, resume_training, save_training
 from mimicbench.envs.clips import ClipSet
+from mimicbench.envs.mirrored import with_mirror_images
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.robots.description import Robot
 from mimicbench.track.checkpoint import (
@@ -51,6 +52,8 @@ class TrackConfig:
     """Other tasks, whose clips the same network learns to follow beside those of the recipe's task."""
     recorded: tuple[str, ...] = ()
     """Imported or augmented sets of clips, learned from beside the recipe's own at every task that has such a set."""
+    mirrored: bool = False
+    """Learn from the mirror image of every clip, beside that of its object, as well."""
     begin_from: str = ""
     """Folder of a trained tracker of the same design, whose network is where learning begins; empty: from nothing."""
     critic_first: Annotated[int, Within(0, 1e6)] = 50
@@ -127,6 +130,7 @@ def train_tracker(
     killed. Returns the checkpoint's folder.
     """
     config, env_config = config.resolved(), env_config or EnvConfig()
+    clips = [with_mirror_images(some) for some in clips] if config.mirrored else clips
     torch.manual_seed(digest(seed, "tracker") % (1 << 63))
     torch.set_num_threads(1)
     spec, robot = TRACKERS.get(config.tracker), clips[0].robot
