@@ -38,6 +38,8 @@ class Frame:
     """(N, 2, 3) where left and right ankle are in this frame [m]."""
     wrist_goal_w: Tensor
     """(N, 2, 3) where left and right wrist are to go in the end [m]; NaN without such a goal."""
+    bears: Tensor | None = None
+    """(N, B) 1 where a part of the body (sensors.contact) bears on floor or object, else 0; None where nobody knows."""
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from torch import Tensor
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError, UnknownName
 from mimicbench.robots.description import Robot
+from mimicbench.sensors.contact import BEARING, told_to_bear
 from mimicbench.sensors.context import StepContext
 from mimicbench.sensors.elevation import camera_map, down_map
 from mimicbench.sensors.heightmap import CELLS
@@ -183,6 +184,7 @@ _TERMS = (
     ),
     Term("body_difference", lambda robot, task: (6 * len(robot.links),), _body_difference, privileged=True),
     Term("joint_target+1", _joints(1), lambda context: context.reference(1).joint_pos, privileged=True),
+    Term("bears+1", _flat(len(BEARING)), lambda context: told_to_bear(context.reference(1)), privileged=True),
     Term("walk+1", _flat(3), lambda context: walk_of(context.reference(1)), privileged=True),
     *(term for steps in LOOKAHEAD for term in _ahead(steps)),
 )

@@ -1,0 +1,27 @@
+"""What bears: by the labels of the clips that are followed, and by the forces that the physics measures."""
+
+import torch
+from torch import Tensor
+
+from mimicbench.robots.description import Robot
+from mimicbench.sensors.context import Frame, StepContext
+
+BEARING = ("left_foot", "right_foot", "pelvis", "left_hand", "right_hand")
+"""Parts of the body whose labels count, B of them."""
+
+
+def told_to_bear(frame: Frame) -> Tensor:
+    """(N, B) 1 where a part bears on floor or object in the reference, else 0; zeros where nobody labeled it."""
+    return frame.joint_pos.new_zeros(len(frame.joint_pos), len(BEARING)) if frame.bears is None else frame.bears
+
+
+def bears(context: StepContext, least: float) -> Tensor:
+    """(N, B) bool whether more than `least` [N] presses on some link of a part, whatever touches it."""
+    pressed = context.contact_force.norm(dim=-1) > least
+    return torch.stack([pressed[:, links].any(-1) for links in bearers(context.robot)], -1)
+
+
+def bearers(robot: Robot) -> list[list[int]]:
+    """For each part, the links that bear for it, as the robot's mappings from people say."""
+    names = [{link for mapping in robot.mappings for link in mapping.bearers.get(part, ())} for part in BEARING]
+    return [sorted(robot.link_names.index(link) for link in some) for some in names]
