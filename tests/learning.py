@@ -26,7 +26,7 @@ def clip_of(task, index=0):
 def shape_of(name, *tasks):
     """What a small tracker of a design is made of that serves all of the tasks."""
     layout = Layout.of(TRACKERS.get(name), ROBOT, tasks)
-    return TrackerConfig(name, layout.names, layout.widths, 19, (16,))
+    return TrackerConfig(name, layout.names, layout.widths, 19, (16,), frames=layout.frames)
 
 
 def tracker(shape) -> Tracker:

@@ -3,6 +3,7 @@
 import torch
 from torch import Tensor
 
+from mimicbench.core.errors import MimicbenchError
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.context import Frame, StepContext
 
@@ -11,8 +12,13 @@ BEARING = ("left_foot", "right_foot", "pelvis", "left_hand", "right_hand")
 
 
 def told_to_bear(frame: Frame) -> Tensor:
-    """(N, B) 1 where a part bears on floor or object in the reference, else 0; zeros where nobody labeled it."""
-    return frame.joint_pos.new_zeros(len(frame.joint_pos), len(BEARING)) if frame.bears is None else frame.bears
+    """(N, B) 1 where a part bears on floor or object in the reference, else 0.
+
+    Raises MimicbenchError where references are planned as poses, of which nobody says what bears.
+    """
+    if frame.bears is None:
+        raise MimicbenchError("these plans do not say what bears, which this tracker is told; choose another tracker")
+    return frame.bears
 
 
 def bears(context: StepContext, least: float) -> Tensor:
