@@ -156,7 +156,7 @@ class NativePhysics:
             )
         else:
             self.batch.step(ids, nstep=SUBSTEPS)
-        if self._forces is not None:
+        if self._forces is not None and self._sensors is not None:
             stepped = slice(None) if ids is None else ids
             self._forces[stepped] = self._sensors[stepped]
         self._report(target)

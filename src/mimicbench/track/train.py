@@ -162,7 +162,7 @@ def train_tracker(
         progress["seconds"] += time.monotonic() - now
         pulse(lambda mean=total / config.ppo.steps: _so_far(progress, config.samples, mean))
         if finished or due:
-            row = {**progress, **losses, "reward": progress["reward"] / progress["steps"]}
+            row: dict[str, Any] = {**progress, **losses, "reward": progress["reward"] / progress["steps"]}
             tracker = build_tracker(shape, learner.network_tensors())
             row |= evaluated(tracker, clips, held_out, config.evaluate_clips, env_config)
             row["ended"] = _ended(env)
