@@ -136,15 +136,13 @@ def train_tracker(
     spec, robot = TRACKERS.get(config.tracker), clips[0].robot
     robots = robots_of(config, len(clips))
     env = TrackingParts(spec, clips, robots, config.parts, config.tracking, seed, env_config, config.frames)
-    layout, joints = env.layout, len(robot.joints)
-    shape = _shape(config, layout, joints)
-    learner = PPOLearner(shape.blueprint(), joints, config.num_envs, config.ppo, env.device)
+    shape = _shape(config, env.layout, len(robot.joints))
+    learner = PPOLearner(shape.blueprint(), shape.actions, config.num_envs, config.ppo, env.device)
     if config.begin_from:
-        begin_from(Path(config.begin_from), robot, learner, layout)
+        begin_from(Path(config.begin_from), robot, learner, env.layout)
     parts = {"env": env, "ppo": learner, "torch": TorchRandom(env.device)}
     fresh = {"samples": 0, "iterations": 0, "seconds": 0.0, "reward": 0.0, "steps": 0}
-    learned_from = [motion.id for some in clips for motion in some.motions]
-    identity = {"config": _course(config), "seed": seed, "clips": learned_from}
+    identity = {"config": _course(config), "seed": seed, "clips": [m.id for some in clips for m in some.motions]}
     progress = resume_training(folder, identity, parts, fresh)
     notes = {"seed": seed, "tasks": [some.task.name for some in clips]}
     saves = _Saves(folder, robot, shape, learner, identity, parts, notes)
@@ -164,8 +162,7 @@ def train_tracker(
         if finished or due:
             row: dict[str, Any] = {**progress, **losses, "reward": progress["reward"] / progress["steps"]}
             tracker = build_tracker(shape, learner.network_tensors())
-            row |= evaluated(tracker, clips, held_out, config.evaluate_clips, env_config)
-            row["ended"] = _ended(env)
+            row |= evaluated(tracker, clips, held_out, config.evaluate_clips, env_config) | {"ended": _ended(env)}
             append_metrics(folder, row)
             report(row)
             progress["reward"] = progress["steps"] = 0
