@@ -10,7 +10,6 @@ from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.methods.optimization import optimize
 from mimicbench.robots.registry import ROBOTS
 from mimicbench.track.checkpoint import TrackerConfig, build_tracker
-from mimicbench.track.network import TrackerNetwork
 from mimicbench.track.registry import TRACKERS
 from mimicbench.track.spec import Layout, Tracker
 
@@ -27,10 +26,10 @@ def clip_of(task, index=0):
 def shape_of(name, *tasks):
     """What a small tracker of a design is made of that serves all of the tasks."""
     layout = Layout.of(TRACKERS.get(name), ROBOT, tasks)
-    return TrackerConfig(name, layout.names, layout.widths, 19, (16,))
+    return TrackerConfig(name, layout.names, layout.widths, 19, (16,), frames=layout.frames)
 
 
 def tracker(shape) -> Tracker:
     """It has learned nothing, but always the same."""
     torch.manual_seed(0)
-    return build_tracker(shape, TrackerNetwork(shape.observations, 19, (16,)).tensors())
+    return build_tracker(shape, shape.blueprint().network(19).tensors())

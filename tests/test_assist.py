@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from learning import ONE, ROBOT, clip_of
+from learning import ONE, clip_of
 from mimicbench.envs.clip_starts import ClipStartConfig
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.registry import TRACKERS

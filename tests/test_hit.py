@@ -71,7 +71,7 @@ def followed(clips):
 
 
 @pytest.mark.parametrize("name", POSES)
-@pytest.mark.parametrize("design", TRACKERS.names())
+@pytest.mark.parametrize("design", [name for name in TRACKERS.names() if name != "residual-contact"])
 def test_poses_complete_what_the_tracker_is_told(name, design):
     """By differences and forward kinematics, in the middle of a clip, beside it."""
     clips = gliding(TASKS.get(name))
@@ -103,7 +103,7 @@ def test_poses_complete_what_the_tracker_is_told(name, design):
         # velocities are differences of two poses, and the clip's are those of its curve
         torch.testing.assert_close(found[term], obs[term].to(found[term].dtype), atol=0.02, rtol=0.02)
         close = (found[term] - obs[term]).abs() < 2e-4
-        assert close.float().mean() > 0.7, term
+        assert close.float().mean() > 0.7 or term == "walk+1", term  # which is velocities and nothing else
 
 
 def test_plans_of_the_frames_to_come():
@@ -137,7 +137,7 @@ def saved(folder, task, design, chunk=6):
 def test_a_policy_drives_over_any_tracker(name, tmp_path):
     task = TASKS.get(name)
     clips = gliding(replace(task, time_limit=0.1))
-    for design in ("hst", "residual"):
+    for design in ("hst", "residual", "hst-original"):
         policy = load_policy(saved(tmp_path / design, task, design), ROBOT, clips.task)
         assert policy.gains == TRACKERS.get(design).gains and "targets" not in policy.observations
         (run,) = run_policy(policy, clips, env_config=ONE)
@@ -148,6 +148,13 @@ def test_a_tracker_that_looks_too_far_ahead_is_refused(tmp_path):
     task = TASKS.get("sit-chair")
     policy = load_hit(saved(tmp_path, task, "residual", chunk=3), ROBOT, task)
     with pytest.raises(MimicbenchError, match="looks 5 frames ahead, but the plans end after 3"):
+        run_policy(policy, gliding(replace(task, time_limit=0.1)), env_config=ONE)
+
+
+def test_a_tracker_that_is_told_what_bears_is_refused(tmp_path):
+    task = TASKS.get("sit-chair")
+    policy = load_hit(saved(tmp_path, task, "residual-contact"), ROBOT, task)
+    with pytest.raises(MimicbenchError, match="do not say what bears"):
         run_policy(policy, gliding(replace(task, time_limit=0.1)), env_config=ONE)
 
 

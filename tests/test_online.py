@@ -8,7 +8,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from learning import ONE, ROBOT, clip_of, shape_of
+from learning import ONE, ROBOT, clip_of, shape_of, tracker
 from mimicbench.benchmark.keys import SHIPPED
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError
@@ -16,17 +16,9 @@ from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.reference import ReferenceBank
 from mimicbench.evaluate.rollout import run_policy
 from mimicbench.imitate.goals import goals_of
-from mimicbench.imitate.online import (
-    OnlineConfig,
-    OnlinePolicy,
-    Planning,
-    in_hands,
-    load_online,
-    reckoned,
-    rooms_of,
-    save_online,
-    seen_from,
-)
+from mimicbench.imitate.online.planning import OnlineConfig, Planning
+from mimicbench.imitate.online.policy import OnlinePolicy, load_online, save_online
+from mimicbench.imitate.online.reckoning import in_hands, reckoned, rooms_of, seen_from
 from mimicbench.imitate.perception import Perception, PerceptionConfig, save_perception
 from mimicbench.imitate.plan import Imagined
 from mimicbench.objects.registry import FAMILIES
@@ -35,8 +27,7 @@ from mimicbench.sensors.heightmap import CELLS
 from mimicbench.sensors.proprioception import body_state
 from mimicbench.sim.physics import RobotState
 from mimicbench.tasks.registry import TASKS
-from mimicbench.track.checkpoint import build_tracker, load_tracker, save_tracker
-from mimicbench.track.network import TrackerNetwork
+from mimicbench.track.checkpoint import load_tracker, save_tracker
 
 PLANNED = [task for task in TASKS.all() if task.goal.stand_in is not None]
 NO_ROOM = np.zeros((2, 2))
@@ -45,7 +36,7 @@ NO_ROOM = np.zeros((2, 2))
 def untaught(task):
     """A tracker that has learned nothing."""
     shape = shape_of("residual", task)
-    return build_tracker(shape, TrackerNetwork(shape.observations, 19, (16,)).tensors())
+    return tracker(shape)
 
 
 class Told:
@@ -170,8 +161,8 @@ def test_the_shipped_tracker_follows_plans():
     several = [clip_of(task, index) for index in range(4)]
     objects = {key: obj for clips in several for key, obj in clips.objects.items()}
     clips = ClipSet(task, ROBOT, [clips.motions[0] for clips in several], objects)
-    tracker = load_tracker(SHIPPED / "tracker", ROBOT)
-    (run,) = run_policy(OnlinePolicy(ROBOT, task, tracker, Told(clips), OnlineConfig()), clips, env_config=ONE)
+    taught = load_tracker(SHIPPED / "tracker", ROBOT)
+    (run,) = run_policy(OnlinePolicy(ROBOT, task, taught, Told(clips), OnlineConfig()), clips, env_config=ONE)
     assert not run.errors and int(run.verdict.success.sum()) >= 3 and int(run.verdict.stays.sum()) >= 3
 
 
@@ -200,8 +191,8 @@ def test_who_sees_what_cannot_be_stands_where_it_is():
     clips = ClipSet(task, ROBOT, [one.motions[0]] * 2, one.objects)
     told = Told(clips)
     told.goal[0, 4] = -0.3
-    tracker = load_tracker(SHIPPED / "tracker", ROBOT)
-    policy = OnlinePolicy(ROBOT, task, tracker, told, OnlineConfig())
+    taught = load_tracker(SHIPPED / "tracker", ROBOT)
+    policy = OnlinePolicy(ROBOT, task, taught, told, OnlineConfig())
     (run,) = run_policy(policy, clips, env_config=ONE, record=[0])
     assert not run.errors and run.verdict.success.tolist() == [False, True]
     assert not run.verdict.fell[0] and np.abs(run.recordings[0][-1, :2] - run.recordings[0][0, :2]).max() < 0.1
@@ -210,7 +201,7 @@ def test_who_sees_what_cannot_be_stands_where_it_is():
 def test_a_checkpoint_plans_as_its_config_says(tmp_path):
     task = TASKS.get("sit-chair")
     shape = shape_of("residual", task)
-    save_tracker(tmp_path / "tracker", ROBOT, shape, TrackerNetwork(shape.observations, 19, (16,)).tensors(), {})
+    save_tracker(tmp_path / "tracker", ROBOT, shape, tracker(shape).network.tensors(), {})
     save_perception(tmp_path / "perception", Perception(PerceptionConfig(), task), ROBOT.name, {})
     save_online(tmp_path / "policy", ROBOT, OnlineConfig(tries=1, seed=3), {})
     policy = load_policy(tmp_path / "policy", ROBOT, task)

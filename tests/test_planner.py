@@ -87,11 +87,12 @@ def test_every_task_is_learned_over_one_tracker_of_all(task, every, tmp_path):
     assert not run.errors and run.verdict.steps.tolist() == [10, 10] and not run.verdict.diverged.any()
 
 
-def test_the_papers_tracker_is_planned_for_too(every, tmp_path):
-    clips, shape = every("touch-points"), shape_of("hst", TASKS.get("touch-points"))
+@pytest.mark.parametrize(("design", "own"), [("hst", {"body", "gravity"}), ("hst-original", {"tilt", "joint_offset"})])
+def test_the_papers_trackers_are_planned_for_too(every, tmp_path, design, own):
+    clips, shape = every("touch-points"), shape_of(design, TASKS.get("touch-points"))
     network = train_planner(tmp_path / "training", tracker(shape), clips, SMALL, 0, ONE)
     policy = load_planner(saved(tmp_path, clips.task, network, shape), ROBOT, clips.task)
-    assert {"body", "gravity", "targets"} <= set(policy.observations) and policy.gains == "paper"
+    assert {*own, "targets"} <= set(policy.observations) and policy.gains == "paper"
     short = replace(clips, task=replace(clips.task, time_limit=0.1))
     assert not run_policy(policy, short, env_config=ONE)[0].errors
 
@@ -109,17 +110,18 @@ class Killed(Exception):
     """As by a signal, between two rounds."""
 
 
-def test_a_training_killed_in_the_middle_ends_in_the_same_bytes(clips, tmp_path):
+@pytest.mark.parametrize("shape", [SHAPE, shape_of("hst-original", TASK)], ids=lambda shape: shape.tracker)
+def test_a_training_killed_in_the_middle_ends_in_the_same_bytes(clips, tmp_path, shape):
     longer = replace(SMALL, samples=8 * 4 * 30, save_every=0.0)
-    whole = train_planner(tmp_path / "whole", tracker(SHAPE), clips, longer, 0, EnvConfig(workers=1))
+    whole = train_planner(tmp_path / "whole", tracker(shape), clips, longer, 0, EnvConfig(workers=1))
 
     def kill(row):
         if row["round"] == 20:
             raise Killed
 
     with pytest.raises(Killed):
-        train_planner(tmp_path / "killed", tracker(SHAPE), clips, longer, 0, EnvConfig(workers=1), kill)
-    resumed = train_planner(tmp_path / "killed", tracker(SHAPE), clips, longer, 0, EnvConfig(workers=1))
+        train_planner(tmp_path / "killed", tracker(shape), clips, longer, 0, EnvConfig(workers=1), kill)
+    resumed = train_planner(tmp_path / "killed", tracker(shape), clips, longer, 0, EnvConfig(workers=1))
     for name, value in whole.state_dict().items():
         assert torch.equal(value, resumed.state_dict()[name]), name
 

@@ -12,131 +12,55 @@ import torch
 from mimicbench.core import rotations as rot
 from mimicbench.core.checkpoint import BadCheckpoint
 from mimicbench.core.errors import BadMotion, MimicbenchError, UnknownName
-from mimicbench.core.motion import RobotMotion
 from mimicbench.core.training import TorchRandom
 from mimicbench.envs.clip_starts import ClipStartConfig, ClipStarts
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.disturbance import Disturbance
 from mimicbench.envs.reference import ReferenceBank
 from mimicbench.envs.vec_env import EnvConfig, VecEnv
-from mimicbench.sensors.context import StepContext, Transition
 from mimicbench.sensors.observations import TERMS
-from mimicbench.sensors.pictures import CameraPictures
 from mimicbench.sensors.proprioception import body_state
 from mimicbench.sensors.reference import reference_in_root, reference_links
-from mimicbench.sim.physics import ObjectState, RobotState
+from mimicbench.sim.physics import ObjectState
 from mimicbench.sim.rows import Rows
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.checkpoint import CRITIC, TrackerConfig, build_tracker, load_critic, load_tracker, save_tracker
 from mimicbench.track.failures import PARTS, REWIND, Failures
-from mimicbench.track.network import TrackerNetwork
+from mimicbench.track.network import Blueprint, MLPConfig
 from mimicbench.track.parts import TrackingParts
 from mimicbench.track.ppo import PPOConfig, PPOLearner
 from mimicbench.track.registry import TRACKERS
 from mimicbench.track.rollout import RolloutConfig, track_clips
-from mimicbench.track.spec import Layout, flat
+from mimicbench.track.spec import Layout
 from mimicbench.track.trackers import hst, residual
 from mimicbench.track.tracking import ENDS, EndConfig, TrackingConfig, TrackingEnv, deviations
 from mimicbench.track.train import TrackConfig, begin_from, robots_of, train_tracker
-from stool import H1, block, seated, standing
+from stool import H1, block, seated
+from tracked import (
+    CALM,
+    CLIPS,
+    LIFT_BOX,
+    ONE_THREAD,
+    RATES,
+    SIT_CHAIR,
+    STOOL,
+    TINY,
+    TOUCH,
+    FakePhysics,
+    clip_set,
+    context_of,
+    lifted,
+    moved_on,
+    observed,
+    shifted,
+    state_of,
+    swing,
+    tiny,
+)
 
-SIT_CHAIR, LIFT_BOX, TOUCH = (TASKS.get(name) for name in ("sit-chair", "lift-box", "touch-points"))
 RESIDUAL, HST, PHC = (TRACKERS.get(name) for name in ("residual", "hst", "phc"))
 OURS, PAPERS = residual.ResidualConfig(), hst.HSTConfig()
-STOOL = block()
-OBJECTS = {STOOL.id: STOOL}
-CALM = TrackingConfig(ClipStartConfig(1.0, 0.0, 0.0, 0.0), push=0.0, hold=0.0)
-ONE_THREAD = EnvConfig(workers=1)
-TINY = PPOConfig(hidden=(16,), steps=8, epochs=1, minibatches=2)
-RATES = np.linspace(-0.4, 0.4, 19)
-
-
-def swing(name="swing", frames=41, fps=30.0):
-    """A motion with known derivatives: the root on a circle of 1 m at 0.5 rad/s, turning as it goes.
-
-    Joints swing about the rest pose.
-    """
-    t = np.arange(frames) / fps
-    pos = np.stack([np.cos(0.5 * t) - 2.5, np.sin(0.5 * t), 1.0 + 0 * t], -1)
-    joints = np.array(H1.rest_pose) + 0.05 * np.sin(t[:, None] * 2 + RATES)
-    quat = rot.from_yaw(0.5 * t)
-    quat[::2] *= -1  # the same turns, written the other way round
-    return RobotMotion(name, "sit-chair", "h1", H1.joint_names, fps, pos, quat, joints, STOOL.id, name)
-
-
-def still(posture, name, frames=40):
-    """A motion that stays as it is."""
-    pos, joints = posture
-    return RobotMotion(
-        name,
-        "sit-chair",
-        "h1",
-        H1.joint_names,
-        50.0,
-        np.tile(pos, (frames, 1)),
-        np.tile(rot.IDENTITY, (frames, 1)),
-        np.tile(joints, (frames, 1)),
-        STOOL.id,
-        name,
-    )
-
-
-CLIPS = [still(standing(), "stands"), still(seated(0.42), "sits")]
-
-
-def clip_set(*motions):
-    return ClipSet(SIT_CHAIR, H1, list(motions) or CLIPS, OBJECTS)
-
-
-def state_of(frame):
-    """A robot that is exactly where its reference is."""
-    spin = rot.rotate_inverse(frame.root_quat_w, frame.root_ang_vel_w)
-    return RobotState(frame.root_pos_w, frame.root_quat_w, frame.root_lin_vel_w, spin, frame.joint_pos, frame.joint_vel)
-
-
-class FakePhysics:
-    """Nothing but where links and objects are."""
-
-    def __init__(self, links, obj):
-        self._links, self._object = links, obj
-
-    def links(self):
-        return self._links
-
-    def object_state(self):
-        return self._object
-
-
-def context_of(bank, index, state=None, task=SIT_CHAIR, obj=None, last_action=0.0):
-    """A robot at a frame of the bank's first clip, where the reference is unless it is given a state."""
-    clip, at = torch.zeros(1, dtype=torch.long), torch.tensor([index])
-    frame = bank.frame(clip, at)
-    physics = FakePhysics(reference_links(H1, frame), obj or frame.object)
-    return StepContext(
-        robot=H1,
-        task=task,
-        physics=physics,
-        state=state or state_of(frame),
-        time=torch.zeros(1),
-        odometry_pos=torch.zeros(1, 2),
-        odometry_yaw=torch.zeros(1),
-        last_action=torch.full((1, 19), last_action),
-        last_target=torch.zeros(1, 19),
-        wrist_goal_w=frame.wrist_goal_w,
-        reference=lambda k: bank.frame(clip, at + k),
-        pictures=CameraPictures(H1, task.rig, 16, 16),
-    )
-
-
-def observed(spec, context):
-    names = Layout.of(spec, H1, [context.task]).names
-    return flat({name: TERMS[name].compute(context) for name in names}, names)
-
-
-def moved_on(bank, context, index=9, action=0.0, previous=0.0):
-    """A step that led to `context` from one frame before, with a change of the action and nothing else."""
-    before = replace(context_of(bank, index, last_action=previous), state=context.state)
-    return Transition(torch.full((1, 19), action), before, torch.zeros(1))
+SMALL = Blueprint(MLPConfig(TINY.hidden), 6)
 
 
 def test_reference_against_the_analytic_motion():
@@ -193,13 +117,6 @@ def test_link_velocities_of_a_reference_are_derivatives():
     )
     np.testing.assert_allclose(links.pos_w, pos, atol=1e-5)
     np.testing.assert_allclose(rot.angle_between(links.quat_w.numpy(), quat), 0, atol=2e-3)
-
-
-def lifted(frames=41):
-    """A box that goes up with the robot standing behind it, turning about the vertical."""
-    t = np.arange(frames) / 30.0
-    pos = np.stack([0.3 + 0 * t, 0 * t, 0.2 * t], -1)
-    return replace(swing(frames=frames), task="lift-box", object_pos_w=pos, object_quat_w=rot.from_yaw(0.3 * t))
 
 
 def test_a_frame_has_the_object_and_the_goals():
@@ -341,13 +258,6 @@ def test_every_coefficient_of_the_papers_reward():
     jerk = moved_on(bank, at, 4)
     found = float(HST.reward(fast, jerk, PAPERS)[0])
     assert perfect - found == pytest.approx(2e-3 * 19 * 9 + 5e-7 * 19 * 150**2, abs=1e-4)
-
-
-def shifted(context, away):
-    """The same robot with all its links elsewhere."""
-    links = context.physics.links()
-    physics = FakePhysics(replace(links, pos_w=links.pos_w + torch.tensor(away)), context.physics.object_state())
-    return replace(context, physics=physics)
 
 
 @pytest.mark.parametrize(("task", "weight"), [(SIT_CHAIR, 100), (TASKS.get("lie-bed"), 10)])
@@ -542,7 +452,7 @@ LAYOUT = Layout.of(RESIDUAL, H1, [SIT_CHAIR])
 
 def test_checkpoint(tmp_path):
     config = TrackerConfig("residual", LAYOUT.names, LAYOUT.widths, 19, (8, 4))
-    network = TrackerNetwork(167, 19, (8, 4))
+    network = LAYOUT.blueprint(MLPConfig((8, 4))).network(19)
     network.obs_mean.normal_()
     save_tracker(tmp_path, H1, config, network.tensors(), {"samples": 7})
     tracker = load_tracker(tmp_path, H1)
@@ -572,7 +482,7 @@ def collect(learner, random):
 
 def test_learning_is_taken_up_as_if_it_had_never_stopped():
     torch.manual_seed(0)
-    first, second = PPOLearner(6, 2, 4, TINY), PPOLearner(6, 2, 4, TINY)
+    first, second = PPOLearner(SMALL, 2, 4, TINY), PPOLearner(SMALL, 2, 4, TINY)
     collect(first, np.random.default_rng(0))
     saved, random = first.state_tensors(), TorchRandom().state_tensors()
     losses = collect(first, np.random.default_rng(1))
@@ -586,10 +496,10 @@ def test_learning_is_taken_up_as_if_it_had_never_stopped():
 
 def test_the_exported_network_is_the_actors_mean():
     torch.manual_seed(0)
-    learner = PPOLearner(6, 2, 4, TINY)
+    learner = PPOLearner(SMALL, 2, 4, TINY)
     for seed in range(3):
         collect(learner, np.random.default_rng(seed))
-    network = TrackerNetwork(6, 2, TINY.hidden)
+    network = SMALL.network(2)
     network.load_tensors(learner.network_tensors())
     obs = torch.randn(4, 6)
     torch.manual_seed(1)
@@ -600,15 +510,10 @@ def test_the_exported_network_is_the_actors_mean():
 
 def test_first_actions_leave_the_reference_alone():
     torch.manual_seed(0)
-    network = TrackerNetwork(167, 19, PPOConfig().hidden)
-    network.load_tensors(PPOLearner(167, 19, 4, PPOConfig()).network_tensors())
+    blueprint = LAYOUT.blueprint(MLPConfig(PPOConfig().hidden))
+    network = blueprint.network(19)
+    network.load_tensors(PPOLearner(blueprint, 19, 4, PPOConfig()).network_tensors())
     assert network(torch.randn(16, 167)).abs().max() < 0.05
-
-
-def tiny(rounds):
-    return TrackConfig(
-        samples=rounds * 8 * TINY.steps, num_envs=8, evaluate_clips=2, ppo=TINY, save_every=0.0, evaluate_every=10**9
-    )
 
 
 def test_training_end_to_end_and_again(tmp_path):
@@ -683,28 +588,28 @@ def test_parts_are_the_same_whatever_the_threads(parts):
 
 def test_a_training_begins_from_a_tracker_and_keeps_what_it_does(tmp_path):
     torch.manual_seed(0)
-    network = TrackerNetwork(167, 19, (6, 5))
+    network = LAYOUT.blueprint(MLPConfig((6, 5))).network(19)
     network.obs_mean[:], network.obs_std[:] = torch.randn(167), torch.rand(167) + 0.5
     deviation = tuple(np.linspace(0.1, 0.3, 19).tolist())
     given = TrackerConfig("residual", LAYOUT.names, LAYOUT.widths, 19, (6, 5), deviation=deviation)
     save_tracker(tmp_path, H1, given, network.tensors(), {})
     layout = Layout.of(RESIDUAL, H1, [SIT_CHAIR, LIFT_BOX])
-    learner = PPOLearner(layout.size, 19, 4, PPOConfig(hidden=(9, 7)))
+    learner = PPOLearner(layout.blueprint(MLPConfig((9, 7))), 19, 4, PPOConfig())
     begin_from(tmp_path, H1, learner, layout)
-    wider = TrackerNetwork(layout.size, 19, (9, 7))
+    wider = layout.blueprint(MLPConfig((9, 7))).network(19)
     wider.load_tensors(learner.network_tensors())
     obs = torch.randn(5, layout.size)
     np.testing.assert_allclose(wider(obs).detach(), network(obs[:, :167]).detach(), atol=1e-5)
     np.testing.assert_allclose(learner.deviation, deviation, rtol=1e-5)
     with pytest.raises(MimicbenchError, match="2 layers at least as wide"):
-        begin_from(tmp_path, H1, PPOLearner(layout.size, 19, 4, PPOConfig(hidden=(5, 5))), layout)
+        begin_from(tmp_path, H1, PPOLearner(layout.blueprint(MLPConfig((5, 5))), 19, 4, PPOConfig()), layout)
 
 
 def test_who_goes_on_takes_over_the_critic_too(tmp_path):
     first = train_tracker(tmp_path, [clip_set()], [], tiny(2), 0, ONE_THREAD)
     critic = load_critic(first, H1)
     assert critic is not None and critic["layers.2.weight"].shape == (1, 16)
-    learner = PPOLearner(LAYOUT.size, 19, 4, TINY)
+    learner = PPOLearner(LAYOUT.blueprint(MLPConfig(TINY.hidden)), 19, 4, TINY)
     assert not np.array_equal(learner.critic_tensors()["layers.0.weight"], critic["layers.0.weight"])
     begin_from(first, H1, learner, LAYOUT)
     for name, value in learner.critic_tensors().items():
@@ -715,7 +620,9 @@ def test_who_goes_on_takes_over_the_critic_too(tmp_path):
 
 def test_the_critic_learns_at_its_own_rate():
     torch.manual_seed(0)
-    learner = PPOLearner(LAYOUT.size, 19, 4, replace(TINY, critic_rate=0.0, learning_rate=1e-3))
+    learner = PPOLearner(
+        LAYOUT.blueprint(MLPConfig(TINY.hidden)), 19, 4, replace(TINY, critic_rate=0.0, learning_rate=1e-3)
+    )
     actor, critic = (
         learner.network_tensors()["layers.2.bias"].copy(),
         learner.critic_tensors()["layers.2.bias"].copy(),
@@ -769,7 +676,7 @@ def test_a_training_killed_in_the_middle_ends_in_the_same_bytes(tmp_path, monkey
 
 def idle():
     """A tracker that leaves the reference as it is."""
-    network = TrackerNetwork(167, 19, (4,))
+    network = LAYOUT.blueprint(MLPConfig((4,))).network(19)
     for parameter in network.parameters():
         parameter.data.zero_()
     return build_tracker(TrackerConfig("residual", LAYOUT.names, LAYOUT.widths, 19, (4,)), network.tensors())

@@ -17,6 +17,7 @@ from mimicbench.retarget.registry import DEFAULT_METHOD, METHODS
 from mimicbench.robots.description import Robot
 from mimicbench.sim.backends import check_device
 from mimicbench.tasks.task import Task
+from mimicbench.track.network import MLPConfig
 from mimicbench.track.ppo import PPOConfig, PPOLearner
 from mimicbench.track.registry import TRACKERS
 from mimicbench.track.tracking import TrackingConfig, TrackingEnv
@@ -65,7 +66,8 @@ def bench(
     settings = TrackConfig().resolved().settings
     clip_set = ClipSet(task, robot, motions, {obj.id: obj for obj in objects})
     env = TrackingEnv(spec, clip_set, ENVS, TrackingConfig(), 0, EnvConfig(device=device, workers=workers))
-    learner = PPOLearner(env.observe().shape[1], len(robot.joints), ENVS, PPOConfig(), env.device)
+    network = env.layout.blueprint(MLPConfig(PPOConfig().hidden))
+    learner = PPOLearner(network, len(robot.joints), ENVS, PPOConfig(), env.device)
     train = _rate(lambda: _train(env, learner, settings), ENVS * PPOConfig().steps, seconds)
     say(f"training: {train:.0f} samples per second")
     # environment and bare physics take turns, so that both meet the same machine

@@ -172,6 +172,18 @@ def _paper(chosen: Chosen) -> Tree:
     )
 
 
+def _hst_original(chosen: Chosen) -> Tree:
+    """The paper with the tracker of HumanPlus as it is (E.1): it starts at the first frame, is shoved by 1 m/s at most
+    every 15 s, and fails by its own ends alone.
+
+    Speeds are drawn with the deviation that HumanPlus' even draws have, 1/sqrt(3) of the largest.
+    """
+    nowhere = {"max_pos_error": 1e3, "max_angle_error": 1e3, "max_drop": 1e3, "max_object_error": 1e3}
+    starts = {"first_frame": 1.0, "vel_noise": 0.29}
+    tracking = {"push": 0.58, "push_interval": 15.0, "starts": starts, "ends": nowhere}
+    return merge(_paper(chosen), {"track": {"tracker": "hst-original", "tracking": tracking}})
+
+
 def _omnih2o(chosen: Chosen) -> Tree:
     """OmniH2O's retargeting under the paper's tracker and best imitation."""
     return merge(_paper(chosen), {"retarget": {"method": "omnih2o", "variant": "paper"}})
@@ -181,6 +193,7 @@ PRESETS: Mapping[str, Callable[[Chosen], Tree]] = {
     "ours": lambda _: {},
     "paper": _paper,
     "omnih2o": _omnih2o,
+    "hst-original": _hst_original,
     "paper-size": _paper_size,
     "new-objects": lambda _: {"seed": 1},
     "smoke": lambda _: _sizes(16, 16, 16, 16, ("planner",)),

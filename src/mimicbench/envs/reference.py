@@ -12,6 +12,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import RobotMotion
 from mimicbench.robots.description import Robot
+from mimicbench.sensors.contact import BEARING
 from mimicbench.sensors.context import Frame
 from mimicbench.sim.physics import ObjectState
 from mimicbench.sim.scene import CONTROL_DT
@@ -37,6 +38,9 @@ class ReferenceBank:
         """(C,) row of each clip's first frame."""
         self._table = torch.from_numpy(np.concatenate(rows).astype(np.float32)).to(device)
         self._joints = len(robot.joints)
+        self._bears = torch.from_numpy(
+            np.concatenate([_bearing_rows(motion, len(row)) for motion, row in zip(motions, rows, strict=True)])
+        ).to(device)
         goals = [motion.wrist_goal_w if len(motion.wrist_goal_w) else np.full((2, 3), np.nan) for motion in motions]
         self.wrist_goal_w = torch.from_numpy(np.array(goals, np.float32)).to(device)
         """(C, 2, 3) where left and right wrist are to go [m]; NaN without such a goal."""
@@ -51,7 +55,8 @@ class ReferenceBank:
 
     def frame(self, clip: Tensor, index: Tensor) -> Frame:
         """The frames `index` (N,) of clips `clip` (N,), the last one where a clip is over."""
-        row = self._table[self.starts[clip] + torch.minimum(index, self.lengths[clip] - 1)]
+        place = self.starts[clip] + torch.minimum(index, self.lengths[clip] - 1)
+        row = self._table[place]
         j = self._joints
         pos, quat, joint_pos, lin, ang, joint_vel, wrists, ankles = row.split([3, 4, j, 3, 3, j, 6, 6], -1)
         moved = self._objects[self._object_first[clip] + torch.minimum(index, self._object_last[clip])]
@@ -66,6 +71,7 @@ class ReferenceBank:
             wrists.unflatten(-1, (2, 3)),
             ankles.unflatten(-1, (2, 3)),
             self.wrist_goal_w[clip],
+            self._bears[place],
         )
 
 
@@ -112,6 +118,17 @@ def _robot_rows(motion: RobotMotion, robot: Robot) -> np.ndarray:
     points = BodyPoints.of(robot, *links)
     ends = [pair.reshape(len(at), 6) for pair in (points.wrist_pos_w, points.ankle_pos_w)]
     return np.concatenate([root.pos, root.quat, joint_pos, root.lin_vel, root.ang_vel_w, joint_vel, *ends], -1)
+
+
+def _bearing_rows(motion: RobotMotion, frames: int) -> np.ndarray:
+    """(T', B) 1 where a part bears in the nearest frame of the clip, else 0; zeros for parts without labels."""
+    _, at = _at_control_rate(motion)
+    nearest = np.minimum(np.round(at * motion.fps).astype(int), motion.frames - 1)
+    found = np.zeros((frames, len(BEARING)), np.float32)
+    for part, name in enumerate(BEARING):
+        if name in motion.contact_names:
+            found[:, part] = motion.contacts[nearest, motion.contact_names.index(name)]
+    return found
 
 
 def _object_rows(motion: RobotMotion, frames: int) -> np.ndarray:

@@ -26,6 +26,7 @@ from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.imitate.dagger import SEEN, Drivers, Episodes, Replay
 from mimicbench.imitate.plan import PlanLayout
 from mimicbench.imitate.planner import PlannerConfig, PlannerNetwork, PlannerSizes, own_terms, styles_of
+from mimicbench.track.history import Follower
 from mimicbench.track.spec import Terms, Tracker, flat, sizes
 from mimicbench.track.tracking import TrackingEnv
 
@@ -84,6 +85,7 @@ class _Run:
         # what robots measure of themselves is among the inputs anyway
         self.own = ("last_action", *(name for name in own_terms(tracker.spec, task) if name != "proprio"))
         self.own_widths = sizes(self.own, robot, task)
+        self.follower = Follower(tracker, config.num_envs, self.env.device)
         _, styles = styles_of(clips.motions)
         device = self.env.device
         self.network = PlannerNetwork(PlannerSizes.of(robot, task, tracker.spec, styles.shape[1]), config.hidden)
@@ -92,7 +94,8 @@ class _Run:
         tracker.network.to(device)
         self.episodes = Episodes(self.env, self.network.normalized_style(styles.to(device)), seed)
         self.optimizer = torch.optim.Adam(self.network.parameters(), lr=config.learning_rate)
-        widths = [self.network.sizes.inputs, sum(self.own_widths), self.layout.size]
+        self.sensed_widths = [*self.own_widths, self.follower.history.past.shape[1]]
+        widths = [self.network.sizes.inputs, sum(self.sensed_widths), self.layout.size]
         self.replay = Replay(config.memory, widths, device)
         self.drivers = Drivers(config.num_envs, device)
         self.drivers.draw(torch.arange(config.num_envs, device=device), 1.0)
@@ -104,6 +107,7 @@ class _Run:
             "episodes": self.episodes,
             "store": self.replay,
             "drivers": self.drivers,
+            "follower": self.follower.history,
             "network": NetworkState(self.network),
             "optimizer": OptimizerState(self.optimizer),
             "torch": TorchRandom(self.env.device),
@@ -133,12 +137,13 @@ class _Run:
             terms = env.env.observe((*env.spec.observations, "last_action", *SEEN))
             inputs = self.episodes.inputs(terms)
             label = self.layout.flat(terms)
-            self.replay.add(inputs, flat(terms, self.own), label)
+            self.replay.add(inputs, flat(terms, self.own), self.follower.history.past, label)
             plan = torch.where(drivers.teacher[:, None], label, self.network.plan(inputs))
             planned = {**dict(terms), **self.layout.split(plan)}
-            action = self.tracker.action(planned)
+            action = self.follower.action(planned)
             target = self.tracker.target(robot, planned, action)
             _, _, done, time_out = env.step(action, self.tracker.settings, target)
+            self.follower.history.begin(env.env.rows(done))
             if done.any():
                 ids, teacher = done.nonzero()[:, 0], drivers.teacher
                 endings += int((~teacher[ids]).sum())
@@ -154,11 +159,12 @@ class _Run:
         """
         network = self.network
         inputs, own, label = self.replay.draw(self.config.batch)
-        sensed: Terms = dict(zip(self.own, own.split(self.own_widths, -1), strict=True))
+        *parts, past = own.split(self.sensed_widths, -1)
+        sensed: Terms = dict(zip(self.own, parts, strict=True))
         sensed = {**sensed, "proprio": inputs[:, : network.sizes.body]}
 
         def act(plan: Tensor) -> Tensor:
-            return self.tracker.action({**sensed, **self.layout.split(plan)})
+            return self.tracker.action({**sensed, **self.layout.split(plan)}, past)
 
         planned = network(inputs)
         loss = functional.smooth_l1_loss(planned, (label - network.plan_mean) / network.plan_std)

@@ -31,8 +31,10 @@ from mimicbench.imitate.plan import PlanLayout
 from mimicbench.imitate.policy import BODY
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.observations import TERMS, Observations, chosen_terms
+from mimicbench.sim.rows import Rows
 from mimicbench.tasks.task import Task
 from mimicbench.track.checkpoint import load_tracker
+from mimicbench.track.history import Follower
 from mimicbench.track.spec import Tracker, TrackerSpec
 from mimicbench.track.tracking import EndConfig, TrackingConfig
 
@@ -193,7 +195,7 @@ class PlannerPolicy:
         self._layout, self._own = PlanLayout(tracker.spec, robot, task), own_terms(tracker.spec, task)
         self.gains = tracker.spec.gains
         self.observations: tuple[str, ...] = tuple(dict.fromkeys((*BODY, *goal.observations, *self._own)))
-        self._last_action = torch.zeros(0, len(robot.joints))
+        self._last_action, self._follower = torch.zeros(0, len(robot.joints)), Follower(tracker, 0)
         self._style = torch.zeros(0, network.sizes.style)
 
     def to(self, device: str) -> None:
@@ -210,8 +212,10 @@ class PlannerPolicy:
         if len(self._last_action) != robots:
             self._last_action = torch.zeros(robots, len(self._robot.joints), device=device)
             self._style = torch.zeros(robots, self._network.sizes.style, device=device)
+            self._follower = Follower(self._tracker, robots, device)
         self._goal.begin(ids, obs)
         self._last_action = self._last_action.index_fill(0, ids, 0.0)
+        self._follower.history.begin(Rows.of(ids, robots, device))
         self._style = self._style.index_copy(0, ids, self._network.choose(self._goal.goal[ids]))
 
     def networks(self) -> list[nn.Module]:
@@ -220,11 +224,13 @@ class PlannerPolicy:
 
     def memory(self) -> dict[str, torch.Tensor]:
         """(N, ...) what is carried from frame to frame, by name."""
-        return {"last_action": self._last_action, "style": self._style, **self._goal.memory()}
+        before = {"last_action": self._last_action, "style": self._style}
+        return {**before, **self._follower.history.state_tensors(), **self._goal.memory()}
 
     def remember(self, memory: Mapping[str, torch.Tensor]) -> None:
         """Go on from what `memory` gave."""
         self._last_action, self._style = memory["last_action"], memory["style"]
+        self._follower.history.load_state_tensors(memory)
         self._goal.remember(memory)
 
     @torch.no_grad()
@@ -234,7 +240,7 @@ class PlannerPolicy:
         inputs = planner_inputs(obs["proprio"], obs["time"][:, 0], memory, self._style)
         plan = self._layout.split(self._network.plan(inputs))
         terms = {**{name: obs[name] for name in self._own}, "last_action": self._last_action, **plan}
-        self._last_action = self._tracker.action(terms)
+        self._last_action = self._follower.action(terms)
         return self._tracker.target(self._robot, terms, self._last_action)
 
 

@@ -17,6 +17,7 @@ from scipy.interpolate import CubicSpline
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
+from mimicbench.core.mirror import SPECULAR, SPECULAR_QUAT, other_side, toggled
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.parallel import map_items
 from mimicbench.core.run import RunContext
@@ -32,8 +33,6 @@ from mimicbench.references.warp import approach_end, rescaled, turned_approach
 Kind = Literal["mirror", "speed", "start", "size"]
 LATERAL = ("turn", "seat_y", "twist", "tilt", "askew", "first", "habits", "uneven", "later_hand", "later_leg")
 """Choices of a clip's style that change their sign in a mirror."""
-_SPECULAR = np.array([1.0, -1.0, 1.0])
-_SPECULAR_QUAT = np.array([1.0, -1.0, 1.0, -1.0])
 
 
 @dataclass(frozen=True)
@@ -65,27 +64,27 @@ def mirrored_joints(skeleton: Skeleton) -> list[int]:
             elif right in name:
                 other = name.replace(right, left)
         found.append(names.index(other) if other in names else -1)
-    if -1 in found or np.abs(skeleton.offsets[found] - skeleton.offsets * _SPECULAR).max() > 1e-6:
+    if -1 in found or np.abs(skeleton.offsets[found] - skeleton.offsets * SPECULAR).max() > 1e-6:
         raise BadMotion(f"skeleton {skeleton.name} is not the same on both sides; it cannot be mirrored")
     return found
 
 
 def mirror(motion: HumanMotion, obj: SceneObject) -> tuple[HumanMotion, SceneObject]:
     """Left and right exchanged, of the person, the object and the goals. Twice gives the same clip again."""
-    columns = [motion.contact_names.index(_other_side(name)) for name in motion.contact_names]
-    quat = motion.local_quat[:, mirrored_joints(motion.skeleton)] * _SPECULAR_QUAT
+    columns = [motion.contact_names.index(other_side(name)) for name in motion.contact_names]
+    quat = motion.local_quat[:, mirrored_joints(motion.skeleton)] * SPECULAR_QUAT
     other = mirrored_object(obj)
     return replace(
         motion,
-        id=_toggled(motion.id),
+        id=toggled(motion.id),
         object_id=other.id,
-        root_pos_w=motion.root_pos_w * _SPECULAR,
+        root_pos_w=motion.root_pos_w * SPECULAR,
         local_quat=quat,
         contacts=motion.contacts[:, columns] if columns else motion.contacts,
-        style={_other_side(name): -value if name in LATERAL else value for name, value in motion.style.items()},
-        object_pos_w=motion.object_pos_w * _SPECULAR,
-        object_quat_w=motion.object_quat_w * _SPECULAR_QUAT,
-        wrist_goal_w=motion.wrist_goal_w[::-1] * _SPECULAR,
+        style={other_side(name): -value if name in LATERAL else value for name, value in motion.style.items()},
+        object_pos_w=motion.object_pos_w * SPECULAR,
+        object_quat_w=motion.object_quat_w * SPECULAR_QUAT,
+        wrist_goal_w=motion.wrist_goal_w[::-1] * SPECULAR,
     ), other
 
 
@@ -93,14 +92,14 @@ def mirrored_object(obj: SceneObject) -> SceneObject:
     """The object with its left on its right. Twice gives the same object again."""
     return replace(
         obj,
-        id=_toggled(obj.id),
-        box_pos=obj.box_pos * _SPECULAR,
-        box_quat=obj.box_quat * _SPECULAR_QUAT,
-        seat_polygon=obj.seat_polygon[::-1] * _SPECULAR[:2],
-        head_xy=obj.head_xy * _SPECULAR[: len(obj.head_xy)],
-        touch_points=obj.touch_points * _SPECULAR,
-        touch_normals=obj.touch_normals * _SPECULAR,
-        hulls=tuple(hull * _SPECULAR for hull in obj.hulls),
+        id=toggled(obj.id),
+        box_pos=obj.box_pos * SPECULAR,
+        box_quat=obj.box_quat * SPECULAR_QUAT,
+        seat_polygon=obj.seat_polygon[::-1] * SPECULAR[:2],
+        head_xy=obj.head_xy * SPECULAR[: len(obj.head_xy)],
+        touch_points=obj.touch_points * SPECULAR,
+        touch_normals=obj.touch_normals * SPECULAR,
+        hulls=tuple(hull * SPECULAR for hull in obj.hulls),
     )
 
 
@@ -255,16 +254,6 @@ def _variants_of(
             if kind != "mirror":
                 for copy in range(config.copies):
                     yield one, on, kind, copy
-
-
-def _other_side(name: str) -> str:
-    """With left in place of right and right in place of left."""
-    return name.replace("left", "\0").replace("right", "left").replace("\0", "right")
-
-
-def _toggled(name: str) -> str:
-    """With `~mirror` at its end, or without it."""
-    return name.removesuffix("~mirror") if name.endswith("~mirror") else f"{name}~mirror"
 
 
 def _smooth_quat(quat: np.ndarray, smoothly: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:

@@ -38,6 +38,8 @@ class Frame:
     """(N, 2, 3) where left and right ankle are in this frame [m]."""
     wrist_goal_w: Tensor
     """(N, 2, 3) where left and right wrist are to go in the end [m]; NaN without such a goal."""
+    bears: Tensor | None = None
+    """(N, B) 1 where a part of the body (sensors.contact) bears on floor or object, else 0; None where nobody knows."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,11 @@ class StepContext:
     def object(self) -> ObjectState:
         """Where the objects are and how they move."""
         return self.physics.object_state()
+
+    @cached_property
+    def contact_force(self) -> Tensor:
+        """(N, L, 3) sum of all forces of contact on each link [N], where the physics measures them."""
+        return self.physics.contact_force()
 
     @cached_property
     def root_turn(self) -> Tensor:

@@ -13,12 +13,13 @@ from torch import Tensor
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError, UnknownName
 from mimicbench.robots.description import Robot
+from mimicbench.sensors.contact import BEARING, told_to_bear
 from mimicbench.sensors.context import StepContext
 from mimicbench.sensors.elevation import camera_map, down_map
 from mimicbench.sensors.heightmap import CELLS
-from mimicbench.sensors.proprioception import body_state, gravity, link_state, s_current
+from mimicbench.sensors.proprioception import body_state, gravity, link_state, s_current, tilt
 from mimicbench.sensors.rays import FARTHEST, ray_depth
-from mimicbench.sensors.reference import object_in_root, reference_in_root, reference_links
+from mimicbench.sensors.reference import object_in_root, reference_in_root, reference_links, walk_of
 from mimicbench.sensors.targets import target_map
 from mimicbench.sensors.term import Term
 from mimicbench.sim.threads import one_torch_thread
@@ -46,6 +47,10 @@ def _map(robot: Robot, task: Task) -> tuple[int, ...]:
 
 def _proprio(context: StepContext) -> Tensor:
     return body_state(context.state, context.root_turn)
+
+
+def _joint_offset(context: StepContext) -> Tensor:
+    return context.state.joint_pos - context.state.joint_pos.new_tensor(context.robot.rest_pose)
 
 
 def _state(context: StepContext) -> Tensor:
@@ -137,8 +142,11 @@ def _ahead(steps: int) -> list[Term]:
 
 _TERMS = (
     Term("gravity", _flat(3), lambda context: gravity(context.state)),
+    Term("tilt", _flat(2), lambda context: tilt(context.state)),
+    Term("root_ang_vel", _flat(3), lambda context: context.state.root_ang_vel_b),
     Term("root_height", _flat(1), lambda context: context.state.root_pos_w[:, 2:]),
     Term("joint_pos", _joints(1), lambda context: context.state.joint_pos),
+    Term("joint_offset", _joints(1), _joint_offset),
     Term("joint_vel", _joints(1), lambda context: context.state.joint_vel),
     Term("proprio", _joints(2, 10), _proprio),
     Term("body", lambda robot, task: (2 * len(robot.joints) + 12 * len(robot.links),), _body),
@@ -175,6 +183,9 @@ _TERMS = (
         privileged=True,
     ),
     Term("body_difference", lambda robot, task: (6 * len(robot.links),), _body_difference, privileged=True),
+    Term("joint_target+1", _joints(1), lambda context: context.reference(1).joint_pos, privileged=True),
+    Term("bears+1", _flat(len(BEARING)), lambda context: told_to_bear(context.reference(1)), privileged=True),
+    Term("walk+1", _flat(3), lambda context: walk_of(context.reference(1)), privileged=True),
     *(term for steps in LOOKAHEAD for term in _ahead(steps)),
 )
 TERMS: Mapping[str, Term] = {term.name: term for term in _TERMS}

@@ -18,6 +18,13 @@ def gravity(state: RobotState) -> torch.Tensor:
     return torch.stack([2 * (w * y - x * z), -2 * (w * x + y * z), 2 * (x * x + y * y) - 1], -1)
 
 
+def tilt(state: RobotState) -> torch.Tensor:
+    """(N, 2) roll and pitch [rad]: the last two turns that bring the root to where it is are about y, then x."""
+    w, x, y, z = state.root_quat_w.unbind(-1)
+    roll = torch.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    return torch.stack([roll, torch.asin((2 * (w * y - x * z)).clamp(-1.0, 1.0))], -1)
+
+
 def root_turn(state: RobotState) -> torch.Tensor:
     """(3, 3, N) rotation matrices from the root's frame to the world's, each number of all robots side by side.
 

@@ -21,6 +21,16 @@ def reference_in_root(state: RobotState, frame: Frame) -> Tensor:
     return torch.cat([pos_r, rot.to_6d(quat_r), vel_r, frame.joint_pos - state.joint_pos, frame.joint_vel], -1)
 
 
+def walk_of(frame: Frame) -> Tensor:
+    """(N, 3) how a reference's root moves, in its own frame: forward and to the left [m/s], about its upward axis
+    [rad/s]. It says nothing of where it is.
+    """
+    velocity, spin = (
+        rot.rotate_inverse(frame.root_quat_w, vector) for vector in (frame.root_lin_vel_w, frame.root_ang_vel_w)
+    )
+    return torch.cat([velocity[:, :2], spin[:, 2:]], -1)
+
+
 def object_in_root(state: RobotState, obj: ObjectState) -> Tensor:
     """(N, 12) position [m], orientation (rotation vector), linear [m/s] and angular velocity [rad/s] in the root frame.
 

@@ -12,6 +12,7 @@ from mimicbench.core.parallel import cpu_count
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
 from mimicbench.sim.broken import BrokenLog, BrokenScene
+from mimicbench.sim.contact import SIGN, not_measured
 from mimicbench.sim.kinematics import Kinematics
 from mimicbench.sim.physics import LinkState, ObjectState, PhysicsConfig, RobotState, compile_scene
 from mimicbench.sim.rows import Rows
@@ -58,6 +59,8 @@ class NativePhysics:
         self._object_q, self._object_v = slice(7 + joints, 14 + joints), slice(6 + joints, 12 + joints)
         self._root = self._models[0].body(robot.link_names[0]).id
         self._wrench: np.ndarray | None = None
+        self._sensors = self.batch.bind("sensordata") if self.config.measure_contact else None
+        self._forces = None if self._sensors is None else self._sensors.copy()
         self.broken = BrokenLog(self.config.broken_dir)
         self._warmstart = self.batch.bind("qacc_warmstart")
         self._before = [array.copy() for array in (self._qpos, self._qvel, self._warmstart)]
@@ -130,8 +133,9 @@ class NativePhysics:
         if obj is not None and self._movable:
             qpos[ids, self._object_q] = np.concatenate([obj.pos_w.numpy(), obj.quat_w.numpy()], 1)
             qvel[ids, self._object_v] = np.concatenate([obj.lin_vel_w.numpy(), obj.ang_vel_b.numpy()], 1)
-        if self._wrench is not None:
-            self._wrench[ids] = 0.0
+        for there in (self._wrench, self._forces):
+            if there is not None:
+                there[ids] = 0.0
         self._warned[ids], self._reported[ids] = self._warnings()[ids], False
 
     def step(self, target: torch.Tensor, measure_effort: bool = False, running: torch.Tensor | None = None) -> None:
@@ -152,6 +156,9 @@ class NativePhysics:
             )
         else:
             self.batch.step(ids, nstep=SUBSTEPS)
+        if self._forces is not None and self._sensors is not None:
+            stepped = slice(None) if ids is None else ids
+            self._forces[stepped] = self._sensors[stepped]
         self._report(target)
 
     def _report(self, target: torch.Tensor) -> None:
@@ -234,6 +241,8 @@ class NativePhysics:
         tensors = {"qpos": self._qpos, "qvel": self._qvel, "warmstart": self._warmstart}
         if self._wrench is not None:
             tensors["wrench"] = self._wrench
+        if self._forces is not None:
+            tensors["forces"] = self._forces
         copies = {name: torch.from_numpy(array.copy()) for name, array in tensors.items()}
         return {**copies, "object_index": self.object_index.clone(), "effort": self._effort.clone()}
 
@@ -246,8 +255,16 @@ class NativePhysics:
             there[:] = tensors[name].numpy()
         if "wrench" in tensors:
             self.assist(tensors["wrench"][:, :3], tensors["wrench"][:, 3:])
+        if self._forces is not None:
+            self._forces[:] = tensors["forces"].numpy()
         self._effort.copy_(tensors["effort"])
         self._warned[:], self._reported[:] = self._warnings(), False
+
+    def contact_force(self) -> torch.Tensor:
+        """(N, L, 3) forces on links in the last physics step [N]; see Physics.contact_force."""
+        if self._forces is None:
+            raise not_measured()
+        return SIGN * torch.from_numpy(self._forces.astype(np.float32)).unflatten(-1, (-1, 3))
 
     def report(self) -> None:
         """Nothing to do: every step reports what it broke."""

@@ -15,8 +15,9 @@ import torch
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
 from mimicbench.sim.broken import BrokenLog
+from mimicbench.sim.contact import add_contact_sensors
 from mimicbench.sim.rows import Rows
-from mimicbench.sim.scene import build_model
+from mimicbench.sim.scene import describe_scene
 
 
 @dataclass(frozen=True)
@@ -35,13 +36,20 @@ class PhysicsConfig:
     """Times the sliding friction that everything has."""
     mass: float = 1.0
     """Times the mass and inertia that the robot's links have."""
+    measure_contact: bool = False
+    """Measure the forces of contact on every link; without, steps are quicker."""
     broken_dir: Path | None = None
     """Where scenes whose physics breaks are written; None: a new temporary folder."""
 
 
 def compile_scene(robot: Robot, obj: SceneObject, config: PhysicsConfig, meshes: bool | None = None) -> mujoco.MjModel:
-    """The scene of a robot and an object; `meshes` as in `build_model`."""
-    return build_model(robot, obj, config.gains, config.control, config.visuals, meshes, config.friction, config.mass)
+    """The scene of a robot and an object; `meshes` as in `describe_scene`."""
+    scene = describe_scene(
+        robot, obj, config.gains, config.control, config.visuals, meshes, config.friction, config.mass
+    )
+    if config.measure_contact:
+        add_contact_sensors(scene, robot)
+    return scene.compile()
 
 
 @dataclass(frozen=True)
@@ -220,6 +228,13 @@ class Physics(Protocol):
         """Forces (N, 3) [N] and torques (N, 3) [N m] in the world's frame on the roots, until they are set anew.
 
         They act at the root link's center of mass.
+        """
+        ...
+
+    def contact_force(self) -> torch.Tensor:
+        """(N, L, 3) sum of all forces of contact on each link in the last physics step [N], in the world's frame.
+
+        Zeros in scenes that were just reset. Raises MimicbenchError unless it is measured (PhysicsConfig).
         """
         ...
 

@@ -17,11 +17,12 @@ import warp as wp  # pyright: ignore[reportMissingImports]
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
 from mimicbench.sim.broken import BrokenLog, BrokenScene
+from mimicbench.sim.contact import SIGN, not_measured
 from mimicbench.sim.physics import LinkState, ObjectState, PhysicsConfig, RobotState, compile_scene
 from mimicbench.sim.rows import Rows
 from mimicbench.sim.scene import SUBSTEPS
 from mimicbench.sim.warp_breaks import Breaks
-from mimicbench.sim.warp_device import open_device, program
+from mimicbench.sim.warp_device import open_device, program, read_only
 from mimicbench.sim.warp_kernels import accumulate, guard
 from mimicbench.sim.warp_objects import PER_WORLD, ObjectRows, object_places
 from mimicbench.sim.warp_rays import cast_rays
@@ -86,6 +87,7 @@ class WarpPhysics:
         self._before = [array.clone() for array in self._state]
         self._ctrl = wp.to_torch(self._data.ctrl)
         self._wrench = wp.to_torch(self._data.xfrc_applied)[:, self._link_rows.start]
+        self._forces = wp.to_torch(self._data.sensordata) if self.config.measure_contact else None
         self._broken_wp = wp.zeros(n, dtype=int)
         self._torque_wp, self._velocity_wp = wp.zeros((n, joints), dtype=float), wp.zeros((n, joints), dtype=float)
         self._broken, self._torque, self._velocity = (
@@ -125,14 +127,12 @@ class WarpPhysics:
         return self._models[obj.id]
 
     def qpos(self) -> np.ndarray:
-        """(N, nq) copy of MuJoCo's positions, which cannot be written to: root, joints, then the object's if it
-        moves.
-        """
-        return _read_only(self._qpos)
+        """(N, nq) copy of MuJoCo's positions, which cannot be written to: root, joints, then a movable object's."""
+        return read_only(self._qpos)
 
     def qvel(self) -> np.ndarray:
         """(N, nv) copy of MuJoCo's velocities, which cannot be written to."""
-        return _read_only(self._qvel)
+        return read_only(self._qvel)
 
     @property
     def objects(self) -> list[SceneObject]:
@@ -180,8 +180,9 @@ class WarpPhysics:
     def _clear(self, rows: Rows) -> None:
         """Bring scenes to the model's own pose, at rest and unbroken."""
         rows.put(self._qpos, self._qpos0.expand(len(rows), -1))
-        for there in (self._qvel, self._warmstart, self._ctrl, self._wrench):
-            rows.put(there, 0.0)
+        for there in (self._qvel, self._warmstart, self._ctrl, self._wrench, self._forces):
+            if there is not None:
+                rows.put(there, 0.0)
         rows.put(self._broken, 0)
         self._breaks.forget(rows)
 
@@ -282,6 +283,12 @@ class WarpPhysics:
             there.copy_(tensors[name])
         self._effort = tensors["effort"].to(self.device)
 
+    def contact_force(self) -> torch.Tensor:
+        """(N, L, 3) forces on links in the last physics step [N]; see Physics.contact_force."""
+        if self._forces is None:
+            raise not_measured()
+        return SIGN * self._forces.unflatten(-1, (-1, 3))
+
     @property
     def effort(self) -> torch.Tensor:
         """(N,) e of the last step that measured it [W^2]."""
@@ -291,9 +298,3 @@ class WarpPhysics:
     def diverged(self) -> torch.Tensor:
         """(N,) whether a scene broke since its reset; see Physics.diverged."""
         return self._broken != 0
-
-
-def _read_only(values: torch.Tensor) -> np.ndarray:
-    copy = values.double().cpu().numpy()
-    copy.flags.writeable = False
-    return copy

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+import numpy as np
 import torch
 import warp as wp  # pyright: ignore[reportMissingImports]
 
@@ -36,3 +37,10 @@ def program(device: "wp.Device", run: Callable[[], None]) -> Callable[[], None]:
     graph = capture.graph
     assert graph is not None
     return lambda: wp.capture_launch(graph)
+
+
+def read_only(values: torch.Tensor) -> np.ndarray:
+    """A copy on the host, in double precision, that cannot be written to."""
+    copy = values.double().cpu().numpy()
+    copy.flags.writeable = False
+    return copy

@@ -7,16 +7,18 @@ from typing import Any
 
 import msgspec
 import numpy as np
+import torch
 
+from mimicbench.core.building import built
 from mimicbench.core.checkpoint import CONFIG, BadCheckpoint, load_checkpoint, save_checkpoint
 from mimicbench.robots.description import Robot
-from mimicbench.track.network import TrackerNetwork
+from mimicbench.track.network import Blueprint, MLPConfig, NetworkConfig, TrackerNetwork
 from mimicbench.track.registry import TRACKERS
-from mimicbench.track.spec import Layout, Tracker
+from mimicbench.track.spec import Layout, Tracker, TrackerSpec
 
 CRITIC = "critic"
 """Folder in a tracker's, where the network that told the values of what it did is kept for who goes on from there."""
-MAX_WIDTH, MAX_LAYERS = 8192, 16
+MAX_WIDTH, MAX_LAYERS, MAX_FRAMES = 8192, 16, 256
 """What a tracker may ask for before its weights have been seen."""
 
 
@@ -33,28 +35,52 @@ class TrackerConfig:
     actions: int
     """Width of its action."""
     hidden: tuple[int, ...]
-    """Widths of the hidden layers."""
+    """Widths of the hidden layers, where they are such layers."""
     settings: dict[str, Any] = field(default_factory=dict)
     """The design's own configuration, as plain values."""
     deviation: tuple[float, ...] = ()
     """Standard deviation of each number of its action when training ended, for who goes on from there."""
+    frames: int = 1
+    """Frames that its network sees: the present one and those before it."""
+    network: dict[str, Any] | None = None
+    """Configuration of a network of its design's own kind, as plain values; None: linear layers, `hidden` wide."""
 
-    @property
-    def observations(self) -> int:
-        """Width of its observation."""
-        return sum(self.widths)
+    def layout(self) -> Layout:
+        """How its input is laid out. Raises UnknownName."""
+        return Layout.known(TRACKERS.get(self.tracker), self.observed, self.widths, self.frames)
+
+    def blueprint(self) -> Blueprint:
+        """What its networks are built by. Raises UnknownName, BadCheckpoint."""
+        return self.layout().blueprint(_network_of(TRACKERS.get(self.tracker), self))
+
+
+def _network_of(spec: TrackerSpec, config: TrackerConfig) -> NetworkConfig:
+    if config.network is None:
+        return MLPConfig(config.hidden)
+    if spec.network is None:
+        raise BadCheckpoint(f"tracker {spec.name} has no kind of network of its own any more; train it again")
+    return _converted(spec, config.network, spec.network)
+
+
+def _converted(spec: TrackerSpec, values: Mapping[str, Any], kind: type) -> Any:
+    try:
+        return msgspec.convert(values, kind)
+    except msgspec.ValidationError as error:
+        raise BadCheckpoint(f"these are no settings of tracker {spec.name} ({error}); train it again") from None
 
 
 def build_tracker(config: TrackerConfig, tensors: Mapping[str, np.ndarray]) -> Tracker:
     """A tracker of that configuration with these weights. Raises UnknownName, BadCheckpoint."""
-    spec = TRACKERS.get(config.tracker)
-    try:
-        settings = msgspec.convert(config.settings, spec.settings) if spec.settings is not type(None) else None
-    except msgspec.ValidationError as error:
-        raise BadCheckpoint(f"these are no settings of tracker {spec.name} ({error}); train it again") from None
-    network = TrackerNetwork(config.observations, config.actions, config.hidden)
+    with torch.random.fork_rng(devices=[]):  # first weights are not kept, and who learns draws on as if there were none
+        network = config.blueprint().network(config.actions)
     network.load_tensors(tensors)
-    return Tracker(spec, settings, network.eval(), Layout(config.observed, config.widths), config.deviation)
+    return _tracker_of(config, network)
+
+
+def _tracker_of(config: TrackerConfig, network: TrackerNetwork) -> Tracker:
+    spec = TRACKERS.get(config.tracker)
+    settings = _converted(spec, config.settings, spec.settings) if spec.settings is not type(None) else None
+    return Tracker(spec, settings, network.eval(), config.layout(), config.deviation)
 
 
 def save_tracker(
@@ -77,26 +103,27 @@ def load_critic(folder: Path, robot: Robot) -> Mapping[str, np.ndarray] | None:
     """Tensors of the critic of a tracker in `folder`; None if nobody kept it. Raises BadCheckpoint."""
     if not (folder / CRITIC / CONFIG).exists():
         return None
-    return _load(folder / CRITIC, CRITIC, robot)[1]
+    return _load(folder / CRITIC, CRITIC, robot)[1].tensors()
 
 
 def load_tracker(folder: Path, robot: Robot) -> Tracker:
     """Read a tracker for this robot. Raises BadCheckpoint."""
-    return build_tracker(*_load(folder, "tracker", robot))
+    return _tracker_of(*_load(folder, "tracker", robot))
 
 
-def _load(folder: Path, kind: str, robot: Robot) -> tuple[TrackerConfig, Mapping[str, np.ndarray]]:
+def _load(folder: Path, kind: str, robot: Robot) -> tuple[TrackerConfig, TrackerNetwork]:
     checkpoint = load_checkpoint(folder, kind, robot.name)
     config = checkpoint.config_as(TrackerConfig)
-    widths = (*config.widths, config.observations, config.actions, *config.hidden)
+    widths = (*config.widths, sum(config.widths), config.actions, *config.hidden)
     if (
         not all(1 <= width <= MAX_WIDTH for width in widths)
         or len(config.hidden) > MAX_LAYERS
+        or not 1 <= config.frames <= MAX_FRAMES
         or len(config.widths) != len(config.observed)
     ):
         raise BadCheckpoint(
             f"{folder} describes a tracker with a layer outside 1 to {MAX_WIDTH}, or more than {MAX_LAYERS} layers; it "
             "is not one of ours"
         )
-    shapes = TrackerNetwork.shapes(config.observations, config.actions, config.hidden)
-    return config, checkpoint.matching(shapes)
+    blueprint = config.blueprint()
+    return config, built(checkpoint, lambda: blueprint.network(config.actions), blueprint.config.repeats)

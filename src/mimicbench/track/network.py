@@ -1,40 +1,78 @@
-"""The tracker's network at inference: normalized observation through an MLP. Independent of what trained it."""
+"""A tracker's network at inference: observations, normalized or not, through layers. Independent of what trained it."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
 
 import numpy as np
 import torch
 from torch import nn
 
+from mimicbench.core.settings import Sizes
+
+
+class NetworkConfig(Protocol):
+    """A frozen dataclass that says how the networks of one kind are made: the actor's, and the critic's beside it."""
+
+    normalizes: ClassVar[bool]
+    """Whether they see observations less their mean, divided by their deviation."""
+    widens: ClassVar[bool]
+    """Whether they are a chain of linear layers, which can take over what a narrower one has learned."""
+
+    @property
+    def repeats(self) -> tuple[int, ...]:
+        """How many of everything that is repeated."""
+        ...
+
+    def build(self, width: int, frames: int, outputs: int) -> nn.Module:
+        """(N, outputs) of (N, frames * width) numbers, the oldest frame first; the last linear layer gives them.
+
+        Weights are drawn from torch's random numbers.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class MLPConfig:
+    """Linear layers with ELU between them."""
+
+    hidden: Sizes
+    """Widths of the hidden layers."""
+
+    normalizes: ClassVar[bool] = True
+    widens: ClassVar[bool] = True
+
+    @property
+    def repeats(self) -> tuple[int, ...]:
+        """Hidden layers."""
+        return (len(self.hidden),)
+
+    def build(self, width: int, frames: int, outputs: int) -> nn.Module:
+        """All frames side by side, through all layers."""
+        layers: list[nn.Module] = []
+        before = width * frames
+        for size in self.hidden:
+            layers += [nn.Linear(before, size), nn.ELU()]
+            before = size
+        return nn.Sequential(*layers, nn.Linear(before, outputs))
+
 
 class TrackerNetwork(nn.Module):
-    """mean action = MLP((obs - mean) / std), ELU between the layers."""
+    """mean action = layers((obs - mean) / std), or layers(obs)."""
 
-    def __init__(self, observations: int, actions: int, hidden: tuple[int, ...]) -> None:
+    def __init__(self, layers: nn.Module, inputs: int, normalizes: bool = True) -> None:
         super().__init__()
-        self.obs_mean: torch.Tensor
-        self.obs_std: torch.Tensor
-        self.register_buffer("obs_mean", torch.zeros(observations))
-        self.register_buffer("obs_std", torch.ones(observations))
-        layers: list[nn.Module] = []
-        width = observations
-        for size in hidden:
-            layers += [nn.Linear(width, size), nn.ELU()]
-            width = size
-        self.layers = nn.Sequential(*layers, nn.Linear(width, actions))
+        self.normalizes = normalizes
+        if normalizes:
+            self.obs_mean: torch.Tensor
+            self.obs_std: torch.Tensor
+            self.register_buffer("obs_mean", torch.zeros(inputs))
+            self.register_buffer("obs_std", torch.ones(inputs))
+        self.layers = layers
 
     def forward(self, obs: torch.Tensor) -> torch.Tensor:
-        """(N, actions) from (N, observations)."""
-        return self.layers((obs - self.obs_mean) / (self.obs_std + 1e-2))
-
-    @staticmethod
-    def shapes(observations: int, actions: int, hidden: tuple[int, ...]) -> dict[str, tuple[int, ...]]:
-        """Shapes of all tensors by name, known without making any of them."""
-        found: dict[str, tuple[int, ...]] = {"obs_mean": (observations,), "obs_std": (observations,)}
-        widths = (observations, *hidden, actions)
-        for layer, (width, size) in enumerate(zip(widths[:-1], widths[1:], strict=True)):
-            found |= {f"layers.{2 * layer}.weight": (size, width), f"layers.{2 * layer}.bias": (size,)}
-        return found
+        """(N, outputs) from (N, inputs)."""
+        return self.layers((obs - self.obs_mean) / (self.obs_std + 1e-2) if self.normalizes else obs)
 
     def tensors(self) -> dict[str, np.ndarray]:
         """All weights and statistics by name, for a checkpoint."""
@@ -43,3 +81,27 @@ class TrackerNetwork(nn.Module):
     def load_tensors(self, tensors: Mapping[str, np.ndarray]) -> None:
         """The inverse of `tensors`."""
         self.load_state_dict({name: torch.from_numpy(np.array(value)) for name, value in tensors.items()})
+
+
+@dataclass(frozen=True)
+class Blueprint:
+    """What a tracker's networks are built by, however many numbers they give."""
+
+    config: NetworkConfig
+    width: int
+    """Numbers in one frame of the observation."""
+    frames: int = 1
+    """Frames that are seen at once: the present one and those before it."""
+
+    @property
+    def inputs(self) -> int:
+        """Numbers that a network takes."""
+        return self.width * self.frames
+
+    def layers(self, outputs: int) -> nn.Module:
+        """New layers that give so many numbers."""
+        return self.config.build(self.width, self.frames, outputs)
+
+    def network(self, outputs: int) -> TrackerNetwork:
+        """A new network that gives so many numbers."""
+        return TrackerNetwork(self.layers(outputs), self.inputs, self.config.normalizes)

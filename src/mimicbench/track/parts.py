@@ -34,10 +34,14 @@ class TrackingParts:
         config: TrackingConfig,
         seed: int,
         env_config: EnvConfig | None = None,
+        frames: int = 0,
     ) -> None:
-        """`robots` of each set of clips, split over at least `parts` environments, as many for each set."""
+        """`robots` of each set of clips, split over at least `parts` environments, as many for each set.
+
+        `frames` are what a network sees at once; 0: as many as the design says.
+        """
         env_config = env_config or EnvConfig()
-        self.layout = Layout.of(spec, sets[0].robot, [clips.task for clips in sets])
+        self.layout = Layout.of(spec, sets[0].robot, [clips.task for clips in sets], frames)
         copies = -(-max(parts, len(sets)) // len(sets))
         of_part = [clips for clips in sets for _ in range(copies)]
         shares = [len(range(copy, count, copies)) for count in robots for copy in range(copies)]
@@ -56,7 +60,7 @@ class TrackingParts:
         return self.parts[0].device
 
     def observe(self) -> Tensor:
-        """(N, O) what the tracker observes now."""
+        """(N, F O) what the tracker observes now, after the frames before."""
         return torch.cat(self._each(TrackingEnv.observe))
 
     def step(self, action: Tensor, settings: object) -> tuple[Tensor, Tensor, Tensor, Tensor]:
@@ -68,13 +72,18 @@ class TrackingParts:
         return obs, reward, done, time_out
 
     def ended(self) -> dict[str, Tensor]:
-        """How many episodes of each task ended for each of ENDS since this was asked last."""
+        """How many episodes of each task ended for each of `ends` since this was asked last."""
         found: dict[str, Tensor] = {}
         for part in self.parts:
             name = part.clips.task.name
             found[name] = found.get(name, 0) + part.ended
             part.ended = torch.zeros_like(part.ended)
         return found
+
+    @property
+    def ends(self) -> tuple[str, ...]:
+        """Why episodes end, in words."""
+        return self.parts[0].ends
 
     def state_tensors(self) -> dict[str, Tensor]:
         """All that decides how the episodes go on, between steps."""

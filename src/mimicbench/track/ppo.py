@@ -11,14 +11,12 @@ from rsl_rl.models import MLPModel
 from rsl_rl.storage import RolloutStorage
 from tensordict import TensorDict
 
-from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.settings import Positive, Share, Sizes
 from mimicbench.core.training import OptimizerState
+from mimicbench.track.muon import MuonAndAdam
+from mimicbench.track.network import Blueprint
+from mimicbench.track.warm_start import plain_network, take_over, take_statistics
 
-WARM_COUNT = 1_000_000_000
-"""Observations that the statistics of a network to begin from count as: they stay nearly as they are. Where they moved
-to those of the new starts within the first million samples, a tracker of 91 % had 31 % before it had learned anything.
-"""
 _GROUPS = {"actor": ["obs"], "critic": ["obs"]}
 
 
@@ -27,7 +25,7 @@ class PPOConfig:
     """Proximal policy optimization (Schulman et al. 2017)."""
 
     hidden: Sizes = (256, 192)
-    """Widths of the hidden layers of actor and critic."""
+    """Widths of the hidden layers of actor and critic, where they are such layers: a design may have other networks."""
     steps: Positive = 12
     """Control steps of every robot between updates."""
     epochs: Positive = 3
@@ -51,8 +49,8 @@ class PPOConfig:
     critic_rate: float | None = 1e-3
     """The critic's own learning rate; None: the same. What the actor may change by is no measure for it: the better it
     is, the more of an advantage is more than noise."""
-    optimizer: Literal["adam", "adamw"] = "adam"
-    """AdamW decays weights by torch's default of 0.01."""
+    optimizer: Literal["adam", "adamw", "muon"] = "adam"
+    """AdamW decays weights by torch's default of 0.01; Muon is for the weights of layers, with Adam for the rest."""
     value_weight: float = 1.0
     """Of the value loss."""
     max_grad_norm: float = 1.0
@@ -65,21 +63,35 @@ class PPOConfig:
     is learned for millions of samples."""
 
 
+class _Model(MLPModel):
+    """Layers of a blueprint as rsl-rl knows models: with statistics of what they see, and a distribution around what
+    they give.
+    """
+
+    def __init__(self, example: TensorDict, role: str, outputs: int, blueprint: Blueprint, **more: Any) -> None:
+        with torch.random.fork_rng(devices=[]):  # the layers that rsl-rl draws are not kept
+            super().__init__(
+                example, _GROUPS, role, outputs, (1,), obs_normalization=blueprint.config.normalizes, **more
+            )
+        self.mlp = blueprint.layers(outputs)
+
+
 class PPOLearner:
     """Actor, critic, and their updates."""
 
-    def __init__(self, observations: int, actions: int, num_envs: int, config: PPOConfig, device: str = "cpu") -> None:
-        self.config = config
-        example = _wrap(torch.zeros(num_envs, observations, device=device))
+    def __init__(
+        self, blueprint: Blueprint, actions: int, num_envs: int, config: PPOConfig, device: str = "cpu"
+    ) -> None:
+        self.config, self.blueprint = config, blueprint
+        example = _wrap(torch.zeros(num_envs, blueprint.inputs, device=device))
         distribution = {
             "class_name": "GaussianDistribution",
             "init_std": config.initial_std,
             "std_type": "log",
             "std_range": (0.02, 1.0),
         }
-        shape = {"hidden_dims": config.hidden, "activation": "elu", "obs_normalization": True}
-        actor = MLPModel(example, _GROUPS, "actor", actions, **shape, distribution_cfg=distribution)
-        critic = MLPModel(example, _GROUPS, "critic", 1, **shape)
+        actor = _Model(example, "actor", actions, blueprint, distribution_cfg=distribution)
+        critic = _Model(example, "critic", 1, blueprint)
         last = [layer for layer in actor.mlp.modules() if isinstance(layer, torch.nn.Linear)][-1]
         with torch.no_grad():  # the first actions are near zero: the reference itself
             last.weight *= 0.01
@@ -99,20 +111,25 @@ class PPOLearner:
             schedule=config.schedule,
             max_grad_norm=config.max_grad_norm,
             value_loss_coef=config.value_weight,
-            optimizer=config.optimizer,
+            optimizer="adam" if config.optimizer == "muon" else config.optimizer,
             device=device,
         )
+        if config.optimizer == "muon":
+            self.ppo.optimizer = MuonAndAdam((self.ppo.actor, self.ppo.critic), config.learning_rate)
         if config.critic_rate is not None:
             self._let_critic_learn_at(config.critic_rate)
         self.ppo.train_mode()
 
     def _let_critic_learn_at(self, rate: float) -> None:
         """At its own rate, though rsl-rl gives every group of parameters the actor's."""
-        groups = [{"params": list(model.parameters())} for model in (self.ppo.actor, self.ppo.critic)]
-        self.ppo.optimizer = type(self.ppo.optimizer)(groups, lr=self.config.learning_rate)
+        if self.config.optimizer != "muon":
+            groups = [{"params": list(model.parameters())} for model in (self.ppo.actor, self.ppo.critic)]
+            self.ppo.optimizer = type(self.ppo.optimizer)(groups, lr=self.config.learning_rate)
 
         def correct(optimizer: torch.optim.Optimizer, *_: Any) -> None:
-            optimizer.param_groups[1]["lr"] = rate
+            groups = optimizer.param_groups  # the actor's, then the critic's
+            for group in groups[len(groups) // 2 :]:
+                group["lr"] = rate
 
         self.ppo.optimizer.register_step_pre_hook(correct)
 
@@ -148,11 +165,11 @@ class PPOLearner:
 
     def network_tensors(self) -> dict[str, np.ndarray]:
         """The actor's mean as tensors of a TrackerNetwork."""
-        return _plain_network(self.ppo.actor)
+        return plain_network(self.ppo.actor)
 
     def critic_tensors(self) -> dict[str, np.ndarray]:
         """The critic as tensors of a TrackerNetwork of one number, the value."""
-        return _plain_network(self.ppo.critic)
+        return plain_network(self.ppo.critic)
 
     @torch.no_grad()
     def begin_from(
@@ -162,23 +179,25 @@ class PPOLearner:
         deviation: Sequence[float] = (),
         critic: Mapping[str, np.ndarray] | None = None,
     ) -> None:
-        """Take over a trained network: wider layers keep what it does.
+        """Take over a trained network: wider layers of an MLP keep what it does.
 
         Args:
-            tensors: Of a TrackerNetwork with as many layers, none of them wider.
+            tensors: Of a TrackerNetwork with as many layers, none of them wider; of any other kind than an MLP, with
+                the same layers and inputs.
             columns: Which of its inputs are which of ours.
             deviation: Of its actions; the configuration's if empty.
             critic: Of a TrackerNetwork that told the values of what it did; without, the critic begins anew, but sees
                 what it observes by the statistics of `tensors`.
 
         Raises:
-            MimicbenchError: It has another number of layers, or wider ones.
+            MimicbenchError: It has other layers, or wider ones.
         """
-        _take_over(self.ppo.actor, tensors, columns)
+        widens = self.blueprint.config.widens
+        take_over(self.ppo.actor, tensors, columns, widens)
         if critic is None:
-            _take_statistics(self.ppo.critic, tensors, columns)
+            take_statistics(self.ppo.critic, tensors, columns)
         else:
-            _take_over(self.ppo.critic, critic, columns)
+            take_over(self.ppo.critic, critic, columns, widens)
         if len(deviation):
             self._log_deviation.copy_(torch.tensor(deviation).log())
 
@@ -211,52 +230,6 @@ class PPOLearner:
         self.ppo.critic.load_state_dict(parts["critic"])
         OptimizerState(self.ppo.optimizer).load_state_tensors(parts["optimizer"])
         self.ppo.learning_rate = float(tensors["learning_rate"])
-
-
-def _plain_network(model: MLPModel) -> dict[str, np.ndarray]:
-    tensors: dict[str, Any] = {"obs_mean": model.obs_normalizer.mean, "obs_std": model.obs_normalizer.std}
-    weights = {name: value for name, value in model.state_dict().items() if name.startswith("mlp.")}
-    tensors |= {f"layers.{name.removeprefix('mlp.')}": value for name, value in weights.items()}
-    return {name: value.detach().cpu().numpy() for name, value in tensors.items()}
-
-
-def _take_statistics(
-    model: MLPModel, tensors: Mapping[str, np.ndarray], columns: Sequence[tuple[slice, slice]]
-) -> None:
-    statistics = dict(model.obs_normalizer.named_buffers())
-    given = {name: torch.from_numpy(np.array(tensors[name])) for name in ("obs_mean", "obs_std")}
-    for theirs, ours in columns:
-        mean, std = given["obs_mean"][theirs], given["obs_std"][theirs]
-        for name, value in (("_mean", mean), ("_std", std), ("_var", std**2)):
-            statistics[name][:, ours] = value
-    statistics["count"].fill_(WARM_COUNT)
-
-
-def _take_over(model: MLPModel, tensors: Mapping[str, np.ndarray], columns: Sequence[tuple[slice, slice]]) -> None:
-    """Weights and statistics of a TrackerNetwork, whose inputs are those columns. Raises MimicbenchError."""
-    own = {f"layers.{n.removeprefix('mlp.')}": v for n, v in model.named_parameters() if n.startswith("mlp.")}
-    taken = {n: torch.from_numpy(np.array(value)) for n, value in tensors.items() if n.startswith("layers.")}
-    if set(own) != set(taken) or any(
-        own[name].shape[0] < value.shape[0] or ("0." not in name and own[name].shape[-1] < value.shape[-1])
-        for name, value in taken.items()
-    ):
-        raise MimicbenchError(
-            "the network to begin from has another number of layers than track.ppo.hidden, or wider ones; give "
-            f"{len(taken) // 2 - 1} layers at least as wide as its own"
-        )
-    _take_statistics(model, tensors, columns)
-    first = next(iter(own))
-    for name, value in taken.items():
-        there = own[name]
-        if there.ndim == 1:
-            there[: len(value)] = value
-        elif name == first:
-            there[: len(value)] = 0.0
-            for theirs, ours in columns:
-                there[: len(value), ours] = value[:, theirs]
-        else:  # what is new has no say at first
-            there[: len(value)] = 0.0
-            there[: len(value), : value.shape[1]] = value
 
 
 def _wrap(obs: torch.Tensor) -> TensorDict:

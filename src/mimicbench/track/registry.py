@@ -15,5 +15,5 @@ TRACKERS: Registry[TrackerSpec] = Registry(
     attribute="TRACKER",
     kind="mimicbench.track.spec:TrackerSpec",
     group="mimicbench.trackers",
-    first=("residual", "hst", "phc"),
+    first=("residual", "hst", "phc", "hst-original"),
 )

@@ -16,6 +16,7 @@ from mimicbench.sim.devices import tensor_device
 from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.rows import Rows
 from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.track.history import Follower
 from mimicbench.track.spec import Tracker
 
 SETTLE = 1.0
@@ -89,6 +90,7 @@ def track_clips(
     starts = ClipStarts(bank, env.physics.add_objects(clips.scenes), robot)
     env.reset(Rows.every(n, env.device), starts.at(everyone, torch.zeros_like(everyone)))
     tracker.network.to(env.device)
+    follower = Follower(tracker, n, env.device)
     limit = round(task.time_limit / CONTROL_DT)
     lengths = torch.full_like(bank.lengths, limit)
     if config.settle is not None:
@@ -101,7 +103,7 @@ def track_clips(
             active &= ~(env.metrics.over() | env.metrics.fell)
             if not active.any():
                 break
-        action = tracker.action(env.observe(tracker.spec.observations))
+        action = follower.action(env.observe(tracker.spec.observations))
         target = tracker.spec.target(robot, env.context.reference(1).joint_pos, action, tracker.settings)
         before = [array.astype(np.float32) for array in (env.physics.qpos(), env.physics.qvel())]
         env.step(target, action, active)

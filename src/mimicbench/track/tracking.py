@@ -22,10 +22,11 @@ from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.rows import Rows
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.track.failures import Failures
+from mimicbench.track.history import History
 from mimicbench.track.spec import Layout, TrackerSpec
 
 ENDS = ("position", "angle", "drop", "object", "diverged", "clip over")
-"""Why episodes end."""
+"""Why episodes of all trackers end; a design may add to them."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,8 @@ class TrackingEnv:
         scenes = clips.scenes
         self.random = torch.Generator(device).manual_seed(digest(seed, "tracking starts") % (1 << 63))
         first = torch.randint(len(scenes), (num_envs,), generator=self.random, device=device).tolist()
-        physics = PhysicsConfig(gains=spec.gains, meshes=any(obj.hulls for obj in scenes))
+        room = any(obj.hulls for obj in scenes)
+        physics = PhysicsConfig(gains=spec.gains, meshes=room, measure_contact=spec.measures_contact)
         self._wrench = AssistingWrench(share=config.assist)
         hooks: list[Hook] = [Pushes(config.push, config.push_interval)] if config.push else []
         hooks += [self._wrench] if config.assist else []
@@ -109,8 +111,11 @@ class TrackingEnv:
         self.failures = Failures(device)
         self._hold = round(config.hold / CONTROL_DT)
         self._stepped = 0
-        self.ended = torch.zeros(len(ENDS), dtype=torch.long, device=device)
-        """How many episodes ended for each of ENDS."""
+        self.history = History(self.layout, num_envs, device)
+        self.ends = (*ENDS, *spec.ends)
+        """Why episodes end, in words."""
+        self.ended = torch.zeros(len(self.ends), dtype=torch.long, device=device)
+        """How many episodes ended for each of `ends`."""
         self._start(Rows.every(num_envs, device))
 
     @property
@@ -133,8 +138,8 @@ class TrackingEnv:
         return self.env.observe(self.spec.observations)
 
     def observe(self) -> Tensor:
-        """(N, O) what the tracker observes now."""
-        return self.layout.flat(self.terms())
+        """(N, F O) what the tracker observes now, after the frames before."""
+        return self.history.seen(self.layout.flat(self.terms()))
 
     def step(
         self, action: Tensor, settings: object, target: Tensor | None = None
@@ -147,16 +152,18 @@ class TrackingEnv:
             target: (N, J) joint targets [rad] to apply, if not those that the action means on the clip's reference.
 
         Returns:
-            observation (N, O) after restarts, reward (N,), done (N,) bool, time_out (N,) bool: done because the clip
+            observation (N, F O) after restarts, reward (N,), done (N,) bool, time_out (N,) bool: done because the clip
             is over, not because the robot failed.
         """
         if target is None:
             following = self.context.reference(1).joint_pos
             target = self.spec.target(self.clips.robot, following, action, settings)
+        if self.history.remembers:
+            self.history.add(self.layout.flat(self.terms()))
         transition = self.env.step(target, action)
         self._count(self._stepped + 1)
         reward = self.spec.reward(self.context, transition, settings)
-        done, time_out = self._ends()
+        done, time_out = self._ends(settings)
         reward = torch.where(self.env.physics.diverged, torch.zeros_like(reward), reward)
         self._start(self.env.rows(done))
         return self.observe(), reward, done, time_out
@@ -166,24 +173,26 @@ class TrackingEnv:
         self._stepped = stepped
         self._wrench.share = self.config.assist * max(0.0, 1.0 - stepped / self.config.assist_steps)
 
-    def _ends(self) -> tuple[Tensor, Tensor]:
+    def _ends(self, settings: object) -> tuple[Tensor, Tensor]:
         diverged, length = self.env.physics.diverged, self.bank.lengths[self.env.clip] - 1
         time_out = self.env.index >= length + self._hold
-        flags = (*deviations(self.context, self.config.ends), diverged, time_out)
-        self.ended = self.ended + torch.stack([flag.sum() for flag in flags])
-        failed = torch.stack(flags[:-1]).any(0)
+        failures = [*deviations(self.context, self.config.ends), diverged]
+        own = [fails(self.context, settings) for fails in self.spec.ends.values()]
+        self.ended = self.ended + torch.stack([flag.sum() for flag in (*failures, time_out, *own)])
+        failed = torch.stack([*failures, *own]).any(0)
         self.failures.update(self.env.index / length.clamp(min=1), failed)
         return failed | time_out, time_out & ~failed
 
     def _start(self, rows: Rows) -> None:
         """Put robots on frames drawn at random, with noise, and exchange their objects."""
+        self.history.begin(rows)
         if len(rows):
             self.env.reset(rows, self.starts.draw(len(rows), self.random, self.failures.chances(self.config.focus)))
 
     def state_tensors(self) -> dict[str, Tensor]:
         """All that decides how the episodes go on, between steps."""
         own = {"starts": self.random.get_state(), "ended": self.ended.clone(), "stepped": torch.tensor(self._stepped)}
-        parts = {"env": self.env, "failures": self.failures}
+        parts = {"env": self.env, "failures": self.failures, "history": self.history}
         return own | {
             f"{name}/{key}": value for name, part in parts.items() for key, value in part.state_tensors().items()
         }
@@ -193,7 +202,7 @@ class TrackingEnv:
         self.random.set_state(tensors["starts"].cpu())
         self.ended = tensors["ended"].to(self.device)
         self._count(int(tensors["stepped"]))
-        for name, part in {"env": self.env, "failures": self.failures}.items():
+        for name, part in {"env": self.env, "failures": self.failures, "history": self.history}.items():
             chosen = {n.removeprefix(f"{name}/"): v for n, v in tensors.items() if n.startswith(f"{name}/")}
             part.load_state_tensors(chosen)
 

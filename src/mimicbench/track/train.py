@@ -17,6 +17,7 @@ from mimicbench.core.seeds import digest
 from mimicbench.core.settings import Amount, BadSetting, Positive, Within
 from mimicbench.core.training import TorchRandom, append_metrics, resume_training, save_training
 from mimicbench.envs.clips import ClipSet
+from mimicbench.envs.mirrored import with_mirror_images
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.robots.description import Robot
 from mimicbench.track.checkpoint import (
@@ -27,12 +28,12 @@ from mimicbench.track.checkpoint import (
     save_critic,
     save_tracker,
 )
+from mimicbench.track.evaluation import evaluated, good_enough
 from mimicbench.track.parts import TrackingParts
 from mimicbench.track.ppo import PPOConfig, PPOLearner
 from mimicbench.track.registry import TRACKERS
-from mimicbench.track.rollout import RolloutConfig, track_clips
-from mimicbench.track.spec import Layout, Tracker
-from mimicbench.track.tracking import ENDS, TrackingConfig
+from mimicbench.track.spec import Layout
+from mimicbench.track.tracking import TrackingConfig
 
 
 @dataclass(frozen=True)
@@ -43,10 +44,16 @@ class TrackConfig:
     """Its design: a name of the registry."""
     settings: Any = None
     """The design's own configuration; None: its defaults."""
+    network: Any = None
+    """Its network, where the design has a kind of its own; None: that by default, or linear layers of `ppo.hidden`."""
+    frames: Annotated[int, Within(0, 256)] = 0
+    """Frames that the network sees at once, the present one and those before it; 0: as many as the design says."""
     also: tuple[str, ...] = ()
     """Other tasks, whose clips the same network learns to follow beside those of the recipe's task."""
     recorded: tuple[str, ...] = ()
     """Imported or augmented sets of clips, learned from beside the recipe's own at every task that has such a set."""
+    mirrored: bool = False
+    """Learn from the mirror image of every clip, beside that of its object, as well."""
     begin_from: str = ""
     """Folder of a trained tracker of the same design, whose network is where learning begins; empty: from nothing."""
     critic_first: Annotated[int, Within(0, 1e6)] = 50
@@ -82,20 +89,24 @@ class TrackConfig:
         return _of_design(str(tree.get("tracker", TrackConfig.tracker)))
 
     def resolved(self) -> "TrackConfig":
-        """The same with the design's own configuration in it. Raises UnknownName."""
+        """The same with the design's own configurations in it. Raises UnknownName."""
         spec = TRACKERS.get(self.tracker)
-        settings = self.settings
+        settings, network = self.settings, self.network
         if settings is None and spec.settings is not type(None):
             settings = spec.settings()
-        return replace(self, settings=settings)
+        if network is None and spec.network is not None:
+            network = spec.network()
+        return replace(self, settings=settings, network=network)
 
 
 @cache
 def _of_design(tracker: str) -> type[TrackConfig]:
-    kind = TRACKERS.get(tracker).settings
+    spec = TRACKERS.get(tracker)
     made: list[Any] = [("tracker", str, field(default=tracker))]
-    if kind is not type(None):
-        made.append(("settings", kind, field(default_factory=kind)))
+    if spec.settings is not type(None):
+        made.append(("settings", spec.settings, field(default_factory=spec.settings)))
+    if spec.network is not None:
+        made.append(("network", spec.network, field(default_factory=spec.network)))
     return make_dataclass("TrackConfig", made, bases=(TrackConfig,), frozen=True)
 
 
@@ -119,19 +130,19 @@ def train_tracker(
     killed. Returns the checkpoint's folder.
     """
     config, env_config = config.resolved(), env_config or EnvConfig()
+    clips = [with_mirror_images(some) for some in clips] if config.mirrored else clips
     torch.manual_seed(digest(seed, "tracker") % (1 << 63))
     torch.set_num_threads(1)
     spec, robot = TRACKERS.get(config.tracker), clips[0].robot
-    env = TrackingParts(spec, clips, robots_of(config, len(clips)), config.parts, config.tracking, seed, env_config)
-    layout, joints = env.layout, len(robot.joints)
-    learner = PPOLearner(layout.size, joints, config.num_envs, config.ppo, env.device)
+    robots = robots_of(config, len(clips))
+    env = TrackingParts(spec, clips, robots, config.parts, config.tracking, seed, env_config, config.frames)
+    shape = _shape(config, env.layout, len(robot.joints))
+    learner = PPOLearner(shape.blueprint(), shape.actions, config.num_envs, config.ppo, env.device)
     if config.begin_from:
-        begin_from(Path(config.begin_from), robot, learner, layout)
-    shape = TrackerConfig(spec.name, layout.names, layout.widths, joints, config.ppo.hidden, _plain(config.settings))
+        begin_from(Path(config.begin_from), robot, learner, env.layout)
     parts = {"env": env, "ppo": learner, "torch": TorchRandom(env.device)}
     fresh = {"samples": 0, "iterations": 0, "seconds": 0.0, "reward": 0.0, "steps": 0}
-    learned_from = [motion.id for some in clips for motion in some.motions]
-    identity = {"config": _course(config), "seed": seed, "clips": learned_from}
+    identity = {"config": _course(config), "seed": seed, "clips": [m.id for some in clips for m in some.motions]}
     progress = resume_training(folder, identity, parts, fresh)
     notes = {"seed": seed, "tasks": [some.task.name for some in clips]}
     saves = _Saves(folder, robot, shape, learner, identity, parts, notes)
@@ -149,19 +160,34 @@ def train_tracker(
         progress["seconds"] += time.monotonic() - now
         pulse(lambda mean=total / config.ppo.steps: _so_far(progress, config.samples, mean))
         if finished or due:
-            row = {**progress, **losses, "reward": progress["reward"] / progress["steps"]}
+            row: dict[str, Any] = {**progress, **losses, "reward": progress["reward"] / progress["steps"]}
             tracker = build_tracker(shape, learner.network_tensors())
-            row |= _evaluation(tracker, clips, held_out, config.evaluate_clips, env_config) | _ended(env)
+            row |= evaluated(tracker, clips, held_out, config.evaluate_clips, env_config) | {"ended": _ended(env)}
             append_metrics(folder, row)
             report(row)
             progress["reward"] = progress["steps"] = 0
-            finished |= _good_enough(row, config)
+            finished |= good_enough(row, config.until)
         if finished or time.monotonic() - saved > config.save_every:
             saves.all(progress)
             saved = time.monotonic()
         now = time.monotonic()
     env.close()
     return folder / "checkpoint"
+
+
+def _shape(config: TrackConfig, layout: Layout, joints: int) -> TrackerConfig:
+    """What the trained tracker will be built from."""
+    own = config.network is not None
+    return TrackerConfig(
+        config.tracker,
+        layout.names,
+        layout.widths,
+        joints,
+        () if own else config.ppo.hidden,
+        _plain(config.settings),
+        frames=layout.frames,
+        network=_plain(config.network) if own else None,
+    )
 
 
 def _learn(
@@ -228,38 +254,12 @@ def begin_from(folder: Path, robot: Robot, learner: PPOLearner, layout: Layout) 
     begin without a say. Raises MimicbenchError.
     """
     given, critic = load_tracker(folder, robot), load_critic(folder, robot)
-    theirs, ours = (dict(zip(each.names, each.slices(), strict=True)) for each in (given.layout, layout))
-    columns = [(theirs[name], ours[name]) for name in theirs if name in ours]
-    learner.begin_from(given.network.tensors(), columns, given.deviation, critic)
+    learner.begin_from(given.network.tensors(), layout.columns_of(given.layout), given.deviation, critic)
 
 
-def _evaluation(
-    tracker: Tracker, clips: Sequence[ClipSet], held_out: Sequence[ClipSet], count: int, env_config: EnvConfig
-) -> dict[str, Any]:
-    """Share of clips on which K is fulfilled by the mean action, from the first frame: per task, and their mean.
-
-    None where there are no clips.
-    """
-    found: dict[str, Any] = {}
-    for name, sets in (("k_train", clips), ("k_held_out", held_out)):
-        rates = {some.task.name: _success_rate(tracker, some.spread(count), env_config) for some in sets if len(some)}
-        found[name] = sum(rates.values()) / len(rates) if rates else None
-        found[f"{name}_of"] = rates
-    return found
-
-
-def _good_enough(row: Mapping[str, Any], config: TrackConfig) -> bool:
-    rates = row["k_held_out_of"] or row["k_train_of"]
-    return config.until < 1 and min(rates.values()) >= config.until
-
-
-def _ended(env: TrackingParts) -> dict[str, Any]:
-    return {"ended": {task: dict(zip(ENDS, counts.tolist(), strict=True)) for task, counts in env.ended().items()}}
-
-
-def _success_rate(tracker: Tracker, clips: ClipSet, env_config: EnvConfig) -> float:
-    verdict = track_clips(tracker, clips, RolloutConfig(stop_early=True), env_config).verdict
-    return float(verdict.success.double().mean())
+def _ended(env: TrackingParts) -> dict[str, dict[str, int]]:
+    """How many episodes of each task ended for each reason since this was asked last."""
+    return {task: dict(zip(env.ends, counts.tolist(), strict=True)) for task, counts in env.ended().items()}
 
 
 def _so_far(progress: Mapping[str, float], samples: int, reward: float) -> str:

@@ -29,6 +29,7 @@ from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.sim.threads import one_torch_thread
 from mimicbench.tasks.task import BodyPoints
 from mimicbench.track.checkpoint import load_tracker
+from mimicbench.track.history import Follower
 from mimicbench.viewer.opened import Opened
 from mimicbench.viewer.tracks import Curves, Pose, State, first_fulfilled, torques
 
@@ -179,9 +180,10 @@ def _following(folder: Path, opened: Opened) -> Any:
     first = torch.zeros(1, dtype=torch.long)
     starts = ClipStarts(bank, env.physics.add_objects([opened.obj]), opened.robot)
     env.reset(Rows.every(1, env.device), starts.at(first, first))
+    follower = Follower(tracker, 1, env.device)
 
     def act() -> tuple[torch.Tensor, torch.Tensor]:
-        action = tracker.action(env.observe(tracker.spec.observations))
+        action = follower.action(env.observe(tracker.spec.observations))
         reference = env.context.reference(1).joint_pos
         return tracker.spec.target(opened.robot, reference, action, tracker.settings), action
 

@@ -42,8 +42,10 @@ from mimicbench.imitate.train import TrainConfig
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.observations import Observations
 from mimicbench.sim.physics import ObjectState, RobotState
+from mimicbench.sim.rows import Rows
 from mimicbench.tasks.task import Task
 from mimicbench.track.checkpoint import load_tracker
+from mimicbench.track.history import Follower
 from mimicbench.track.spec import Tracker
 
 
@@ -204,7 +206,7 @@ class HITPolicy:
         self._own = tuple(name for name in own_terms(tracker.spec, task) if name != "targets")
         self.gains = tracker.spec.gains
         self.observations: tuple[str, ...] = tuple(dict.fromkeys((*senses.observations, *self._own)))
-        self._last_action = torch.zeros(0, len(robot.joints))
+        self._last_action, self._follower = torch.zeros(0, len(robot.joints)), Follower(tracker, 0)
 
     def to(self, device: str) -> None:
         """Move the networks to a device."""
@@ -217,9 +219,12 @@ class HITPolicy:
     def reset(self, ids: Tensor, obs: Observations) -> None:
         """Nothing was done before."""
         self._senses.begin(ids, obs)
-        if len(self._last_action) != obs.num_envs:
-            self._last_action = obs["proprio"].new_zeros(obs.num_envs, len(self._robot.joints))
+        robots, device = obs.num_envs, obs["proprio"].device
+        if len(self._last_action) != robots:
+            self._last_action = torch.zeros(robots, len(self._robot.joints), device=device)
+            self._follower = Follower(self._tracker, robots, device)
         self._last_action = self._last_action.index_fill(0, ids, 0.0)
+        self._follower.history.begin(Rows.of(ids, robots, device))
 
     def networks(self) -> list[nn.Module]:
         """All that it runs on."""
@@ -227,11 +232,12 @@ class HITPolicy:
 
     def memory(self) -> dict[str, Tensor]:
         """(N, ...) what is carried from frame to frame, by name."""
-        return {"last_action": self._last_action, **self._senses.memory()}
+        return {"last_action": self._last_action, **self._follower.history.state_tensors(), **self._senses.memory()}
 
     def remember(self, memory: Mapping[str, Tensor]) -> None:
         """Go on from what `memory` gave."""
         self._last_action = memory["last_action"]
+        self._follower.history.load_state_tensors(memory)
         self._senses.remember(memory)
 
     @torch.no_grad()
@@ -240,7 +246,7 @@ class HITPolicy:
         chunk = self._learner.plan(*self._senses.see(obs))
         planned = self._plan.terms(self._tracker.spec, chunk, obs)
         terms = {**{name: obs[name] for name in self._own}, "last_action": self._last_action, **planned}
-        self._last_action = self._tracker.action(terms)
+        self._last_action = self._follower.action(terms)
         return self._tracker.target(self._robot, terms, self._last_action)
 
 

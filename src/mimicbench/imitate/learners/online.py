@@ -4,7 +4,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
-from mimicbench.imitate.online import OnlineConfig, Planning, save_online
+from mimicbench.imitate.online.planning import OnlineConfig, Planning
+from mimicbench.imitate.online.policy import save_online
 from mimicbench.imitate.spec import Given, ImitateConfig, LearnerSpec
 
 

@@ -1,0 +1,99 @@
+"""What a robot plans with a goal: a person does the task on a stand-in, and the robot as that person."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mimicbench.core import rotations as rot
+from mimicbench.core.errors import MimicbenchError
+from mimicbench.core.motion import HumanMotion, RobotMotion
+from mimicbench.core.settings import Positive, Seed
+from mimicbench.objects.shape import SceneObject
+from mimicbench.references.body.body import Body
+from mimicbench.references.locomotion.states import BodyState, FootPoints, RigidState, state_of_points
+from mimicbench.references.synthesis.planning import plan_on
+from mimicbench.references.synthesis.registry import courses, synthesize
+from mimicbench.retarget.clip import Clip
+from mimicbench.retarget.registry import DEFAULT_METHOD, METHODS
+from mimicbench.robots.description import Robot
+from mimicbench.sim.physics import RobotState
+from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.tasks.task import BodyPoints, Task
+
+
+@dataclass(frozen=True)
+class OnlineConfig:
+    """How to plan."""
+
+    method: str = DEFAULT_METHOD
+    """How plans are retargeted."""
+    tries: Positive = 4
+    """Styles that are tried until a plan fulfils K on the stand-in."""
+    pace: float = 0.15
+    """How fast a plan moves to where its goal is by now [m/s]; twice that in radians."""
+    seed: Seed = 0
+    """Of the styles."""
+
+
+class Planning:
+    """What a robot in some place plans with a goal, in the goal's own frame."""
+
+    def __init__(self, robot: Robot, task: Task, config: OnlineConfig) -> None:
+        """Raises MimicbenchError where goals of the task have no stand-in."""
+        if task.goal.stand_in is None:
+            raise MimicbenchError(
+                f"{task.name} has nothing that stands in for its object, so nobody can plan on it; learn a planner "
+                f"instead (`mimicbench imitate --task {task.name} --imitate.learner planner`)"
+            )
+        self._robot, self._task, self._config = robot, task, config
+        self._stand_in, self._method = task.goal.stand_in, METHODS.get(config.method)
+
+    def plan(
+        self, goal: np.ndarray, room: np.ndarray, root: np.ndarray, joint_pos: np.ndarray, number: int
+    ) -> RobotMotion | None:
+        """The first of some plans that fulfils K on the stand-in; the last one if none does, None if nothing can be
+        planned with what was seen.
+
+        Args:
+            goal: (G,) in its own frame.
+            room: (2, 2) lowest and highest x, y of what rises from the floor around it [m].
+            root: (3,) place [m] and heading [rad] of the robot's root there.
+            joint_pos: (J,) its joints [rad].
+            number: Of the plan, which decides its styles.
+        """
+        motion = None
+        try:
+            obj = self._stand_in(goal, room)
+            for attempt in range(self._config.tries):
+                example = synthesize(self._task.name, self._config.tries * number + attempt, obj, self._config.seed)
+                ways = courses(self._task.name, obj, example.style)
+                human = plan_on(ways, self._state(root, joint_pos, ways[0].body), f"plan-{number}")
+                motion = self._retargeted(human, obj)
+                if self._task.fulfilled(motion, obj, self._robot):
+                    break
+        except MimicbenchError:  # eyes can be so wrong that nobody could sit there
+            return None
+        return None if motion is None else self._task.trimmed(motion, obj, self._robot)
+
+    def _retargeted(self, human: HumanMotion, obj: SceneObject) -> RobotMotion:
+        human = replace(human, object_id=obj.id)
+        return self._method.retarget(Clip(human, obj, self._robot), self._method.preset(None))
+
+    def _state(self, root: np.ndarray, joint_pos: np.ndarray, body: Body) -> BodyState:
+        """Somebody who stands where the robot stands, with the feet where its feet are."""
+        turn = rot.from_yaw(np.array(root[2]))
+        links = self._robot.forward_kinematics(np.zeros(3), rot.IDENTITY, joint_pos)
+        ankles = BodyPoints.of(self._robot, *(part[None] for part in links)).ankle_pos_w[0]
+        feet = rot.rotate(turn, ankles * [1, 1, 0]) + [*root[:2], body.sole]
+        still = np.zeros(3)
+        upright = RigidState(np.array([*root[:2], body.standing_height]), turn, still, still)
+        return state_of_points(
+            body, upright, FootPoints(feet, np.zeros((2, 3)), np.tile(turn, (2, 1)), np.ones(2, bool))
+        )
+
+
+def standing(robot: Robot, task: Task, state: RobotState, row: int) -> RobotMotion:
+    """A robot that stays as it is."""
+    pose = state.root_pos_w, state.root_quat_w, state.joint_pos
+    frames = (np.repeat(part[row : row + 1].double().cpu().numpy(), 2, 0) for part in pose)
+    return RobotMotion("standing", task.name, robot.name, robot.joint_names, 1 / CONTROL_DT, *frames, "stand-in", "")

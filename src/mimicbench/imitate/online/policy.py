@@ -1,0 +1,123 @@
+"""Who plans online, in closed loop."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import torch
+from torch import Tensor, nn
+
+from mimicbench.core import rotations as rot
+from mimicbench.core.checkpoint import load_checkpoint, save_checkpoint
+from mimicbench.core.motion import RobotMotion
+from mimicbench.envs.reference import ReferenceBank
+from mimicbench.imitate.goals import KnownGoal, known_goal
+from mimicbench.imitate.online.planning import OnlineConfig, Planning, standing
+from mimicbench.imitate.online.reckoning import in_hands, reckoned, rooms_of, seen_from
+from mimicbench.imitate.plan import Imagined
+from mimicbench.imitate.planner import own_terms
+from mimicbench.imitate.policy import BODY
+from mimicbench.robots.description import Robot
+from mimicbench.sensors.observations import Observations, chosen_terms
+from mimicbench.sim.rows import Rows
+from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.tasks.task import Task
+from mimicbench.track.checkpoint import load_tracker
+from mimicbench.track.history import Follower
+from mimicbench.track.spec import Tracker
+
+
+class OnlinePolicy:
+    """Plans once, at the start; from then on the tracker follows, and the plan goes where the goal is."""
+
+    def __init__(self, robot: Robot, task: Task, tracker: Tracker, goal: KnownGoal, config: OnlineConfig) -> None:
+        self._robot, self._task, self._tracker, self._goal, self._config = robot, task, tracker, goal, config
+        self._planning, self._own = Planning(robot, task, config), own_terms(tracker.spec, task)
+        self._told = tuple(term for term in chosen_terms(tracker.spec.observations, task) if term.privileged)
+        self.gains = tracker.spec.gains
+        self.observations: tuple[str, ...] = tuple(dict.fromkeys((*BODY, *goal.observations, "elevation", *self._own)))
+        self._device, self._begun = "cpu", 0
+        self._forget(0)
+
+    def _forget(self, robots: int) -> None:
+        self._motions: list[RobotMotion | None] = [None] * robots
+        self._place = torch.zeros(robots, 3, device=self._device)
+        """(N, 3) where each plan is: x, y [m] and yaw [rad] in the heading frame of the start."""
+        self._last_action = torch.zeros(robots, len(self._robot.joints), device=self._device)
+        self._follower = Follower(self._tracker, robots, self._device)
+        self._bank: ReferenceBank | None = None
+
+    def to(self, device: str) -> None:
+        """Move the networks to a device; nothing is remembered."""
+        self._device = device
+        self._tracker.network.to(device)
+        self._goal.to(device)
+        self._forget(0)
+
+    def networks(self) -> list[nn.Module]:
+        """All that it runs on."""
+        return [self._tracker.network, *self._goal.networks()]
+
+    @torch.no_grad()
+    def reset(self, ids: Tensor, obs: Observations) -> None:
+        """Find out about the goal, and plan."""
+        if len(self._motions) != obs.num_envs:
+            self._forget(obs.num_envs)
+        self._goal.begin(ids, obs)
+        spec, place = self._task.goal, self._wanted()
+        own = spec.to_root(self._goal.goal, place[:, :2], place[:, 2]).double().cpu().numpy()
+        rooms = rooms_of(obs.of("elevation", ids), obs["proprio"][ids, 3], place[ids], self._task.map_cell)
+        here = seen_from(reckoned(obs["proprio"], obs["odometry"]), place)
+        stands = torch.cat([here.root_pos_w[:, :2], rot.yaw_of(here.root_quat_w)[:, None]], -1).double().cpu().numpy()
+        joint_pos = here.joint_pos.double().cpu().numpy()
+        for room, i in zip(rooms, ids.tolist(), strict=True):
+            planned = self._planning.plan(own[i], room, stands[i], joint_pos[i], self._begun)
+            self._motions[i] = planned or standing(self._robot, self._task, here, i)
+            self._begun += 1
+        known = next(motion for motion in self._motions if motion is not None)
+        self._bank = ReferenceBank([motion or known for motion in self._motions], self._robot, self._device)
+        self._place = self._place.index_copy(0, ids, place[ids])
+        self._last_action = self._last_action.index_fill(0, ids, 0.0)
+        self._follower.history.begin(Rows.of(ids, obs.num_envs, self._device))
+
+    @torch.no_grad()
+    def act(self, obs: Observations) -> Tensor:
+        """Joint position targets (N, J) [rad]."""
+        bank, robots = self._bank, torch.arange(obs.num_envs, device=self._device)
+        assert bank is not None, "reset it first"
+        self._goal.recall(obs)
+        self._go_along()
+        index = (obs["time"][:, 0] / CONTROL_DT).round().long()
+        state = seen_from(reckoned(obs["proprio"], obs["odometry"]), self._place)
+        context = Imagined.of(self._robot, self._task, state, lambda ahead: bank.frame(robots, index + ahead))
+        if self._task.moves_object:
+            context = context.beside(in_hands(context))
+        told = {term.name: term.compute(context) for term in self._told}
+        terms = {**{name: obs[name] for name in self._own}, "last_action": self._last_action, **told}
+        self._last_action = self._follower.action(terms)
+        return self._tracker.target(self._robot, terms, self._last_action)
+
+    def _wanted(self) -> Tensor:
+        """(N, 3) x, y [m] and yaw [rad] of the goals as they are known."""
+        spec, goal = self._task.goal, self._goal.goal
+        sine, cosine = goal[:, spec.front].unbind(-1)
+        return torch.cat([goal[:, spec.where], torch.atan2(sine, cosine)[:, None]], -1)
+
+    def _go_along(self) -> None:
+        """Plans move to where their goals are known to be by now."""
+        away, most = self._wanted() - self._place, self._config.pace * CONTROL_DT
+        away[:, 2] = rot.wrap_angle(away[:, 2])
+        far = away[:, :2].norm(dim=-1, keepdim=True).clamp(min=1e-9)
+        step = away[:, :2] * (most / far).clamp(max=1.0)
+        self._place = self._place + torch.cat([step, away[:, 2:].clamp(-2 * most, 2 * most)], -1)
+
+
+def save_online(folder: Path, robot: Robot, config: OnlineConfig, notes: Mapping[str, object]) -> None:
+    """Write how to plan; tracker and perception are in folders beside it."""
+    save_checkpoint(folder, "online", robot.name, config, {}, notes)
+
+
+def load_online(folder: Path, robot: Robot, task: Task) -> OnlinePolicy:
+    """Read one with the `tracker` and the `perception` in the folders beside it. Raises BadCheckpoint."""
+    config = load_checkpoint(folder, "online", robot.name).config_as(OnlineConfig)
+    tracker = load_tracker(folder.parent / "tracker", robot)
+    return OnlinePolicy(robot, task, tracker, known_goal(folder.parent / "perception", robot, task), config)
