@@ -8,11 +8,10 @@ import pytest
 from learning import clip_of
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
-from mimicbench.core.mirror import SPECULAR, SPECULAR_QUAT, other_side
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.mirrored import mirrored, with_mirror_images
 from mimicbench.references.augment import mirrored_object
-from mimicbench.robots.mirror import mirrored_joints
+from mimicbench.robots.mirror import SPECULAR, SPECULAR_QUAT, mirrored_joints, other_side
 from mimicbench.robots.registry import ROBOTS
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.train import train_tracker

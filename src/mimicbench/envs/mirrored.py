@@ -2,13 +2,12 @@
 
 from dataclasses import replace
 
-from mimicbench.core.mirror import SPECULAR, SPECULAR_QUAT, other_side, toggled
 from mimicbench.core.motion import RobotMotion
 from mimicbench.envs.clips import ClipSet
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.augment import LATERAL, mirrored_object
 from mimicbench.robots.description import Robot
-from mimicbench.robots.mirror import mirrored_joints
+from mimicbench.robots.mirror import SPECULAR, SPECULAR_QUAT, mirrored_joints, other_side, toggled
 
 
 def mirrored(motion: RobotMotion, robot: Robot, obj: SceneObject) -> RobotMotion:

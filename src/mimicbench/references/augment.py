@@ -17,7 +17,6 @@ from scipy.interpolate import CubicSpline
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
-from mimicbench.core.mirror import SPECULAR, SPECULAR_QUAT, other_side, toggled
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.parallel import map_items
 from mimicbench.core.run import RunContext
@@ -29,6 +28,7 @@ from mimicbench.objects.make import object_ids, read_objects
 from mimicbench.objects.shape import SceneObject, load_object, save_object
 from mimicbench.references.checks.quality import Fulfils, check_clip, gate
 from mimicbench.references.warp import approach_end, rescaled, turned_approach
+from mimicbench.robots.mirror import SPECULAR, SPECULAR_QUAT, other_side, toggled
 
 Kind = Literal["mirror", "speed", "start", "size"]
 LATERAL = ("turn", "seat_y", "twist", "tilt", "askew", "first", "habits", "uneven", "later_hand", "later_leg")

@@ -1,14 +1,30 @@
-"""A robot in a mirror: which joint is on the other side, and whether it turns the same way there."""
+"""A robot in a mirror: which joint is on the other side, and whether it turns the same way there.
+
+The mirror stands upright along x, so left and right are exchanged, and y changes its sign.
+"""
 
 import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
-from mimicbench.core.mirror import SPECULAR, SPECULAR_QUAT, other_side
 from mimicbench.robots.description import Robot
 
+SPECULAR = np.array([1.0, -1.0, 1.0])
+"""What positions (..., 3) are multiplied by."""
+SPECULAR_QUAT = np.array([1.0, -1.0, 1.0, -1.0])
+"""What quaternions (..., 4) are multiplied by: turns about y stay, those about x and z go the other way."""
 TOLERANCE = 1e-3
 """[m, rad] by which the sides of a robot may differ."""
+
+
+def other_side(name: str) -> str:
+    """With left in place of right and right in place of left."""
+    return name.replace("left", "\0").replace("right", "left").replace("\0", "right")
+
+
+def toggled(name: str) -> str:
+    """An id with `~mirror` at its end, or without it."""
+    return name.removesuffix("~mirror") if name.endswith("~mirror") else f"{name}~mirror"
 
 
 def mirrored_joints(robot: Robot) -> tuple[np.ndarray, np.ndarray]:

@@ -8,43 +8,24 @@ first is called, for who only asks what tasks there are should not wait for it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.symmetry import symmetries
+from mimicbench.tasks.field import FREE, SIZES, Field
 
 if TYPE_CHECKING:
     import torch
     from torch import Tensor
 
-Kind = Literal["place", "direction", "point", "scalar"]
-SIZES: Mapping[Kind, int] = {"place": 2, "direction": 2, "point": 3, "scalar": 1}
-"""Numbers of a field: x, y of a place [m]; sine and cosine of a direction; x, y and height of a point [m]; one length
-[m], which no motion changes."""
-_FREE: Mapping[Kind, int] = {"place": 2, "direction": 1, "point": 3, "scalar": 1}
-"""Numbers in which perception can err."""
 _ALIKE = 0.01
 """Right answers that differ by less in every number are the same."""
-
-
-@dataclass(frozen=True)
-class Field:
-    """One named part of a goal."""
-
-    name: str
-    kind: Kind
-    noise: float
-    """Deviation of perception's errors, drawn once an episode in training [m], of a direction [rad]."""
-    spread: float
-    """Of a network's output, so that its own numbers are near 1, and its loss weighs the fields alike."""
-    middle: float = 0.0
-    """Of a scalar's outputs [m]; places and points are relative to the window that the network looks at."""
 
 
 @dataclass(frozen=True)
@@ -222,7 +203,7 @@ class GoalSpec:
         """Goals (N, G) with errors as perception makes them."""
         import torch
 
-        free = sum(_FREE[field.kind] for field in self.fields)
+        free = sum(FREE[field.kind] for field in self.fields)
         noise = list(torch.randn(len(goal), free, generator=generator, device=goal.device, dtype=goal.dtype).unbind(-1))
         columns = list(goal.unbind(-1))
         for field in self.fields:

@@ -21,8 +21,8 @@ class ResidualConfig:
     position: float = 0.35
     """Of exp(-10 d^2), d being the root's distance from its reference [m]."""
     orientation: float = 0.20
-    """Of 1 / (1 + 5 a^2), a being the angle between the root and its reference [rad]. Who swings the legs onto a
-    bed and does not turn with them is a radian off, where exp(-5 a^2), the same near 0, has nothing more to say."""
+    """Of 1 / (1 + 5 a^2), a being the angle between the root and its reference [rad]. Who swings the
+    legs up to lie and does not turn with them is a radian off, where exp(-5 a^2), the same near 0, says nothing."""
     joints: float = 0.25
     """Of 1 / (1 + sum dq^2) over the joints [rad]."""
     velocity: float = 0.10
