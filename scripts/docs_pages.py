@@ -57,10 +57,8 @@ def api_page(name: str, modules: Sequence[str]) -> str:
 
 def moved_pages() -> dict[str, str]:
     """What stands beside the folder of documents, with links as seen from inside."""
-    readme = (ROOT / "README.md").read_text(encoding="utf8")
-    results = "# Results\n" + readme.split("\n## Results\n")[1].split("\n## ")[0]
     changes, contributing = ((ROOT / f"{name}.md").read_text(encoding="utf8") for name in ("CHANGELOG", "CONTRIBUTING"))
-    found = {"results.md": results, "changelog.md": changes, "contributing.md": contributing}
+    found = {"changelog.md": changes, "contributing.md": contributing}
     return {path: linked(re.sub(r"\]\((?!docs/|\w+:|#)", "](../", text)) for path, text in found.items()}
 
 

@@ -13,7 +13,7 @@ from mimicbench.benchmark import keys
 from mimicbench.benchmark.graph import Clips, env_config, retargeted
 from mimicbench.benchmark.keys import Run
 from mimicbench.benchmark.recipe import stage_type
-from mimicbench.core.checkpoint import CONFIG, MODEL
+from mimicbench.core.checkpoint import CONFIG, MODEL, beside
 from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
 from mimicbench.core.files import digest_of
 from mimicbench.imitate.registry import LEARNERS
@@ -49,8 +49,8 @@ class Who:
         """Digests of the networks that it runs on: its own, and those in the folders beside it that it may use."""
         if self.folder.suffix in FILES:
             return {"program": digest_of(self.folder)}
-        beside = {name: self.folder.parent / name for name in (keys.TRACKER, keys.PERCEPTION)}
-        folders = {"checkpoint": self.folder, **{n: f for n, f in beside.items() if f != self.folder}}
+        used = {name: beside(self.folder, name) for name in (keys.TRACKER, keys.PERCEPTION)}
+        folders = {"checkpoint": self.folder, **{n: f for n, f in used.items() if f != self.folder}}
         return {n: digest_of(f / MODEL) + digest_of(f / CONFIG) for n, f in folders.items() if (f / MODEL).exists()}
 
 

@@ -224,3 +224,11 @@ def copy_checkpoint(source: Path, target: Path) -> None:
     for name in (MODEL, CONFIG):  # config.json last: a folder with it is whole
         data = (source / name).read_bytes()
         write_atomic(target / name, lambda stream, data=data: stream.write(data))
+
+
+def beside(folder: Path, name: str) -> Path:
+    """Where a checkpoint has another that it runs on: in the folder beside its own, or in its own if it is not the one
+    that its neighbors use.
+    """
+    own = folder / name
+    return own if (own / CONFIG).exists() else folder.parent / name

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from mimicbench.core import rotations as rot
+from mimicbench.core.checkpoint import beside
 from mimicbench.core.errors import BadFile, MimicbenchError
 from mimicbench.envs.clips import ClipSet
 from mimicbench.imitate.dataset import DemoFrames, EpisodeGoals, MapMaker, Plans
@@ -111,7 +112,7 @@ def clone_loader(config_type: type[NetworkConfig]) -> Callable[[Path, Robot, Tas
     def load(folder: Path, robot: Robot, task: Task) -> VisionPolicy:
         """The policy in a folder, with the eyes in the folder `perception` beside it if it remembers."""
         learner, notes = load_learner(folder, robot, config_type)
-        goal = known_goal(folder.parent / "perception", robot, task) if learner.inputs.memory else None
+        goal = known_goal(beside(folder, "perception"), robot, task) if learner.inputs.memory else None
         return VisionPolicy(learner, goal, str(notes.get("gains", "improved")))
 
     return load

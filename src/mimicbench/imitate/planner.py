@@ -20,7 +20,7 @@ import torch
 from torch import nn
 
 from mimicbench.core.building import built
-from mimicbench.core.checkpoint import load_checkpoint, save_checkpoint
+from mimicbench.core.checkpoint import beside, load_checkpoint, save_checkpoint
 from mimicbench.core.motion import RobotMotion
 from mimicbench.core.settings import Positive, Sizes
 from mimicbench.envs.clip_starts import ClipStartConfig
@@ -264,8 +264,8 @@ def load_planner(folder: Path, robot: Robot, task: Task) -> PlannerPolicy:
     """
     checkpoint = load_checkpoint(folder, "planner", robot.name)
     config = checkpoint.config_as(PlannerConfig)
-    tracker = load_tracker(folder.parent / "tracker", robot)
-    goal = known_goal(folder.parent / "perception", robot, task)
+    tracker = load_tracker(beside(folder, "tracker"), robot)
+    goal = known_goal(beside(folder, "perception"), robot, task)
     style = checkpoint.tensors["style_mean"].size if "style_mean" in checkpoint.tensors else 0
     sizes = PlannerSizes.of(robot, task, tracker.spec, style)
     network = built(checkpoint, lambda: PlannerNetwork(sizes, config.hidden), [len(config.hidden)])

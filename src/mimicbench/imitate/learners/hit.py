@@ -26,6 +26,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from mimicbench.core.checkpoint import beside
 from mimicbench.core.settings import Positive
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.reference import ReferenceBank
@@ -253,8 +254,8 @@ class HITPolicy:
 def load_hit(folder: Path, robot: Robot, task: Task) -> HITPolicy:
     """Read a policy with the `tracker` in the folder beside it. Raises BadCheckpoint."""
     learner, _ = load_learner(folder, robot, HITConfig)
-    goal = known_goal(folder.parent / "perception", robot, task) if learner.inputs.memory else None
-    return HITPolicy(robot, task, learner, load_tracker(folder.parent / "tracker", robot), Senses(learner.inputs, goal))
+    goal = known_goal(beside(folder, "perception"), robot, task) if learner.inputs.memory else None
+    return HITPolicy(robot, task, learner, load_tracker(beside(folder, "tracker"), robot), Senses(learner.inputs, goal))
 
 
 @dataclass(frozen=True)

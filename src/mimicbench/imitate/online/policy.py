@@ -7,7 +7,7 @@ import torch
 from torch import Tensor, nn
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.checkpoint import load_checkpoint, save_checkpoint
+from mimicbench.core.checkpoint import beside, load_checkpoint, save_checkpoint
 from mimicbench.core.motion import RobotMotion
 from mimicbench.envs.reference import ReferenceBank
 from mimicbench.imitate.goals import KnownGoal, known_goal
@@ -119,5 +119,5 @@ def save_online(folder: Path, robot: Robot, config: OnlineConfig, notes: Mapping
 def load_online(folder: Path, robot: Robot, task: Task) -> OnlinePolicy:
     """Read one with the `tracker` and the `perception` in the folders beside it. Raises BadCheckpoint."""
     config = load_checkpoint(folder, "online", robot.name).config_as(OnlineConfig)
-    tracker = load_tracker(folder.parent / "tracker", robot)
-    return OnlinePolicy(robot, task, tracker, known_goal(folder.parent / "perception", robot, task), config)
+    tracker = load_tracker(beside(folder, "tracker"), robot)
+    return OnlinePolicy(robot, task, tracker, known_goal(beside(folder, "perception"), robot, task), config)
