@@ -104,7 +104,8 @@ def track_clips(
             if not active.any():
                 break
         action = follower.action(env.observe(tracker.spec.observations))
-        target = tracker.spec.target(robot, env.context.reference(1).joint_pos, action, tracker.settings)
+        following, last = env.context.reference(1).joint_pos, env.context.last_action
+        target = tracker.spec.aim(robot, following, action, last, tracker.settings)
         before = [array.astype(np.float32) for array in (env.physics.qpos(), env.physics.qvel())]
         env.step(target, action, active)
         if config.record:

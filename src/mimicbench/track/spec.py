@@ -51,9 +51,18 @@ class TrackerSpec:
     """Frames that its network sees unless it is told otherwise: the present one and those before it."""
     scales: Mapping[str, float] = field(default_factory=dict)
     """What terms are multiplied by before the network sees them, by name; 1 for all others."""
+    smoothing: Callable[[Any], float] = lambda settings: 0.0
+    """Share of the action before in the one that is carried out, by the settings."""
     ends: Mapping[str, Callable[[StepContext, Any], Tensor]] = field(default_factory=dict)
     """Why episodes of its training end beside what all trackers' end for, in words: (N,) bool whether a robot has
     failed, by the settings."""
+
+    def aim(self, robot: Robot, next_joint_pos: Tensor, action: Tensor, last_action: Tensor, settings: Any) -> Tensor:
+        """(N, J) joint targets [rad] of an action and the one before it, on the joint angles of the next reference."""
+        share = self.smoothing(settings)
+        if share:
+            action = (1.0 - share) * action + share * last_action
+        return self.target(robot, next_joint_pos, action, settings)
 
     def plan(self, task: Task) -> tuple[str, ...]:
         """Names of the privileged terms: what it has to be told by a clip or a planner."""
@@ -153,8 +162,9 @@ class Tracker:
         return self.network(torch.cat([past, self.layout.flat(terms)], -1))
 
     def target(self, robot: Robot, terms: Terms, action: Tensor) -> Tensor:
-        """(N, J) joint targets [rad] of an action on terms."""
-        return self.spec.target(robot, self.spec.next_joint_pos(robot, terms), action, self.settings)
+        """(N, J) joint targets [rad] of an action on terms, whose `last_action` is the one before it."""
+        before = terms.get("last_action", action)
+        return self.spec.aim(robot, self.spec.next_joint_pos(robot, terms), action, before, self.settings)
 
 
 def flat(terms: Terms, names: tuple[str, ...]) -> Tensor:

@@ -157,7 +157,7 @@ class TrackingEnv:
         """
         if target is None:
             following = self.context.reference(1).joint_pos
-            target = self.spec.target(self.clips.robot, following, action, settings)
+            target = self.spec.aim(self.clips.robot, following, action, self.context.last_action, settings)
         if self.history.remembers:
             self.history.add(self.layout.flat(self.terms()))
         transition = self.env.step(target, action)

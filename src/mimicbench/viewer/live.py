@@ -185,7 +185,7 @@ def _following(folder: Path, opened: Opened) -> Any:
     def act() -> tuple[torch.Tensor, torch.Tensor]:
         action = follower.action(env.observe(tracker.spec.observations))
         reference = env.context.reference(1).joint_pos
-        return tracker.spec.target(opened.robot, reference, action, tracker.settings), action
+        return tracker.spec.aim(opened.robot, reference, action, env.context.last_action, tracker.settings), action
 
     return env, act, tracker.spec.gains, None
 

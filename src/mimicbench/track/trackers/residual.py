@@ -36,6 +36,9 @@ class ResidualConfig:
     air are half a meter off: a kernel that is nothing there would teach nothing."""
     action_rate: float = 0.005
     """Price of the squared change of the action."""
+    smoothing: float = 0.0
+    """Share of the action before in the one that is carried out. Peaks of power come from jerks: with 0.4 a
+    tracker that learned without it had K as often, and K and P in 84 instead of 74 % of 40 clips."""
     object: float = 0.5
     """Share of the whole that exp(-10 d) of the object's distance d [m] from its reference has, where it moves."""
 
@@ -90,4 +93,5 @@ TRACKER = TrackerSpec(
     next_joint_pos,
     reward,
     ResidualConfig,
+    smoothing=lambda settings: settings.smoothing,
 )
