@@ -1,0 +1,78 @@
+"""Pictures of policies: what those that come with the package do, beside objects that nothing was trained on."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from doc_pictures.picture import DocPicture, of_objects, of_robots
+from mimicbench.benchmark.keys import SHIPPED
+from mimicbench.core.checkpoint import CONFIG
+from mimicbench.core.motion import RobotMotion
+from mimicbench.core.seeds import digest
+from mimicbench.envs.clips import ClipSet
+from mimicbench.evaluate.rollout import run_policy
+from mimicbench.objects.registry import FAMILIES
+from mimicbench.objects.shape import SceneObject
+from mimicbench.policies.loading import load_policy
+from mimicbench.references.synthesis.registry import synthesize
+from mimicbench.report.render import Picture, frame_all, robot_frames
+from mimicbench.report.video import strip
+from mimicbench.retarget.clip import Clip
+from mimicbench.retarget.registry import DEFAULT_METHOD, METHODS
+from mimicbench.robots.registry import ROBOTS
+from mimicbench.sim.scene import CONTROL_DT, build_model
+from mimicbench.tasks.registry import TASKS
+
+H1 = ROBOTS.get("h1")
+SHOWN = {"sit-chair": "online", "sit-sofa": "online", "touch-points": "planner", "lift-box": "online"}
+"""Whom to show at which task."""
+MOMENTS = 8
+
+
+@dataclass(frozen=True)
+class Episode:
+    """Where a policy begins, beside what."""
+
+    policy: Path
+    obj: SceneObject
+    start: RobotMotion
+
+
+def episodes() -> list[Episode]:
+    """One of each task, beside the first object of the test split."""
+    found, method = [], METHODS.get(DEFAULT_METHOD)
+    for task, policy in SHOWN.items():
+        family = FAMILIES.get(TASKS.get(task).family)
+        obj = next(obj for index in range(40) if (obj := family.make(index, 1)).split == "test")
+        clip = Clip(synthesize(task, 0, obj, 1), obj, H1)
+        found.append(Episode(SHIPPED / task / policy, obj, method.retarget(clip, method.preset(None))))
+    return found
+
+
+def arrays(shown: Sequence[Episode]) -> list[np.ndarray]:
+    """Objects, starts and checkpoints; not what the physics makes of them, which machines round differently."""
+    known = [float(digest(0, (one.policy / CONFIG).read_text()) % 997) for one in shown]
+    return [*of_objects([one.obj for one in shown]), *of_robots([one.start for one in shown]), np.array(known)]
+
+
+def draw(shown: Sequence[Episode]) -> np.ndarray:
+    """A strip of each, moments apart in what the root has gone, the last one at the time limit."""
+    rows = []
+    for one in shown:
+        task = TASKS.get(one.start.task)
+        clips = ClipSet(task, H1, [one.start], {one.obj.id: one.obj})
+        (run,) = run_policy(load_policy(one.policy, H1, task), clips, record=[0])
+        qpos = run.recordings[0]
+        gone = np.linalg.norm(np.diff(qpos[:, :3], axis=0), axis=1).cumsum()
+        moments = [*np.searchsorted(gone, np.linspace(0, 0.99 * gone[-1], MOMENTS - 1)), len(qpos) - 1]
+        model, camera = build_model(H1, one.obj, visuals=True), frame_all(one.obj, qpos[:, :3], 1.0)
+        frames = robot_frames(model, qpos[moments], camera, Picture(240, 240), one.start.wrist_goal_w)
+        rows.append(strip(list(frames), [f"{moment * CONTROL_DT:.1f} s" for moment in moments]))
+    return np.concatenate(rows)
+
+
+def pictures() -> list[DocPicture]:
+    """The one."""
+    return [DocPicture("policies.jpg", episodes, arrays, draw)]
