@@ -16,7 +16,7 @@ from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.reference import ReferenceBank
 from mimicbench.evaluate.rollout import run_policy
 from mimicbench.imitate.goals import goals_of
-from mimicbench.imitate.online.planning import JOIN, OnlineConfig, Planning, begun_from
+from mimicbench.imitate.online.planning import OnlineConfig, Planning
 from mimicbench.imitate.online.policy import OnlinePolicy, load_online, save_online
 from mimicbench.imitate.online.reckoning import in_hands, reckoned, rooms_of, seen_from
 from mimicbench.imitate.perception import Perception, PerceptionConfig, save_perception
@@ -129,24 +129,6 @@ def test_plans_do_the_task_from_where_the_robot_stands(task):
     assert task.fulfilled(planned, task.goal.stand_in(own, NO_ROOM), ROBOT)
     assert np.linalg.norm(planned.root_pos_w[0, :2] - xy) < 0.08
     assert abs(rot.wrap_angle(rot.yaw_of(planned.root_quat_w[0]) - root[2])) < 0.15
-
-
-def test_plans_begin_in_the_robots_own_pose():
-    motion = clip_of(TASKS.get("sit-chair")).motions[0]
-    turn = rot.from_rotvec(np.array([0.0, 0.1, 0.2]))
-    pos, joints = motion.root_pos_w[0] + [0.05, -0.02, 0.01], motion.joint_pos[0] + 0.1
-    quat, zero = rot.multiply(turn, motion.root_quat_w[0]), torch.zeros(1, 3)
-    row = [torch.tensor(part)[None] for part in (pos, quat)]
-    state = RobotState(*row, zero, zero, torch.tensor(joints)[None], torch.zeros(1, 19))
-    begun = begun_from(motion, state, 0)
-    np.testing.assert_allclose(begun.root_pos_w[0], pos, atol=1e-9)
-    np.testing.assert_allclose(begun.joint_pos[0], joints, atol=1e-9)
-    assert float(rot.angle_between(begun.root_quat_w[0], quat)) < 1e-6
-    half = round(JOIN / 2 * motion.fps)
-    np.testing.assert_allclose(begun.joint_pos[half] - motion.joint_pos[half], 0.05, atol=1e-6)
-    later = slice(round(JOIN * motion.fps), None)
-    np.testing.assert_allclose(begun.root_pos_w[later], motion.root_pos_w[later], atol=1e-9)
-    assert float(rot.angle_between(begun.root_quat_w[later], motion.root_quat_w[later]).max()) < 1e-6
 
 
 def test_an_object_goes_with_the_hands_once_it_is_lifted():
