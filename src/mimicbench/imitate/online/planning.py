@@ -20,9 +20,6 @@ from mimicbench.sim.physics import RobotState
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.task import BodyPoints, Task
 
-JOIN = 1.0
-"""[s] in which a plan's first pose gives way to the robot's: a plan is a person's, who stands a little otherwise."""
-
 
 @dataclass(frozen=True)
 class OnlineConfig:
@@ -93,22 +90,6 @@ class Planning:
         return state_of_points(
             body, upright, FootPoints(feet, np.zeros((2, 3)), np.tile(turn, (2, 1)), np.ones(2, bool))
         )
-
-
-def begun_from(motion: RobotMotion, state: RobotState, row: int) -> RobotMotion:
-    """The motion, begun in a robot's own pose: what differs at first fades within JOIN seconds."""
-    pos, quat, joints = (
-        part[row].double().cpu().numpy() for part in (state.root_pos_w, state.root_quat_w, state.joint_pos)
-    )
-    time = np.arange(motion.frames) / motion.fps
-    left = 0.5 * (1.0 + np.cos(np.pi * np.minimum(time / JOIN, 1.0)))[:, None]
-    turn = rot.to_rotvec(rot.multiply(quat, rot.conjugate(motion.root_quat_w[0])))
-    return replace(
-        motion,
-        root_pos_w=motion.root_pos_w + left * (pos - motion.root_pos_w[0]),
-        root_quat_w=rot.multiply(rot.from_rotvec(left * turn), motion.root_quat_w),
-        joint_pos=motion.joint_pos + left * (joints - motion.joint_pos[0]),
-    )
 
 
 def standing(robot: Robot, task: Task, state: RobotState, row: int) -> RobotMotion:

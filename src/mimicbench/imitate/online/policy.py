@@ -11,7 +11,7 @@ from mimicbench.core.checkpoint import beside, load_checkpoint, save_checkpoint
 from mimicbench.core.motion import RobotMotion
 from mimicbench.envs.reference import ReferenceBank
 from mimicbench.imitate.goals import KnownGoal, known_goal
-from mimicbench.imitate.online.planning import OnlineConfig, Planning, begun_from, standing
+from mimicbench.imitate.online.planning import OnlineConfig, Planning, standing
 from mimicbench.imitate.online.reckoning import in_hands, reckoned, rooms_of, seen_from
 from mimicbench.imitate.plan import Imagined
 from mimicbench.imitate.planner import own_terms
@@ -71,9 +71,7 @@ class OnlinePolicy:
         joint_pos = here.joint_pos.double().cpu().numpy()
         for room, i in zip(rooms, ids.tolist(), strict=True):
             planned = self._planning.plan(own[i], room, stands[i], joint_pos[i], self._begun)
-            self._motions[i] = (
-                standing(self._robot, self._task, here, i) if planned is None else begun_from(planned, here, i)
-            )
+            self._motions[i] = planned or standing(self._robot, self._task, here, i)
             self._begun += 1
         known = next(motion for motion in self._motions if motion is not None)
         self._bank = ReferenceBank([motion or known for motion in self._motions], self._robot, self._device)
