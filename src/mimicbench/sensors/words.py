@@ -8,7 +8,13 @@ _LINKS = (
 )
 WORDS: Mapping[str, str] = {
     "gravity": "direction of gravity in the root frame",
+    "tilt": "roll and pitch of the root [rad]",
     "root_height": "height of the root above the floor [m]",
+    "root_ang_vel": "how fast the root turns, in its own frame [rad/s]",
+    "joint_offset": "joint angles from those of the rest pose [rad]",
+    "joint_target+1": "joint angles of the reference one control step ahead [rad]",
+    "bears+1": "which of feet, hands and pelvis bear in the reference one control step ahead, 1 or 0",
+    "walk+1": "how the reference goes one control step ahead: forward and left [m/s], turning [rad/s]",
     "joint_pos": "joint angles [rad]",
     "joint_vel": "joint velocities [rad/s]",
     "proprio": "what a robot measures of itself: gravity, root height, root velocities in its own frame, joint angles "

@@ -24,7 +24,8 @@ class History:
 
     def begin(self, rows: Rows) -> None:
         """Episodes `rows` begin anew: nothing was seen before."""
-        rows.put(self.past, 0.0)
+        if self.remembers:
+            rows.put(self.past, 0.0)
 
     def seen(self, now: Tensor) -> Tensor:
         """(N, F O) all frames, the present one (N, O) last."""
