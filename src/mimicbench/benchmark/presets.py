@@ -133,6 +133,14 @@ def _sizes(objects: int, clips: int, tracked: int, episodes: int, policies: tupl
     }
 
 
+def _shipped(task: str, *others: str) -> tuple[str, ...]:
+    """The best policy of a task, and others that come with the package for it."""
+    from mimicbench.benchmark.keys import SHIPPED
+    from mimicbench.core.checkpoint import CONFIG
+
+    return "best", *(name for name in others if (SHIPPED / task / name / CONFIG).exists())
+
+
 @dataclass(frozen=True)
 class Chosen:
     """Names on which the values of a preset depend."""
@@ -196,8 +204,8 @@ PRESETS: Mapping[str, Callable[[Chosen], Tree]] = {
     "hst-original": _hst_original,
     "paper-size": _paper_size,
     "new-objects": lambda _: {"seed": 1},
-    "smoke": lambda _: _sizes(16, 16, 16, 16, ("planner",)),
-    "default": lambda _: _sizes(120, 128, 128, 128, ("planner", "act-clock", "bc-clock")),
+    "smoke": lambda _: _sizes(16, 16, 16, 16, ("best",)),
+    "default": lambda chosen: _sizes(120, 128, 128, 128, _shipped(chosen.task, "planner", "act-clock", "bc-clock")),
     "full": lambda _: _sizes(400, 2000, 256, 400, ("planner", "act", "bc", "act-clock", "bc-clock")),
 }
 PROFILES = ("smoke", "default", "full")

@@ -95,5 +95,6 @@ class Planning:
 def standing(robot: Robot, task: Task, state: RobotState, row: int) -> RobotMotion:
     """A robot that stays as it is."""
     pose = state.root_pos_w, state.root_quat_w, state.joint_pos
-    frames = (np.repeat(part[row : row + 1].double().cpu().numpy(), 2, 0) for part in pose)
-    return RobotMotion("standing", task.name, robot.name, robot.joint_names, 1 / CONTROL_DT, *frames, "stand-in", "")
+    pos, quat, joints = (np.repeat(part[row : row + 1].double().cpu().numpy(), 2, 0) for part in pose)
+    fps = 1 / CONTROL_DT
+    return RobotMotion("standing", task.name, robot.name, robot.joint_names, fps, pos, quat, joints, "stand-in", "")
