@@ -368,3 +368,14 @@ def test_recordings_to_learn_from_must_be_there(tmp_path):
     run = start(read_recipe({"task": "sit-chair", "track": {"recorded": ["people"]}}), tmp_path)
     with pytest.raises(BadFile, match="mimicbench import --to people"):
         keys.tracked(run)
+
+
+@pytest.mark.parametrize("profile", ["smoke", "default", "full"])
+@pytest.mark.parametrize("task", list(TASKS))
+def test_sizes_name_policies_that_can_also_be_learned(task, profile):
+    """`run --train` learns whom a size names, and nobody is judged twice."""
+    recipe = read_call("evaluate", ["--task", task], presets=[profile]).recipes[0]
+    names = recipe.evaluate.policy
+    assert names[0] == "tracker" and len(names) > 1 and len(set(names)) == len(names)
+    for name in names[1:]:
+        stage_type("imitate", {"learner": name})

@@ -133,12 +133,14 @@ def _sizes(objects: int, clips: int, tracked: int, episodes: int, policies: tupl
     }
 
 
-def _shipped(task: str, *others: str) -> tuple[str, ...]:
-    """The best policy of a task, and others that come with the package for it."""
+def _policies(task: str, *others: str) -> tuple[str, ...]:
+    """The best policy that comes with the package for a task, or else a planner, and those of some others that do."""
     from mimicbench.benchmark.keys import SHIPPED
     from mimicbench.core.checkpoint import CONFIG
+    from mimicbench.imitate.registry import LEARNERS
 
-    return "best", *(name for name in others if (SHIPPED / task / name / CONFIG).exists())
+    there = [name for name in LEARNERS if (SHIPPED / task / name / CONFIG).exists()]
+    return tuple(dict.fromkeys([*(there[:1] or ["planner"]), *(name for name in others if name in there)]))
 
 
 @dataclass(frozen=True)
@@ -204,8 +206,8 @@ PRESETS: Mapping[str, Callable[[Chosen], Tree]] = {
     "hst-original": _hst_original,
     "paper-size": _paper_size,
     "new-objects": lambda _: {"seed": 1},
-    "smoke": lambda _: _sizes(16, 16, 16, 16, ("best",)),
-    "default": lambda chosen: _sizes(120, 128, 128, 128, _shipped(chosen.task, "planner", "act-clock", "bc-clock")),
+    "smoke": lambda chosen: _sizes(16, 16, 16, 16, _policies(chosen.task)),
+    "default": lambda chosen: _sizes(120, 128, 128, 128, _policies(chosen.task, "planner", "act-clock", "bc-clock")),
     "full": lambda _: _sizes(400, 2000, 256, 400, ("planner", "act", "bc", "act-clock", "bc-clock")),
 }
 PROFILES = ("smoke", "default", "full")

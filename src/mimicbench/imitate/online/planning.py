@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.errors import MimicbenchError
+from mimicbench.core.errors import BadMotion, BadObject, MimicbenchError
 from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.core.settings import Positive, Seed
 from mimicbench.objects.shape import SceneObject
@@ -71,7 +71,7 @@ class Planning:
                 motion = self._retargeted(human, obj)
                 if self._task.fulfilled(motion, obj, self._robot):
                     break
-        except MimicbenchError:  # eyes can be so wrong that nobody could sit there
+        except (BadObject, BadMotion):  # eyes can be so wrong that nobody could sit there
             return None
         return None if motion is None else self._task.trimmed(motion, obj, self._robot)
 
