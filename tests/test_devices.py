@@ -21,7 +21,6 @@ from mimicbench.benchmark.graph import start
 from mimicbench.benchmark.keys import SHIPPED
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError, UnknownName
-from mimicbench.core.motion import RobotMotion
 from mimicbench.core.run import RunContext
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.gym import TaskEnv
@@ -43,6 +42,7 @@ from mimicbench.track.rollout import RolloutConfig, track_clips
 from mimicbench.track.tracking import TrackingConfig, TrackingEnv
 from mimicbench.track.train import TrackConfig, train_tracker
 from stool import H1, block, seated, standing
+from tracked import still
 
 HAS_WARP = importlib.util.find_spec("mujoco_warp") is not None
 DEVICES = ["warp-cpu", *(["cuda"] if torch.cuda.is_available() else [])]
@@ -58,23 +58,7 @@ effort 8e-5 of itself."""
 SHIPPED_TRACKER = SHIPPED / "sit-chair" / "tracker"
 
 
-def still(posture, name, frames=12):
-    pos, joints = posture
-    return RobotMotion(
-        name,
-        "sit-chair",
-        "h1",
-        H1.joint_names,
-        50.0,
-        np.tile(pos, (frames, 1)),
-        np.tile(rot.IDENTITY, (frames, 1)),
-        np.tile(joints, (frames, 1)),
-        STOOL.id,
-        name,
-    )
-
-
-CLIPS = ClipSet(SIT_CHAIR, H1, [still(standing(), "stands"), still(seated(0.42), "sits")], {STOOL.id: STOOL})
+CLIPS = ClipSet(SIT_CHAIR, H1, [still(standing(), "stands", 12), still(seated(0.42), "sits", 12)], {STOOL.id: STOOL})
 
 
 def sits():
