@@ -8,7 +8,7 @@ import numpy as np
 
 from doc_pictures.picture import DocPicture, of_objects, of_robots
 from mimicbench.benchmark.keys import SHIPPED
-from mimicbench.core.checkpoint import CONFIG
+from mimicbench.core.checkpoint import CONFIG, beside
 from mimicbench.core.motion import RobotMotion
 from mimicbench.core.seeds import digest
 from mimicbench.envs.clips import ClipSet
@@ -58,7 +58,10 @@ def episodes() -> list[Episode]:
 
 def arrays(shown: Sequence[Episode]) -> list[np.ndarray]:
     """Objects, starts and checkpoints; not what the physics makes of them, which machines round differently."""
-    known = [float(digest(0, (one.policy / CONFIG).read_text()) % 997) for one in shown]
+    used = [[one.policy, *(beside(one.policy, name) for name in ("tracker", "perception"))] for one in shown]
+    # the configuration of a checkpoint holds the digest of its weights
+    texts = ["".join((f / CONFIG).read_text() for f in folders if (f / CONFIG).exists()) for folders in used]
+    known = [float(digest(0, text) % 997) for text in texts]
     return [*of_objects([one.obj for one in shown]), *of_robots([one.start for one in shown]), np.array(known)]
 
 
