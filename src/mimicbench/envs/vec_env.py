@@ -78,6 +78,7 @@ class VecEnv:
         noise draw.
         """
         self.task, self.robot, self.config, self.num_envs = task, robot, config, len(objects)
+        self.measures_effort = config.measure_effort
         self.physics = make_physics(config.device, robot, objects, config.physics, config.workers)
         self.device = self.physics.device
         self.bank, self.hooks = bank, tuple(hooks)
@@ -142,7 +143,7 @@ class VecEnv:
         for hook in self.hooks:
             applied = hook.before_step(before, applied, self.random)
         self.applied = applied
-        measured = self.config.measure_effort
+        measured = self.measures_effort
         self.physics.step(applied, measured, running)
         action = target if action is None else action
         if running is None:

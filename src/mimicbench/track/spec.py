@@ -41,8 +41,8 @@ class TrackerSpec:
     """(N,) reward of the step that led to this context, by the settings."""
     settings: type = type(None)
     """Configuration dataclass of its own, or None."""
-    measures_effort: bool = False
-    """Whether the reward needs the mechanical effort, which costs time."""
+    measures_effort: Callable[[Any], bool] = lambda settings: False
+    """Whether the reward needs the mechanical effort, which costs time, by the settings."""
     measures_contact: bool = False
     """Whether the reward or the ends need the forces of contact, which cost time."""
     network: type[NetworkConfig] | None = None

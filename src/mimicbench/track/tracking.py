@@ -100,9 +100,7 @@ class TrackingEnv:
             clips.task,
             clips.robot,
             [scenes[clip] for clip in first],
-            EnvConfig(
-                env_config.device, env_config.workers, physics, judged=False, measure_effort=spec.measures_effort
-            ),
+            EnvConfig(env_config.device, env_config.workers, physics, judged=False, measure_effort=False),
             seed,
             self.bank,
             hooks,
@@ -160,6 +158,7 @@ class TrackingEnv:
             target = self.spec.aim(self.clips.robot, following, action, self.context.last_action, settings)
         if self.history.remembers:
             self.history.add(self.layout.flat(self.terms()))
+        self.env.measures_effort = self.spec.measures_effort(settings)
         transition = self.env.step(target, action)
         self._count(self._stepped + 1)
         reward = self.spec.reward(self.context, transition, settings)

@@ -115,5 +115,5 @@ TRACKER = TrackerSpec(
     next_joint_pos,
     reward,
     HSTConfig,
-    measures_effort=True,
+    measures_effort=lambda settings: True,
 )
