@@ -126,11 +126,19 @@ def make_problem(
     targets, tolerance = _points(bound, config, anchors, followed_points(bound, pos_w, quat_w))
     near, far = config.hand
     hand = far * (near / far) ** anchors.nearness  # from far to near by equal ratios
-    turn_links, turn_targets, turn_tolerance = _turns(clip, bound, config, anchors, quat_w)
     balls = balls_of(robot)
     margins, bearing = _bearing(clip, mapping, balls, config, feet, wrist_links)
     rests = np.any([when & which[balls.link == 0].any() for when, which in bearing] or [np.zeros(frames, bool)], 0)
     seated, lies = rests & anchors.on_floor.all(-1), rests & ~anchors.on_floor.any(-1)
+    tilt = np.arccos(np.clip(trunk_up(motion)[:, 2], -1.0, 1.0))
+    perched = rests & ~seated & ~bears(motion, "back")
+    bearing.append((perched & (tilt < config.lying_from), balls.link == 0))
+    bearing += [
+        (perched & (tilt > config.leaning_from) & (tilt < config.lying_from), np.isin(balls.link, links))
+        for links in _hands(robot, mapping)
+    ]
+    perched &= tilt < config.leaning_from
+    turn_links, turn_targets, turn_tolerance = _turns(clip, bound, config, anchors, quat_w, perched)
     balanced, heading, ankles = _balance(motion.fps, anchors, bearing, config)
     to_feet = (ankles - targets[:, bound.links.tolist().index(0)]) * [1.0, 1.0, 0.0]
     to_feet /= np.maximum(np.linalg.norm(to_feet, axis=-1, keepdims=True), 0.1)
@@ -164,6 +172,7 @@ def make_problem(
         balanced,
         heading,
         ankles,
+        perched,
         config.velocity_share * robot.velocity_limit,
         _legs(robot, feet),
     ), start
@@ -187,7 +196,7 @@ def _points(
 
 
 def _turns(
-    clip: Clip, bound: Bound, config: InteractionConfig, anchors: Anchors, quat_w: np.ndarray
+    clip: Clip, bound: Bound, config: InteractionConfig, anchors: Anchors, quat_w: np.ndarray, perched: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Links (Q,) that turn as the joints (T, J, 4) do, their targets (T, Q, 4) and tolerances (T, Q) [rad]."""
     feet = [link for _, link in bound.feet]
@@ -198,7 +207,7 @@ def _turns(
         column = turns[:, 1].tolist().index(link)
         turn_targets[:, column] = anchors.foot_quat_w[:, foot]
         turn_tolerance[:, column] = np.where(anchors.on_floor[:, foot], *config.foot_turn)
-    _keep_lean(clip, config, turns[:, 1], turn_targets, turn_tolerance)
+    _keep_lean(clip, config, turns[:, 1], turn_targets, turn_tolerance, trunk_rests(clip.motion) & ~perched)
     return turns[:, 1], turn_targets, turn_tolerance
 
 
@@ -219,15 +228,20 @@ def _bearing(
 
 
 def _keep_lean(
-    clip: Clip, config: InteractionConfig, links: np.ndarray, targets: np.ndarray, tolerance: np.ndarray
+    clip: Clip,
+    config: InteractionConfig,
+    links: np.ndarray,
+    targets: np.ndarray,
+    tolerance: np.ndarray,
+    when: np.ndarray,
 ) -> None:
-    """Let the trunk lean as the person's does while it bears, in targets (T, Q, 4) and tolerances (T, Q) of links (Q,).
+    """Let the trunk lean as the person's does in the frames `when` (T,), in targets (T, Q, 4) and tolerances (T, Q) of links (Q,).
 
     A robot without a waist would lean somewhere between pelvis and chest, or as its arms and feet would have it.
     """
     motion, robot = clip.motion, clip.robot
     mapping = find_mapping(motion.skeleton.name, robot)
-    share, up = _eased(trunk_rests(motion), motion.fps), trunk_up(motion)
+    share, up = _eased(when, motion.fps), trunk_up(motion)
     for column in np.flatnonzero(np.isin(links, [0, robot.link_names.index(mapping.trunk)])):
         targets[:, column] = rot.slerp(targets[:, column], swung(targets[:, column], up), share)
         tolerance[:, column] *= (config.lean / config.orientation) ** share
@@ -265,6 +279,11 @@ def _room(clip: Clip, pelvis_w: np.ndarray, way: np.ndarray) -> float:
     low, high = clip.obj.bounds()
     room = np.where(way > 0, high - EDGE - pelvis_w, pelvis_w - low - EDGE) / np.maximum(np.abs(way), 1e-6)
     return max(0.0, float(room[:, :2].min(initial=np.inf)))
+
+
+def _hands(robot: Robot, mapping: Mapping) -> list[list[int]]:
+    """The links that bear in place of the left and the right hand."""
+    return [[robot.link_names.index(link) for link in mapping.bearers[f"{side}_hand"]] for side in ("left", "right")]
 
 
 def _legs(robot: Robot, feet: list[int]) -> np.ndarray:

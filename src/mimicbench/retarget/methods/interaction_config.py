@@ -33,6 +33,15 @@ class InteractionConfig:
     """Of the center of mass from where it is in balance [m]."""
     support: tuple[float, float] = (-0.03, 0.12)
     """Where that is: behind and in front of the middle of the ankles [m]."""
+    perch: float = 0.02
+    """Where it is, at least, while only the root bears: in front of where it does [m]. A robot's trunk is heavier than
+    a person's, and its legs are not: who swings them up as upright as people tips over backwards."""
+    perch_error: float = 0.01
+    """How far it may be off that [m]."""
+    leaning_from: float = 0.5
+    """[rad] that a person's trunk is tilted from which on the hands bear it."""
+    lying_from: float = 1.3
+    """[rad] and until when."""
     before_sitting: float = 0.4
     """[s] Before the pelvis bears, balance no longer counts: people let themselves fall the last bit."""
     acceleration: float = 12.0

@@ -33,7 +33,7 @@ class Touch(NamedTuple):
     residual: np.ndarray
     """(M,)"""
     other: np.ndarray | None = None
-    """(M,) the link that it should move away from, if that is the robot's own."""
+    """(M,) the link that it should move away from, or be over, if that is the robot's own."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +89,8 @@ class Problem:
     """(T, 3) mean direction of the feet."""
     ankles: np.ndarray
     """(T, 3) middle of both ankles' anchors [m]."""
+    perched: np.ndarray
+    """(T,) whether the center of mass must not be behind where the root bears."""
     speed_limit: np.ndarray
     """(N,) [rad/s]."""
     leg: np.ndarray
@@ -235,7 +237,26 @@ class Problem:
         frame = np.flatnonzero(outside)
         scale = 1 / self.config.balance
         found.append(Touch(frame, None, np.zeros((len(frame), 3)), self.heading[frame] * scale, outside[frame] * scale))
-        return found
+        return [*found, self._behind(links, centers, distance)]
+
+    def _behind(self, links: Links, centers: np.ndarray, distance: np.ndarray) -> Touch:
+        """Who bears on the root, legs in the air and nothing at the back: the center of mass behind where it bears."""
+        frame = np.flatnonzero(self.perched)
+        own = np.flatnonzero(self.balls.link == 0)
+        bears = centers[frame, own[distance[np.ix_(frame, own)].argmin(-1)]]
+        facing = rot.rotate(links.quat[frame, 0], np.array([1.0, 0.0, 0.0])) * [1.0, 1.0, 0.0]
+        facing /= np.maximum(np.linalg.norm(facing, axis=-1, keepdims=True), 1e-6)
+        ahead = ((self.masses.center(links)[frame] - bears) * facing).sum(-1)
+        behind = np.flatnonzero(ahead < self.config.perch)
+        scale, frame = 1 / self.config.perch_error, frame[behind]
+        return Touch(
+            frame,
+            None,
+            bears[behind],
+            facing[behind] * scale,
+            (ahead[behind] - self.config.perch) * scale,
+            np.zeros(len(frame), int),
+        )
 
     def _of_balls(
         self,
@@ -258,7 +279,7 @@ class Problem:
                 jacobian = self.masses.rows(self.tree, part, touch.direction_w)
             else:
                 jacobian = point_rows(self.tree, links, touch.frame, touch.link, touch.point_w, touch.direction_w)
-                if touch.other is not None:
-                    jacobian -= point_rows(self.tree, links, touch.frame, touch.other, touch.point_w, touch.direction_w)
+            if touch.other is not None:
+                jacobian -= point_rows(self.tree, links, touch.frame, touch.other, touch.point_w, touch.direction_w)
             rows.append(Rows(touch.frame, jacobian, touch.residual))
         return rows
