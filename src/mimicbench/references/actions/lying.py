@@ -118,7 +118,7 @@ def _trunk(act: Lying, scoot: np.ndarray) -> Trunk:
     )
 
     lean, upright = minimum_jerk(sitting / 0.7), minimum_jerk((sitting - 0.80) / 0.6)
-    lifted = ease(clock, 0.0, 1.3) - ease(clock, 2.0 + slow, 4.0 + slow)
+    lifted = ease(clock, -0.7, 0.7) - ease(clock, 2.0 + slow, 4.0 + slow)
     balance = (0.48 + 1.75 * (0.66 - lifted_share(body, berth))) * lifted
     tilt = 0.33 * ease(clock, 0.3, 2.4) + (RECLINED - 0.33) * ease(clock, 1.9 + 0.5 * slow, 4.6)
     sideways = np.array([-berth.head[1], berth.head[0], 0.0])

@@ -22,6 +22,8 @@ WIDE = {UP, HEAD}
 FORWARD = (0.30, 0.48)
 """How far the arm at the pillow's side and the other one swing forward while somebody sits down [rad]: people hold
 their hands 14 cm in front of the hips, not out."""
+REPLANTS = (0.7, 2.4)
+"""When on the clock the hand that bears behind who sits goes to where it bears who lies."""
 SHIFT = 1.6
 """A hand or a leg that changes its place takes so long [s]."""
 
@@ -130,9 +132,9 @@ def move_arms(act: Lying, trunk: Trunk, legs: Legs) -> tuple[Arms, np.ndarray]:
     start, rest = np.zeros((len(clock), 2)), np.zeros((len(clock), 2))
     bearing = np.zeros((len(clock), 2), bool)
     for side in range(2):
-        begin, late = (0.15, 0.0) if side == act.near else (1.1, 0.35)
+        begin, late = (-1.0, 0.0) if side == act.near else (-0.9, 0.35)
         if side == act.near or berth.wide:
-            start[:, side] = ease(clock, begin - 0.3, begin + 1.0)
+            start[:, side] = ease(clock, begin, begin + 1.0)
             bearing[:, side] = (clock >= begin + 1.0) & (clock < 2.4)
             wide = _spots(act)[0][side] in WIDE
             rest[:, side] = ease(clock, 3.6 + late - 0.5 * wide, 5.3 + late + 0.4 * wide)
@@ -140,6 +142,7 @@ def move_arms(act: Lying, trunk: Trunk, legs: Legs) -> tuple[Arms, np.ndarray]:
             rest[:, side] = ease(clock, 1.8, 4.0)
     arms = blend(moving, _on_thighs(body, trunk, legs), minimum_jerk((act.sitting - 0.65) / 0.55))
     bearing &= np.linalg.norm(planted - goal, axis=-1) < 0.01
+    bearing[:, 1 - act.near] &= (clock < REPLANTS[0]) | (clock >= REPLANTS[1])
     return _go_to_rest(act, trunk, legs, blend(arms, support, start), rest), bearing
 
 
@@ -226,8 +229,13 @@ def _support(act: Lying) -> np.ndarray:
     behind[near] = lying + min(edge, 0.30 * size) * out + 0.145 * size * head
     behind[1 - near] = lying - 0.27 * size * out + 0.14 * size * head
     beside[near], beside[1 - near] = (lying + sign * 0.30 * size * out + 0.02 * size * head for sign in (1, -1))
+    # behind who sits, and then where the pelvis goes: the hand on that side is put down twice
+    first, moved = behind.copy(), ease(act.clock, *REPLANTS)[:, None]
+    first[1 - near, :2] = berth.seat_xy - 0.12 * size * berth.out - 0.20 * size * berth.head
+    places = first + moved[..., None] * (behind - first)
+    places[:, 1 - near] += 0.06 * size * np.sin(np.pi * moved) * np.array([0.0, 0.0, 1.0])
     # the hands slide down beside the hips while the trunk goes down
-    return behind + ease(act.clock, 2.4, 4.4)[:, None, None] * (beside - behind)
+    return places + ease(act.clock, 2.4, 4.4)[:, None, None] * (beside - behind)
 
 
 def _on_thighs(body: Body, trunk: Trunk, legs: Legs) -> Arms:

@@ -13,7 +13,10 @@ from mimicbench.references.locomotion.walking import Walk
 PAUSE = 0.35
 """Between the last step and the first bend [s]."""
 LYING_TIME = 6.1
-"""From the seat to rest at pace 1 [s]."""
+"""From when the first leg goes up to rest at pace 1 [s]."""
+PROPS = 0.8
+"""Who sits puts the hands down beside and behind, and leans back on them, so long before the first leg goes up, at pace
+1 [s]."""
 TURNING_TIME = 2.8
 """From the back onto the side at pace 1 [s]."""
 NEAR_TRUNK = {BESIDE: BELLY, UP: BELLY, HEAD: CHEST}
@@ -33,7 +36,7 @@ class LieStyle:
     sit_duration: float
     """From the first bend to the seat [s]."""
     pace: float
-    """How slowly the person lies down; 1 takes LYING_TIME from the seat to rest."""
+    """How slowly the person lies down; 1 takes PROPS and LYING_TIME from the seat to rest."""
     lean: float
     """How far pelvis and trunk pitch forward on the way down [rad]."""
     stagger: float
@@ -142,8 +145,8 @@ class Lying:
 
     @property
     def clock(self) -> np.ndarray:
-        """(T,) since the seat, in seconds of pace 1."""
-        return (self.way.time - self.way.end - PAUSE - self.style.sit_duration) / self.style.pace
+        """(T,) since the first leg goes up, PROPS after the seat, in seconds of pace 1."""
+        return (self.way.time - self.way.end - PAUSE - self.style.sit_duration) / self.style.pace - PROPS
 
     @property
     def ends(self) -> float:
@@ -190,10 +193,10 @@ def onto_the_side(style: LieStyle, turns: float) -> LieStyle:
 
 
 def time_to_lie(style: LieStyle) -> float:
-    """From the seat to rest, at pace 1 [s]."""
+    """From when the first leg goes up to rest, at pace 1 [s]."""
     return style.turns + TURNING_TIME if style.side > 0.5 else LYING_TIME
 
 
 def needed_time(style: LieStyle) -> float:
     """From the last step to rest [s]."""
-    return PAUSE + style.sit_duration + style.pace * time_to_lie(style) + 0.3
+    return PAUSE + style.sit_duration + style.pace * (PROPS + time_to_lie(style)) + 0.3
