@@ -8,7 +8,8 @@ Plain least squares over the whole clip: half the sum of (residual / tolerance)^
     hands       wrist - its anchor: the wrist's goal, or the place on the object that the human's palm holds
     contacts    distance of the bearing part (pelvis, back) from the surface, in frames that label it
     clearance   depth of every collision shape in floor and object, and in the robot's own other parts
-    balance     how far the center of mass is in front of or behind both standing feet, while they alone bear
+    balance     how far the center of mass is in front of or behind both standing feet, while they alone bear, or behind
+                where the root bears who swings the legs up, until the hands bear, too
     smoothness  accelerations of root and joints; joint velocities beyond their limit
 
 with joint limits exact. The literature finds that contacts and penetration decide what a controller can track
@@ -32,12 +33,12 @@ from mimicbench.retarget.methods.anchors import Anchors, anchors_of
 from mimicbench.retarget.methods.copy_rotation import copy_rotations
 from mimicbench.retarget.methods.interaction_config import InteractionConfig
 from mimicbench.retarget.methods.interaction_loss import Problem
-from mimicbench.retarget.samples import FAR, Balls, Masses, Scene, balls_of
+from mimicbench.retarget.methods.support import support_of
+from mimicbench.retarget.samples import FAR, Masses, Scene, balls_of
 from mimicbench.retarget.self_contact import SelfContact
 from mimicbench.retarget.solver import solve
 from mimicbench.retarget.trunk import bears, swung, trunk_rests, trunk_up
 from mimicbench.robots.description import Robot
-from mimicbench.robots.mapping import Mapping
 
 MOST_BACK = 0.2
 """[m] Whoever leans back is put at most so much farther back, or forward, than the person."""
@@ -120,27 +121,17 @@ def make_problem(
     tree, limits = tree_of(robot), storable(robot.joint_range)
     pos_w, quat_w = motion.forward_kinematics()
     anchors = anchors_of(clip, mapping, bound, pos_w, quat_w, heels)
-    frames, feet = motion.frames, [link for _, link in bound.feet]
+    feet = [link for _, link in bound.feet]
     wrist_links = np.array([link for _, link, _ in bound.wrists])
     wrist_points = np.array([point for *_, point in bound.wrists])
     targets, tolerance = _points(bound, config, anchors, followed_points(bound, pos_w, quat_w))
     near, far = config.hand
     hand = far * (near / far) ** anchors.nearness  # from far to near by equal ratios
     balls = balls_of(robot)
-    margins, bearing = _bearing(clip, mapping, balls, config, feet, wrist_links)
-    rests = np.any([when & which[balls.link == 0].any() for when, which in bearing] or [np.zeros(frames, bool)], 0)
-    seated, lies = rests & anchors.on_floor.all(-1), rests & ~anchors.on_floor.any(-1)
-    tilt = np.arccos(np.clip(trunk_up(motion)[:, 2], -1.0, 1.0))
-    perched = rests & ~seated & ~bears(motion, "back")
-    bearing.append((perched & (tilt < config.lying_from), balls.link == 0))
-    bearing += [
-        (perched & (tilt > config.leaning_from) & (tilt < config.lying_from), np.isin(balls.link, links))
-        for links in _hands(robot, mapping)
-    ]
-    perched &= tilt < config.leaning_from
-    turn_links, turn_targets, turn_tolerance = _turns(clip, bound, config, anchors, quat_w, perched)
-    balanced, heading, ankles = _balance(motion.fps, anchors, bearing, config)
-    to_feet = (ankles - targets[:, bound.links.tolist().index(0)]) * [1.0, 1.0, 0.0]
+    support = support_of(clip, mapping, balls, anchors, config)
+    seated, lies = support.seated, support.lying
+    turn_links, turn_targets, turn_tolerance = _turns(clip, bound, config, anchors, quat_w, support.perched)
+    to_feet = (support.ankles - targets[:, bound.links.tolist().index(0)]) * [1.0, 1.0, 0.0]
     to_feet /= np.maximum(np.linalg.norm(to_feet, axis=-1, keepdims=True), 0.1)
     sitting = min(sitting, _room(clip, targets[seated, bound.links.tolist().index(0)], to_feet[seated]))
     forward = (sitting * _eased(seated, motion.fps) + lying * _eased(lies, motion.fps))[:, None] * to_feet
@@ -162,17 +153,10 @@ def make_problem(
         turn_targets,
         turn_tolerance**-2,
         balls,
-        margins,
-        tuple(bearing),
-        seated,
-        lies,
+        support,
         Scene.of(motion, clip.obj),
         SelfContact.of(robot, balls),
         Masses.of(robot),
-        balanced,
-        heading,
-        ankles,
-        perched,
         config.velocity_share * robot.velocity_limit,
         _legs(robot, feet),
     ), start
@@ -211,22 +195,6 @@ def _turns(
     return turns[:, 1], turn_targets, turn_tolerance
 
 
-def _bearing(
-    clip: Clip, mapping: Mapping, balls: Balls, config: InteractionConfig, feet: list[int], wrists: np.ndarray
-) -> tuple[np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
-    """Distances (T, S) [m] that balls keep, and what bears beside feet and hands: when (T,) and which balls (S,)."""
-    motion, robot = clip.motion, clip.robot
-    margins = np.where(np.isin(balls.link, feet), 0.0, config.margin) * np.ones((motion.frames, 1))
-    bearing = []
-    for column, name in enumerate(motion.contact_names):
-        links = [robot.link_names.index(link) for link in mapping.bearers.get(name, ())]
-        when, which = motion.contacts[:, column].astype(bool), np.isin(balls.link, links)
-        margins[np.ix_(when, which)] = 0.0
-        if not set(links) & {*feet, *wrists}:  # feet and hands have their anchors
-            bearing.append((when, which))
-    return margins, bearing
-
-
 def _keep_lean(
     clip: Clip,
     config: InteractionConfig,
@@ -235,7 +203,8 @@ def _keep_lean(
     tolerance: np.ndarray,
     when: np.ndarray,
 ) -> None:
-    """Let the trunk lean as the person's does in the frames `when` (T,), in targets (T, Q, 4) and tolerances (T, Q) of links (Q,).
+    """Let the trunk lean as the person's does in the frames `when` (T,), in targets (T, Q, 4) and tolerances (T, Q)
+    of links (Q,).
 
     A robot without a waist would lean somewhere between pelvis and chest, or as its arms and feet would have it.
     """
@@ -281,11 +250,6 @@ def _room(clip: Clip, pelvis_w: np.ndarray, way: np.ndarray) -> float:
     return max(0.0, float(room[:, :2].min(initial=np.inf)))
 
 
-def _hands(robot: Robot, mapping: Mapping) -> list[list[int]]:
-    """The links that bear in place of the left and the right hand."""
-    return [[robot.link_names.index(link) for link in mapping.bearers[f"{side}_hand"]] for side in ("left", "right")]
-
-
 def _legs(robot: Robot, feet: list[int]) -> np.ndarray:
     """(L,) whether a link is a foot or between a foot and the root."""
     leg = np.zeros(len(robot.links), bool)
@@ -298,20 +262,6 @@ def _legs(robot: Robot, feet: list[int]) -> np.ndarray:
 def _eased(when: np.ndarray, fps: float) -> np.ndarray:
     """(T,) 1 in the frames `when` (T,), rising to it in the second before them and falling in the second after."""
     return smooth_above(when.astype(float), max(1, round(0.5 * fps)))
-
-
-def _balance(
-    fps: float, anchors: Anchors, bearing: list[tuple[np.ndarray, np.ndarray]], config: InteractionConfig
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(T,) when the feet alone bear, (T, 3) where they point on average, (T, 3) the middle of the ankles [m]."""
-    alone = np.asarray(anchors.on_floor.all(-1))
-    soon = round(config.before_sitting * fps)
-    for when, _ in bearing:
-        for shift in range(soon + 1):
-            alone = alone & ~np.concatenate([when[shift:], np.repeat(when[-1:], min(shift, len(when)))])
-    heading = rot.rotate(anchors.foot_quat_w, np.array([1.0, 0.0, 0.0])).mean(1) * [1.0, 1.0, 0.0]
-    heading /= np.maximum(np.linalg.norm(heading, axis=-1, keepdims=True), 1e-6)
-    return alone, heading, anchors.foot_pos_w.mean(1)
 
 
 METHOD = Method("interaction", "Interaction (ours)", lambda clip, _: interact(clip), ("improved",), PROMISED)

@@ -12,6 +12,7 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.retarget.kinematics import Jacobian, Links, Pose, Tree
 from mimicbench.retarget.methods.interaction_config import InteractionConfig
+from mimicbench.retarget.methods.support import Support
 from mimicbench.retarget.samples import Balls, Masses, Scene, point_rows
 from mimicbench.retarget.self_contact import SelfContact
 from mimicbench.retarget.solver import Model
@@ -72,25 +73,10 @@ class Problem:
     turn_weights: np.ndarray
     """(T, Q) [1/rad^2]."""
     balls: Balls
-    margins: np.ndarray
-    """(T, S) least clearance of each ball [m]."""
-    bearing: tuple[tuple[np.ndarray, np.ndarray], ...]
-    """Of each part that bears: (T,) when, and (S,) which balls it is made of."""
-    seated: np.ndarray
-    """(T,) whether the root bears and both feet stand on the floor."""
-    lying: np.ndarray
-    """(T,) whether the root bears and no foot stands on the floor."""
+    support: Support
     scene: Scene
     own: SelfContact
     masses: Masses
-    balanced: np.ndarray
-    """(T,) whether the center of mass must be over the feet."""
-    heading: np.ndarray
-    """(T, 3) mean direction of the feet."""
-    ankles: np.ndarray
-    """(T, 3) middle of both ankles' anchors [m]."""
-    perched: np.ndarray
-    """(T,) whether the center of mass must not be behind where the root bears."""
     speed_limit: np.ndarray
     """(N,) [rad/s]."""
     leg: np.ndarray
@@ -157,19 +143,20 @@ class Problem:
         """Whether who ends sitting hovers over the seat, in the median, and whether who ends lying is ever with its
         head in a board.
         """
-        sits = self.seated[-1] and np.median(distance[self.seated][:, self.balls.link == 0].min(-1)) > self.config.hover
-        lies = self.lying[-1] and np.mean(distance[self.lying].min(-1) < -self.config.hover) > 0.02
+        seated, lying = self.support.seated, self.support.lying
+        sits = seated[-1] and np.median(distance[seated][:, self.balls.link == 0].min(-1)) > self.config.hover
+        lies = lying[-1] and np.mean(distance[lying].min(-1) < -self.config.hover) > 0.02
         return bool(sits), bool(lies)
 
     def off(self, pose: Pose, distance: np.ndarray) -> float:
         """How far who ends sitting leans otherwise than the person, or hovers before what it should lean against:
         beyond 1 is too far.
         """
-        if not self.seated[-1]:
+        if not self.support.seated[-1]:
             return 0.0
         _, turns, _ = self._following(self.tree.place(pose))
-        lean = np.linalg.norm(turns[self.seated][:, self.turn_links == 0, :2], axis=-1)
-        gaps = [np.median(distance[when][:, which].min(-1)) for when, which in self.bearing if when[-1]]
+        lean = np.linalg.norm(turns[self.support.seated][:, self.turn_links == 0, :2], axis=-1)
+        gaps = [np.median(distance[when][:, which].min(-1)) for when, which in self.support.bearing if when[-1]]
         return float(max(np.median(lean) / self.config.off, max(gaps, default=0.0) / self.config.hover))
 
     def stuck(self, distance: np.ndarray) -> bool:
@@ -189,7 +176,7 @@ class Problem:
         return replace(
             self,
             scene=replace(self.scene, obj=replace(obj, box_pos=pos, box_half=half)),
-            margins=np.where(legs, -np.inf, self.margins),
+            support=replace(self.support, margins=np.where(legs, -np.inf, self.support.margins)),
             last=[],
         )
 
@@ -218,11 +205,10 @@ class Problem:
         """Clearance, contacts with the object, contacts with itself, and balance."""
         centers = self.balls.place(links)
         distance, normal = self.scene.clearance(self.balls, centers)
-        frame, ball = np.nonzero(distance < self.margins)
-        found = [
-            self._of_balls(frame, ball, centers, normal, (distance - self.margins)[frame, ball], self.config.clearance)
-        ]
-        for when, which in self.bearing:
+        spare = distance - self.support.margins
+        frame, ball = np.nonzero(spare < 0)
+        found = [self._of_balls(frame, ball, centers, normal, spare[frame, ball], self.config.clearance)]
+        for when, which in self.support.bearing:
             near = np.where(which, distance, np.inf)
             lowest = near.min(-1)
             frame = np.flatnonzero(when & (lowest > 0) & np.isfinite(lowest))
@@ -232,16 +218,17 @@ class Problem:
         own = self.own.overlaps(links, centers)
         scale = 1 / self.config.self_clearance
         found.append(Touch(own.frame, own.link, own.point_w, own.normal_w * scale, -own.depth * scale, own.other))
-        ahead = ((self.masses.center(links) - self.ankles) * self.heading).sum(-1)
-        outside = np.where(self.balanced, ahead - np.clip(ahead, *self.config.support), 0.0)
+        ahead = ((self.masses.center(links) - self.support.ankles) * self.support.heading).sum(-1)
+        outside = np.where(self.support.balanced, ahead - np.clip(ahead, *self.config.support), 0.0)
         frame = np.flatnonzero(outside)
         scale = 1 / self.config.balance
-        found.append(Touch(frame, None, np.zeros((len(frame), 3)), self.heading[frame] * scale, outside[frame] * scale))
+        nowhere, heading = np.zeros((len(frame), 3)), self.support.heading[frame]
+        found.append(Touch(frame, None, nowhere, heading * scale, outside[frame] * scale))
         return [*found, self._behind(links, centers, distance)]
 
     def _behind(self, links: Links, centers: np.ndarray, distance: np.ndarray) -> Touch:
         """Who bears on the root, legs in the air and nothing at the back: the center of mass behind where it bears."""
-        frame = np.flatnonzero(self.perched)
+        frame = np.flatnonzero(self.support.perched)
         own = np.flatnonzero(self.balls.link == 0)
         bears = centers[frame, own[distance[np.ix_(frame, own)].argmin(-1)]]
         facing = rot.rotate(links.quat[frame, 0], np.array([1.0, 0.0, 0.0])) * [1.0, 1.0, 0.0]
