@@ -30,7 +30,8 @@ class Support:
     lying: np.ndarray
     """(T,) whether the root bears and no foot stands on the floor."""
     perched: np.ndarray
-    """(T,) whether the root alone bears, a leg in the air: the center of mass must not be behind where it does."""
+    """(T,) whether the root of who is to lie bears alone, a leg in the air: the center of mass must not be behind where
+    it does."""
     balanced: np.ndarray
     """(T,) whether the center of mass must be over the feet."""
     heading: np.ndarray
@@ -51,7 +52,7 @@ def support_of(clip: Clip, mapping: Mapping, balls: Balls, anchors: Anchors, con
     )
     seated, lying = rests & anchors.on_floor.all(-1), rests & ~anchors.on_floor.any(-1)
     tilt = np.arccos(np.clip(trunk_up(motion)[:, 2], -1.0, 1.0))
-    perched = rests & ~seated & ~bears(motion, "back") & (tilt < config.lying_from)
+    perched = rests & ~seated & ~bears(motion, "back") & (tilt < config.lying_from) & lying[-1]
     leans = tilt > config.leaning_from
     bearing.append((perched, balls.link == 0))
     bearing += [(perched & leans, np.isin(balls.link, links)) for links in _hands(robot, mapping)]
