@@ -79,6 +79,16 @@ class GoalSpec:
         """Columns of sine and cosine of where the goal faces: of its first direction."""
         return self._directions[0]
 
+    def place(self, goal: Tensor) -> Tensor:
+        """(..., 3) where goals (..., G) are, x, y [m], and where they face [rad]: the first place and direction, or,
+        where they have no direction, the middle of their points, facing the origin of their frame.
+        """
+        if self._directions:
+            (x, y), (s, c) = self.where, self._directions[0]
+            return rot.stack([goal[..., x], goal[..., y], goal[..., s].atan2(goal[..., c])], -1)
+        x, y = (sum(goal[..., columns[axis]] for columns in self._places) / len(self._places) for axis in (0, 1))
+        return rot.stack([x, y, (-y).atan2(-x)], -1)
+
     def middle_and_spread(self) -> tuple[Tensor, Tensor]:
         """(G,) and (G,) of a network's outputs."""
         import torch

@@ -66,7 +66,8 @@ class Planning:
             obj = self._stand_in(goal, room)
             for attempt in range(self._config.tries):
                 example = synthesize(self._task.name, self._config.tries * number + attempt, obj, self._config.seed)
-                ways = courses(self._task.name, obj, example.style)
+                wrists = example.wrist_goal_w if len(example.wrist_goal_w) else None
+                ways = courses(self._task.name, obj, example.style, wrists)
                 human = plan_on(ways, self._state(root, joint_pos, ways[0].body), f"plan-{number}")
                 motion = self._retargeted(human, obj)
                 if self._task.fulfilled(motion, obj, self._robot):

@@ -98,9 +98,7 @@ class OnlinePolicy:
 
     def _wanted(self) -> Tensor:
         """(N, 3) x, y [m] and yaw [rad] of the goals as they are known."""
-        spec, goal = self._task.goal, self._goal.goal
-        sine, cosine = goal[:, spec.front].unbind(-1)
-        return torch.cat([goal[:, spec.where], torch.atan2(sine, cosine)[:, None]], -1)
+        return self._task.goal.place(self._goal.goal)
 
     def _go_along(self) -> None:
         """Plans move to where their goals are known to be by now."""
