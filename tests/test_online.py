@@ -22,6 +22,7 @@ from mimicbench.imitate.online.reckoning import in_hands, reckoned, rooms_of, se
 from mimicbench.imitate.perception import Perception, PerceptionConfig, save_perception
 from mimicbench.imitate.plan import Imagined
 from mimicbench.objects.registry import FAMILIES
+from mimicbench.objects.touch import WRIST_OFF, touch_pair
 from mimicbench.policies.loading import load_policy
 from mimicbench.sensors.heightmap import CELLS
 from mimicbench.sensors.proprioception import body_state
@@ -29,7 +30,7 @@ from mimicbench.sim.physics import RobotState
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.checkpoint import load_tracker, save_tracker
 
-PLANNED = [task for task in TASKS.all() if task.goal.stand_in is not None]
+PLANNED = [task for task in TASKS.all() if task.goal.stand_ins is not None]
 NO_ROOM = np.zeros((2, 2))
 
 
@@ -62,21 +63,51 @@ class Told:
         return []
 
 
-@pytest.mark.parametrize("task", PLANNED, ids=lambda task: task.name)
+SEEN, TOLD = [[task for task in PLANNED if task.goal.given is given] for given in (False, True)]
+
+
+def in_own_frame(spec, goal):
+    """A goal as seen from itself."""
+    place = spec.place(goal)
+    return spec.to_root(goal, place[..., :2], place[..., 2]).numpy()
+
+
+@pytest.mark.parametrize("task", SEEN, ids=lambda task: task.name)
 def test_a_stand_in_has_the_goal_that_it_stands_for(task):
     spec = task.goal
     for index in range(6):
-        obj = FAMILIES.get(task.family).make(index, 0)
-        goal = torch.from_numpy(spec.describe(obj))
-        place = goal[list(spec.where)]
-        own = spec.to_root(goal, place, torch.atan2(*goal[list(spec.front)])).numpy()
-        again = spec.describe(spec.stand_in(own, NO_ROOM))
+        own = in_own_frame(spec, torch.from_numpy(spec.describe(FAMILIES.get(task.family).make(index, 0))))
+        again = spec.describe(spec.stand_ins(own, NO_ROOM)[0])
         np.testing.assert_allclose(again, own, atol=1e-9)
+
+
+@pytest.mark.parametrize("task", TOLD, ids=lambda task: task.name)
+def test_a_stand_in_can_be_touched_where_the_wrists_are_told_to_go(task):
+    room = np.array([[-0.4, -0.3], [0.3, 0.5]])
+    for index in range(6):
+        obj = FAMILIES.get(task.family).make(index, 0)
+        wrists = np.stack(touch_pair(obj, np.random.default_rng(index)))
+        # who stands in front of it, and a little aside, sees it so
+        start = torch.tensor([1.2, 0.1], dtype=torch.float64), torch.tensor(math.pi, dtype=torch.float64)
+        own = in_own_frame(task.goal, task.goal.to_root(torch.from_numpy(wrists.ravel()), *start))
+        for block in task.goal.stand_ins(own, room):
+            told = block.touch_points + WRIST_OFF * block.touch_normals
+            assert np.abs(told.ravel() - own).max() < 0.06, "far within what counts as there"
+            assert block.bounds()[1][2] <= own[[2, 5]].min()
+        assert task.goal.stand_ins(own, room)[0].bounds()[1][0] >= 0.299, "the room is taken"
+
+
+def test_a_goal_without_a_front_faces_who_comes():
+    spec = TASKS.get("touch-points").goal
+    place = spec.place(torch.tensor([[1.0, 0.2, 0.7, 1.0, -0.2, 0.9], [0.0, 1.0, 0.5, 0.0, 3.0, 0.5]]))
+    torch.testing.assert_close(place[:, :2], torch.tensor([[1.0, 0.0], [0.0, 2.0]]))
+    torch.testing.assert_close(place[:, 2].abs(), torch.tensor([math.pi, math.pi / 2]))
+    assert place[1, 2] < 0
 
 
 def test_a_seat_takes_up_the_room_but_for_the_feet():
     room = np.array([[-0.6, -0.9], [0.8, 0.7]])
-    obj = TASKS.get("sit-sofa").goal.stand_in(np.array([0, 0, 0, 1, 0.44, 0.5]), room)
+    obj = TASKS.get("sit-sofa").goal.stand_ins(np.array([0, 0, 0, 1, 0.44, 0.5]), room)[0]
     low, high = obj.bounds()
     np.testing.assert_allclose(low, [-0.6, -0.9, 0.0], atol=1e-12)
     np.testing.assert_allclose(high, [0.25, 0.7, 0.44], atol=1e-12)
@@ -119,14 +150,14 @@ def test_rooms_by_hand():
 @pytest.mark.parametrize("task", PLANNED, ids=lambda task: task.name)
 def test_plans_do_the_task_from_where_the_robot_stands(task):
     clips = clip_of(task)
-    goal, motion = goals_of(clips)[0].double(), clips.motions[0]
-    place, yaw = goal[list(task.goal.where)], torch.atan2(*goal[list(task.goal.front)])
-    own = task.goal.to_root(goal, place, yaw).numpy()
-    back = rot.from_yaw(np.array(-float(yaw)))
-    xy = rot.rotate(back, motion.root_pos_w[0] - [*place.tolist(), 0.0])[:2]
-    root = np.array([*xy, rot.yaw_of(motion.root_quat_w[0]) - float(yaw)])
+    spec, motion = task.goal, clips.motions[0]
+    heading = torch.tensor(motion.root_pos_w[0, :2]), torch.tensor(rot.yaw_of(motion.root_quat_w[0]))
+    seen = spec.to_root(goals_of(clips)[0].double(), *heading)
+    own, (x, y, yaw) = in_own_frame(spec, seen), spec.place(seen).tolist()
+    xy = rot.rotate(rot.from_yaw(np.array(-yaw)), np.array([-x, -y, 0.0]))[:2]
+    root = np.array([*xy, -yaw])
     planned = Planning(ROBOT, task, OnlineConfig()).plan(own, NO_ROOM, root, motion.joint_pos[0], 0)
-    assert task.fulfilled(planned, task.goal.stand_in(own, NO_ROOM), ROBOT)
+    assert task.fulfilled(planned, task.goal.stand_ins(own, NO_ROOM)[0], ROBOT)
     assert np.linalg.norm(planned.root_pos_w[0, :2] - xy) < 0.08
     assert abs(rot.wrap_angle(rot.yaw_of(planned.root_quat_w[0]) - root[2])) < 0.15
 

@@ -29,7 +29,7 @@ def describe_berth(obj: SceneObject) -> np.ndarray:
     return np.array([*middle, 0.0, 1.0, head[1], head[0], height, sides[along], sides[1 - along]])
 
 
-def berth_like(goal: np.ndarray, room: np.ndarray) -> SceneObject:
+def berth_like(goal: np.ndarray, room: np.ndarray) -> tuple[SceneObject]:
     """A block with such a place to lie on, in a room (2, 2) [m] that is taken."""
     head, (height, length, width) = goal[[5, 4]], goal[6:9]
     along = int(np.argmax(np.abs(head)))
@@ -38,17 +38,19 @@ def berth_like(goal: np.ndarray, room: np.ndarray) -> SceneObject:
     towards = np.sign(head[along]) * np.eye(2)[along]
     block = np.array([[0.0, 0.0, height / 2]]), np.array([[*half, height / 2]])
     grey = np.full((1, 3), 0.6)
-    return SceneObject(
-        "stand-in",
-        "stand-in",
-        "berth",
-        block[0],
-        rot.IDENTITY[None],
-        block[1],
-        grey,
-        height,
-        polygon,
-        towards * (half[along] - HEAD_ROOM),
+    return (
+        SceneObject(
+            "stand-in",
+            "stand-in",
+            "berth",
+            block[0],
+            rot.IDENTITY[None],
+            block[1],
+            grey,
+            height,
+            polygon,
+            towards * (half[along] - HEAD_ROOM),
+        ),
     )
 
 
@@ -68,5 +70,5 @@ def berth(window: float, near: float) -> GoalSpec:
         describe=describe_berth,
         window=window,
         near=near,
-        stand_in=berth_like,
+        stand_ins=berth_like,
     )

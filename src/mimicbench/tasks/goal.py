@@ -41,9 +41,10 @@ class GoalSpec:
     """[m] Side of the part of the map to look at, with room for every object at any angle; 0 if goals are given."""
     near: float = 0.0
     """[m] Who is no farther from the goal's middle is at the object, may have moved it, and does not look any more."""
-    stand_in: Callable[[np.ndarray, np.ndarray], SceneObject] | None = None
-    """An object with a goal (G,) in its own frame, where its middle is the origin and its front is +x, that takes up
-    the room between lowest and highest x and y (2, 2) [m]: what somebody plans with who knows no more than that."""
+    stand_ins: Callable[[np.ndarray, np.ndarray], Sequence[SceneObject]] | None = None
+    """Objects with a goal (G,) in its own frame, where its middle is the origin and its front is +x, that take up the
+    room between lowest and highest x and y (2, 2) [m]: what somebody plans with who knows no more than that; with the
+    first, or the next where nothing can be planned with that."""
 
     @property
     def given(self) -> bool:

@@ -27,11 +27,11 @@ def describe_box(obj: SceneObject) -> np.ndarray:
     return np.array([*(low + high)[:2] / 2, 0.0, 1.0, *(high - low) / 2])
 
 
-def box_like(goal: np.ndarray, room: np.ndarray) -> SceneObject:
+def box_like(goal: np.ndarray, room: np.ndarray) -> tuple[SceneObject]:
     """A box of such sizes and of the usual weight."""
     half = goal[4:7]
     pos, quat, grey = np.array([[0.0, 0.0, half[2]]]), rot.IDENTITY[None], np.full((1, 3), 0.6)
-    return SceneObject("stand-in", "stand-in", "box", pos, quat, half[None], grey, movable=True, mass=MASS)
+    return (SceneObject("stand-in", "stand-in", "box", pos, quat, half[None], grey, movable=True, mass=MASS),)
 
 
 TASK = Task(
@@ -56,7 +56,7 @@ TASK = Task(
             Field("half height", "scalar", noise=0.01, spread=0.05, middle=0.44),
         ),
         describe=describe_box,
-        stand_in=box_like,
+        stand_ins=box_like,
         window=1.28,
         near=0.75,
     ),

@@ -20,7 +20,7 @@ def describe_seat(obj: SceneObject) -> np.ndarray:
     return np.array([*(low + high) / 2, 0.0, 1.0, height, high[0] - low[0]])
 
 
-def seat_like(goal: np.ndarray, room: np.ndarray) -> SceneObject:
+def seat_like(goal: np.ndarray, room: np.ndarray) -> tuple[SceneObject]:
     """A block with such a seat, for one, in the middle of a room (2, 2) [m] that is taken."""
     height, depth = goal[4], goal[5]
     half = np.array([depth / 2, HALF_WIDTH])
@@ -29,7 +29,7 @@ def seat_like(goal: np.ndarray, room: np.ndarray) -> SceneObject:
     block = np.array([[*(low + high) / 2, height / 2]]), np.array([[*(high - low) / 2, height / 2]])
     polygon = half * [[1, -1], [1, 1], [-1, 1], [-1, -1]]
     grey = np.full((1, 3), 0.6)
-    return SceneObject("stand-in", "stand-in", "seat", block[0], rot.IDENTITY[None], block[1], grey, height, polygon)
+    return (SceneObject("stand-in", "stand-in", "seat", block[0], rot.IDENTITY[None], block[1], grey, height, polygon),)
 
 
 def seat(window: float) -> GoalSpec:
@@ -43,5 +43,5 @@ def seat(window: float) -> GoalSpec:
         ),
         describe=describe_seat,
         window=window,
-        stand_in=seat_like,
+        stand_ins=seat_like,
     )

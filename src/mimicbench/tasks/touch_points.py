@@ -17,6 +17,11 @@ REACHED = 0.1
 """[m] A wrist is at its target while it is no farther away than this (appendix D.1)."""
 WIDE = 0.1
 """[m] What nobody has seen reaches so far beyond what is to be touched."""
+THIN = 0.02
+"""[m] Half of what is between the hands, at least."""
+DEEP, BROAD, HIGH, FAR = 0.145, 0.065, 0.12, 0.295
+"""[m] Halves of how far places of both hands may be apart front to back, must be left to right, may be in height, and
+in all (objects.touch)."""
 LOWEST = 0.1
 """[m] And at least so high above the floor."""
 
@@ -33,26 +38,41 @@ def _away(side: int, body: BodyPoints, obj: ObjectInfo) -> np.ndarray:
     return np.linalg.norm(body.wrist_pos_w[:, side] - obj.wrist_goal_w[:, side], axis=-1) - REACHED
 
 
-def touchable(goal: np.ndarray, room: np.ndarray) -> SceneObject:
-    """A block in a room (2, 2) [m] that is taken, as high as the hands may come down on it at both places (6,)."""
-    wrists = goal.reshape(2, 3)
-    points = wrists - [0.0, 0.0, WRIST_OFF]
-    low, high = np.minimum(room[0], points[:, :2].min(0) - WIDE), np.maximum(room[1], points[:, :2].max(0) + WIDE)
-    high[0] = max(room[1, 0], float(points[:, 0].max()))  # who touches it stands before it
-    top = max(LOWEST, float(points[:, 2].min()))
-    block = np.array([[*(low + high) / 2, top / 2]]), np.array([[*(high - low) / 2, top / 2]])
-    grey, up = np.full((1, 3), 0.6), np.tile([0.0, 0.0, 1.0], (2, 1))
-    return SceneObject(
-        "stand-in",
-        "stand-in",
-        "household",
-        block[0],
-        rot.IDENTITY[None],
-        block[1],
-        grey,
-        touch_points=points,
-        touch_normals=up,
+def touchable(goal: np.ndarray, room: np.ndarray) -> tuple[SceneObject, ...]:
+    """Blocks up to below both places (6,): a wide one in the room (2, 2) [m] that is taken, on which hands come down;
+    a narrow one between them; and one that leaves free what is before them, where it would be too far to reach.
+    """
+    wrists = _within_reach(goal.reshape(2, 3))
+    low, high = np.minimum(room[0], wrists[:, :2].min(0) - WIDE), np.maximum(room[1], wrists[:, :2].max(0) + WIDE)
+    front = float(wrists[:, 0].max())
+    high[0] = max(room[1, 0], front)  # who touches it stands before it
+    middle, half = wrists[:, 1].mean(), max(THIN, float(np.ptp(wrists[:, 1])) / 2 - WIDE)
+    sides = middle - half, middle + half
+    up, aside = np.tile([0.0, 0.0, 1.0], (2, 1)), np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
+    return (
+        _block(wrists, up, low, high),
+        _block(wrists, aside, np.array([low[0], sides[0]]), np.array([high[0], sides[1]])),
+        _block(wrists, aside, np.array([low[0], sides[0]]), np.array([front, sides[1]])),
     )
+
+
+def _within_reach(wrists: np.ndarray) -> np.ndarray:
+    """Wrists (2, 3) [m] at most as far apart as a pair may be, and at least: as seen by who comes from aside, they may
+    seem to be a little more, or less.
+    """
+    middle, half = wrists.mean(0), (wrists[1] - wrists[0]) / 2
+    half = np.clip(half, [-DEEP, BROAD, -HIGH], [DEEP, np.inf, HIGH])
+    half *= min(1.0, FAR / float(np.linalg.norm(half)))
+    return np.stack([middle - half, middle + half])
+
+
+def _block(wrists: np.ndarray, normals: np.ndarray, low: np.ndarray, high: np.ndarray) -> SceneObject:
+    """Between two corners (2,) as seen from above [m], up to below the wrists (2, 3) that touch along normals."""
+    top = max(LOWEST, float(wrists[:, 2].min()) - WRIST_OFF)
+    pos, half = np.array([[*(low + high) / 2, top / 2]]), np.array([[*(high - low) / 2, top / 2]])
+    grey, points = np.full((1, 3), 0.6), wrists - WRIST_OFF * normals
+    named = "stand-in", "stand-in", "household"
+    return SceneObject(*named, pos, rot.IDENTITY[None], half, grey, touch_points=points, touch_normals=normals)
 
 
 TASK = Task(
@@ -74,7 +94,7 @@ TASK = Task(
             Field("right wrist", "point", noise=0.0, spread=0.3),
         ),
         describe=None,
-        stand_in=touchable,
+        stand_ins=touchable,
     ),
     in_last_frame=False,
     requires_seat=False,

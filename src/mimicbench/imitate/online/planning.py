@@ -40,13 +40,13 @@ class Planning:
 
     def __init__(self, robot: Robot, task: Task, config: OnlineConfig) -> None:
         """Raises MimicbenchError where goals of the task have no stand-in."""
-        if task.goal.stand_in is None:
+        if task.goal.stand_ins is None:
             raise MimicbenchError(
                 f"{task.name} has nothing that stands in for its object, so nobody can plan on it; learn a planner "
                 f"instead (`mimicbench imitate --task {task.name} --imitate.learner planner`)"
             )
         self._robot, self._task, self._config = robot, task, config
-        self._stand_in, self._method = task.goal.stand_in, METHODS.get(config.method)
+        self._stand_ins, self._method = task.goal.stand_ins, METHODS.get(config.method)
 
     def plan(
         self, goal: np.ndarray, room: np.ndarray, root: np.ndarray, joint_pos: np.ndarray, number: int
@@ -61,20 +61,25 @@ class Planning:
             joint_pos: (J,) its joints [rad].
             number: Of the plan, which decides its styles.
         """
-        motion = None
-        try:
-            obj = self._stand_in(goal, room)
-            for attempt in range(self._config.tries):
-                example = synthesize(self._task.name, self._config.tries * number + attempt, obj, self._config.seed)
-                wrists = example.wrist_goal_w if len(example.wrist_goal_w) else None
-                ways = courses(self._task.name, obj, example.style, wrists)
-                human = plan_on(ways, self._state(root, joint_pos, ways[0].body), f"plan-{number}")
-                motion = self._retargeted(human, obj)
-                if self._task.fulfilled(motion, obj, self._robot):
-                    break
-        except (BadObject, BadMotion):  # eyes can be so wrong that nobody could sit there
-            return None
-        return None if motion is None else self._task.trimmed(motion, obj, self._robot)
+        for obj in self._stand_ins(goal, room):
+            try:
+                return self._planned(obj, root, joint_pos, number)
+            except (BadObject, BadMotion):  # eyes can be so wrong that nobody could sit there
+                continue
+        return None
+
+    def _planned(self, obj: SceneObject, root: np.ndarray, joint_pos: np.ndarray, number: int) -> RobotMotion:
+        """The first of some plans that fulfils K, or the last one. Raises BadObject or BadMotion."""
+        tries = range(self._config.tries * number, self._config.tries * (number + 1))
+        for attempt in tries:
+            example = synthesize(self._task.name, attempt, obj, self._config.seed)
+            wrists = example.wrist_goal_w if len(example.wrist_goal_w) else None
+            ways = courses(self._task.name, obj, example.style, wrists)
+            human = plan_on(ways, self._state(root, joint_pos, ways[0].body), f"plan-{number}")
+            motion = self._retargeted(human, obj)
+            if attempt == tries[-1] or self._task.fulfilled(motion, obj, self._robot):
+                return self._task.trimmed(motion, obj, self._robot)
+        raise AssertionError("there is at least one try")
 
     def _retargeted(self, human: HumanMotion, obj: SceneObject) -> RobotMotion:
         human = replace(human, object_id=obj.id)
