@@ -61,10 +61,14 @@ class Planning:
             joint_pos: (J,) its joints [rad].
             number: Of the plan, which decides its styles.
         """
-        for obj in self._stand_ins(goal, room):
+        try:
+            stand_ins = self._stand_ins(goal, room)
+        except BadObject:  # eyes can be so wrong that nothing could look like that
+            return None
+        for obj in stand_ins:
             try:
                 return self._planned(obj, root, joint_pos, number)
-            except (BadObject, BadMotion):  # eyes can be so wrong that nobody could sit there
+            except (BadObject, BadMotion):  # or that nobody could do it there
                 continue
         return None
 
