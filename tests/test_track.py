@@ -324,7 +324,7 @@ def test_a_tracker_reads_the_next_pose_off_its_plan(spec):
 
 def test_when_an_episode_ends():
     bank = ReferenceBank([CLIPS[0]], H1)
-    ends = EndConfig(0.5, 1.0, 0.25, 0.15)
+    ends = EndConfig(0.5, 1.0, 0.25, max_object_error=0.15)
     shifts = [[0.49, 0, 0], [0.51, 0, 0], [0, 0, -0.24], [0, 0, -0.26], [0, 0, 0.3], [0, 0, 0]]
     found = []
     for shift, yaw in zip(shifts, [0.99, 0, 0, 0, 0, 1.01], strict=True):
@@ -332,16 +332,21 @@ def test_when_an_episode_ends():
         turn = torch.tensor(rot.from_yaw(np.array([yaw])), dtype=torch.float32)
         off = replace(state, root_pos_w=state.root_pos_w + torch.tensor(shift), root_quat_w=turn)
         found.append([bool(flag) for flag in deviations(context_of(bank, 0, off), ends)])
-    far, turned, dropped, lost = zip(*found, strict=True)
+    far, turned, dropped, left, lost = zip(*found, strict=True)
     assert far == (False, True, False, False, False, False)
     assert turned == (False, False, False, False, False, True)
     assert dropped == (False, False, False, True, False, False)
-    assert not any(lost)
+    assert not any(lost) and not any(left)
+    for least, expected in ((0.49, True), (0.51, False)):  # ankles go with the root, half a meter
+        state = context_of(bank, 0).state
+        off = replace(state, root_pos_w=state.root_pos_w + torch.tensor([0.5, 0, 0]))
+        found = deviations(context_of(bank, 0, off), EndConfig(max_ankle_error=least))
+        assert bool(found[3]) is expected
     carried = ReferenceBank([lifted()], H1)
     for distance, expected in ((0.14, False), (0.16, True)):
         obj = context_of(carried, 0).object
         away = replace(obj, pos_w=obj.pos_w + torch.tensor([0, distance, 0]))
-        assert bool(deviations(context_of(carried, 0, task=LIFT_BOX, obj=away), ends)[3]) is expected
+        assert bool(deviations(context_of(carried, 0, task=LIFT_BOX, obj=away), ends)[4]) is expected
 
 
 @pytest.mark.parametrize("spec", [RESIDUAL, HST, PHC], ids=lambda spec: spec.name)

@@ -21,11 +21,14 @@ from mimicbench.sim.devices import tensor_device
 from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.rows import Rows
 from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.tasks.task import BodyPoints
 from mimicbench.track.failures import Failures
 from mimicbench.track.history import History
 from mimicbench.track.spec import Layout, TrackerSpec
 
-ENDS = ("position", "angle", "drop", "object", "diverged", "clip over")
+ANYWHERE = 1e3
+"""[m] No ankle is ever farther away."""
+ENDS = ("position", "angle", "drop", "ankle", "object", "diverged", "clip over")
 """Why episodes of all trackers end; a design may add to them."""
 
 
@@ -39,6 +42,9 @@ class EndConfig:
     """Its orientation is farther than this [rad]; a large number asks nothing of it."""
     max_drop: float = 0.2
     """It is this much lower [m]."""
+    max_ankle_error: float = ANYWHERE
+    """An ankle is farther than this from its reference [m]: who is to lie and leaves a leg behind can be upright and in
+    place. A large number asks nothing of them."""
     max_object_error: float = 0.3
     """The object, where it moves, is farther than this from its reference [m]."""
 
@@ -206,8 +212,9 @@ class TrackingEnv:
             part.load_state_tensors(chosen)
 
 
-def deviations(context: StepContext, ends: EndConfig) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Whether each root is too far from, too much turned from, too much below its reference; the object too far.
+def deviations(context: StepContext, ends: EndConfig) -> tuple[Tensor, ...]:
+    """Whether each root is too far from, too much turned from, too much below its reference; an ankle too far; the
+    object too far.
 
     Each (N,) bool.
     """
@@ -215,7 +222,10 @@ def deviations(context: StepContext, ends: EndConfig) -> tuple[Tensor, Tensor, T
     far = (state.root_pos_w - ref.root_pos_w).norm(dim=-1) > ends.max_pos_error
     turned = rot.angle_between(state.root_quat_w, ref.root_quat_w) > ends.max_angle_error
     dropped = ref.root_pos_w[:, 2] - state.root_pos_w[:, 2] > ends.max_drop
-    if not context.task.moves_object:
-        return far, turned, dropped, torch.zeros_like(far)
-    lost = (context.object.pos_w - ref.object.pos_w).norm(dim=-1) > ends.max_object_error
-    return far, turned, dropped, lost
+    lost = left = torch.zeros_like(far)
+    if ends.max_ankle_error < ANYWHERE:
+        ankles = BodyPoints.of(context.robot, context.links.pos_w, context.links.quat_w).ankle_pos_w
+        left = (ankles - ref.ankle_pos_w).norm(dim=-1).amax(-1) > ends.max_ankle_error
+    if context.task.moves_object:
+        lost = (context.object.pos_w - ref.object.pos_w).norm(dim=-1) > ends.max_object_error
+    return far, turned, dropped, left, lost
