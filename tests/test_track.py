@@ -337,11 +337,11 @@ def test_when_an_episode_ends():
     assert turned == (False, False, False, False, False, True)
     assert dropped == (False, False, False, True, False, False)
     assert not any(lost) and not any(left)
-    for least, expected in ((0.49, True), (0.51, False)):  # ankles go with the root, half a meter
-        state = context_of(bank, 0).state
-        off = replace(state, root_pos_w=state.root_pos_w + torch.tensor([0.5, 0, 0]))
-        found = deviations(context_of(bank, 0, off), EndConfig(max_ankle_error=least))
-        assert bool(found[3]) is expected
+    frame = context_of(bank, 0).reference(0)
+    ahead = replace(frame, ankle_pos_w=frame.ankle_pos_w + torch.tensor([[0.0, 0, 0], [0.3, 0.4, 0]]))
+    for most, expected in ((0.49, True), (0.51, False)):  # the right one is half a meter off
+        context = replace(context_of(bank, 0), reference=lambda _: ahead)
+        assert bool(deviations(context, EndConfig(max_ankle_error=most))[3]) is expected
     carried = ReferenceBank([lifted()], H1)
     for distance, expected in ((0.14, False), (0.16, True)):
         obj = context_of(carried, 0).object
