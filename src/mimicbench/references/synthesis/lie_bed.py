@@ -19,6 +19,8 @@ from mimicbench.references.locomotion.route import Route, around_box
 from mimicbench.references.locomotion.walking import draw_start
 from mimicbench.references.synthesis.synthesis import Synthesis
 
+INSIDE = 0.32
+"""How far behind the edge the pelvis of who lies is, at most [m]: nobody pushes the hips farther in than needed."""
 TURNS = 5.8
 """When on the clock somebody turns onto the side: after lying on the back [s]."""
 MARGIN = 0.40
@@ -86,7 +88,7 @@ def find_berth(obj: SceneObject, body: Body, start_xy: np.ndarray) -> Berth:
     spine = float(body.skeleton.offsets[[body.chest, body.head], 2].sum()) + 0.175 * body.size
     head_x = max(low[0] + 0.105 * body.size + 0.02, float(obj.head_xy[0]) - 0.08)
     x = head_x + spine
-    depth_lying = min(edge - abs(float(obj.head_xy[1])), 0.40) if abs(obj.head_xy[1]) > 0.05 else min(edge, 0.42)
+    depth_lying = min(edge - abs(float(obj.head_xy[1])) if abs(obj.head_xy[1]) > 0.05 else edge, INSIDE)
     corners = obj.corners()
     least, most = corners.min(1), corners.max(1)
     beside = (least[:, 0] < x + 0.25) & (most[:, 0] > x - 0.25) & (least[:, 2] < height - 0.05)
