@@ -29,7 +29,9 @@ H1 = ROBOTS.get("h1")
 SHOWN = {
     "sit-chair": ("online", 100),
     "sit-sofa": ("online", 0),
-    "touch-points": ("planner", 100),
+    "lie-bed": ("online", 0),
+    "lie-sofa": ("online", 240),
+    "touch-points": ("online", 100),
     "lift-box": ("online", 0),
 }
 """Whom to show at which task, and from which number on to look for an object: episodes that succeed."""
