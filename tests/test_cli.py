@@ -91,8 +91,11 @@ def test_what_is_refused_is_told_in_one_sentence(words, said, tmp_path, monkeypa
         ("evaluate --episodes 0", "evaluate.episodes is 0"),
         ("evaluate --policy nobody", "unknown policy 'nobody'; known are:"),
         ("evaluate --policy ./nowhere", "config.json does not exist"),
-        ("evaluate --task lie-bed", "no online is shipped for lie-bed (only for lift-box, sit-chair, sit-sofa)"),
-        ("run --task all", "no planner is shipped for lie-bed (only for sit-chair, touch-points)"),
+        (
+            "evaluate --task lie-bed --policy planner",
+            "no planner is shipped for lie-bed (only for sit-chair, touch-points)",
+        ),
+        ("run --task all --policy planner", "no planner is shipped for sit-sofa (only for sit-chair, touch-points)"),
         ("run --policy tracker", "a report shows a policy"),
     ],
 )
