@@ -525,7 +525,7 @@ def test_training_end_to_end_and_again(tmp_path):
     rows = []
     folder = train_tracker(tmp_path, [clip_set()], [clip_set(CLIPS[1])], tiny(3), 0, ONE_THREAD, rows.append)
     assert rows[-1]["samples"] == tiny(3).samples and rows[-1]["iterations"] == 3
-    assert rows[-1]["k_held_out"] == 1.0, "who is placed seated and left alone stays so"
+    assert rows[-1]["k_held_out"] == rows[-1]["stays_held_out"] == 1.0, "who is placed seated and left alone stays so"
     tracker = load_tracker(folder, H1)
     rollout = track_clips(tracker, clip_set(), RolloutConfig(record=True), ONE_THREAD)
     assert rollout.verdict.success.tolist() == [False, True]
@@ -543,9 +543,9 @@ def test_training_is_over_when_every_task_is_good_enough(tmp_path):
         train_tracker(folder, [clip_set()], held_out, config, 0, ONE_THREAD, rows.append)
         return rows[-1]["samples"]
 
-    assert samples(0.9, clip_set(CLIPS[1])) == tiny(1).samples, "who is placed seated stays so: K is 1"
+    assert samples(0.9, clip_set(CLIPS[1])) == tiny(1).samples, "who is placed seated stays so"
     assert samples(1.0, clip_set(CLIPS[1])) == tiny(3).samples
-    assert samples(0.9, clip_set()) == tiny(3).samples, "the other of the two falls: K is a half"
+    assert samples(0.9, clip_set()) == tiny(3).samples, "the other of the two falls"
     assert samples(0.4) == tiny(1).samples, "nobody else is there: the training clips count"
 
 
@@ -561,7 +561,7 @@ def test_one_network_follows_clips_of_several_tasks(tmp_path):
     assert set(rows[-1]["k_train_of"]) == {"sit-chair", "lift-box"} == set(rows[-1]["ended"])
     assert set(rows[-1]["k_held_out_of"]) == {"sit-chair"} and rows[-1]["k_held_out"] == 1.0
     for clips in sets:
-        assert track_clips(tracker, clips, RolloutConfig(stop_early=True), ONE_THREAD).verdict.success.shape
+        assert track_clips(tracker, clips, RolloutConfig(leave_fallen=True), ONE_THREAD).verdict.success.shape
 
 
 def test_robots_are_shared_out_among_tasks():

@@ -36,8 +36,8 @@ class RolloutConfig:
     """Of the noise."""
     settle: float | None = SETTLE
     """[s] that episodes go on after their clip; None: to the time limit."""
-    stop_early: bool = False
-    """Leave robots that have fulfilled K, or have fallen, where they are: enough to know K, and quicker."""
+    leave_fallen: bool = False
+    """Leave robots that have fallen where they are, which is quicker: they have failed, or will not have stayed."""
 
 
 @dataclass(frozen=True)
@@ -75,32 +75,20 @@ def track_clips(
     """
     config, env_config = config or RolloutConfig(), env_config or EnvConfig()
     task, robot, n = clips.task, clips.robot, len(clips)
-    bank = ReferenceBank(clips.motions, robot, tensor_device(env_config.device))
-    physics = PhysicsConfig(gains=tracker.spec.gains)
-    env = VecEnv(
-        task,
-        robot,
-        clips.scenes,
-        config.disturbance.of(EnvConfig(env_config.device, env_config.workers, physics)),
-        digest(config.seed, "action noise", *(motion.id for motion in clips.motions)),
-        bank,
-        config.disturbance.hooks(),
-    )
-    everyone = torch.arange(n, device=env.device)
-    starts = ClipStarts(bank, env.physics.add_objects(clips.scenes), robot)
-    env.reset(Rows.every(n, env.device), starts.at(everyone, torch.zeros_like(everyone)))
-    tracker.network.to(env.device)
+    seed = digest(config.seed, "action noise", *(motion.id for motion in clips.motions))
+    env = at_their_beginning(tracker, clips, config.disturbance, seed, env_config)
     follower = Follower(tracker, n, env.device)
     limit = round(task.time_limit / CONTROL_DT)
-    lengths = torch.full_like(bank.lengths, limit)
+    assert env.bank is not None
+    lengths = torch.full_like(env.bank.lengths, limit)
     if config.settle is not None:
-        lengths = torch.clamp(bank.lengths + round(config.settle / CONTROL_DT), max=limit)
+        lengths = torch.clamp(env.bank.lengths + round(config.settle / CONTROL_DT), max=limit)
     assert env.metrics is not None
     rows: tuple[list[np.ndarray], ...] = ([], [], [], [])
     for step in range(int(lengths.max())):
         active = step < lengths
-        if config.stop_early:
-            active &= ~(env.metrics.over() | env.metrics.fell)
+        if config.leave_fallen:
+            active &= ~(env.metrics.fell | env.metrics.diverged)
             if not active.any():
                 break
         action = follower.action(env.observe(tracker.spec.observations))
@@ -119,3 +107,21 @@ def track_clips(
     ]
     env.close()
     return Rollout(env.metrics.verdict(), ends, Recording(*recording))
+
+
+def at_their_beginning(
+    tracker: Tracker, clips: ClipSet, disturbance: Disturbance, seed: int, env_config: EnvConfig
+) -> VecEnv:
+    """Every clip at its first frame, in an environment with the tracker's gains.
+
+    The tracker's network moves to where the environment's tensors live.
+    """
+    bank = ReferenceBank(clips.motions, clips.robot, tensor_device(env_config.device))
+    physics = PhysicsConfig(gains=tracker.spec.gains)
+    config = disturbance.of(EnvConfig(env_config.device, env_config.workers, physics))
+    env = VecEnv(clips.task, clips.robot, clips.scenes, config, seed, bank, disturbance.hooks())
+    everyone = torch.arange(len(clips), device=env.device)
+    starts = ClipStarts(bank, env.physics.add_objects(clips.scenes), clips.robot)
+    env.reset(Rows.every(len(clips), env.device), starts.at(everyone, torch.zeros_like(everyone)))
+    tracker.network.to(env.device)
+    return env
