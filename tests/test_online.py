@@ -106,6 +106,17 @@ def test_a_goal_without_a_front_faces_who_comes():
     assert place[1, 2] < 0
 
 
+def test_a_berth_has_what_is_around_it_and_lower():
+    """2 m long and 1 m wide, 0.5 m high; the head is to the left."""
+    goal = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.5, 2.0, 1.0])
+    room = np.array([[-0.3, -1.1], [0.6, 3.0]])
+    obj = TASKS.get("lie-bed").goal.stand_ins(goal, room)[0]
+    np.testing.assert_allclose(obj.box_half[0], [0.5, 1.0, 0.25])
+    low, high = obj.box_pos[1] - obj.box_half[1], obj.box_pos[1] + obj.box_half[1]
+    np.testing.assert_allclose(low, [-0.5, -1.1, 0.0], atol=1e-12)
+    np.testing.assert_allclose(high, [0.6, 1.15, 0.3], err_msg="of what is far away only 15 cm", atol=1e-12)
+
+
 def test_a_seat_takes_up_the_room_but_for_the_feet():
     room = np.array([[-0.6, -0.9], [0.8, 0.7]])
     obj = TASKS.get("sit-sofa").goal.stand_ins(np.array([0, 0, 0, 1, 0.44, 0.5]), room)[0]

@@ -10,6 +10,11 @@ from mimicbench.tasks.goal import Field, GoalSpec
 HEAD_ROOM = 0.24
 """[m] Between the head's middle and the end where it goes, where nothing is known of a pillow."""
 
+RIM = 0.15
+"""[m] What is around it, and lower, is at most so wide: more of it is not in the way of who sits down."""
+MATTRESS = 0.2
+"""[m] So far below what one lies on that is."""
+
 
 def describe_berth(obj: SceneObject) -> np.ndarray:
     """(9,) its middle, its front, which is +x, the direction from there to the end where the head goes, its height, how
@@ -30,22 +35,27 @@ def describe_berth(obj: SceneObject) -> np.ndarray:
 
 
 def berth_like(goal: np.ndarray, room: np.ndarray) -> tuple[SceneObject]:
-    """A block with such a place to lie on, in a room (2, 2) [m] that is taken."""
+    """A block with such a place to lie on, and around it, lower, what else is taken of a room (2, 2) [m]: the rim of a
+    platform, the arms of a sofa.
+    """
     head, (height, length, width) = goal[[5, 4]], goal[6:9]
     along = int(np.argmax(np.abs(head)))
     half = np.array([length, width])[[along, 1 - along]] / 2
     polygon = half * [[1, -1], [1, 1], [-1, 1], [-1, -1]]
     towards = np.sign(head[along]) * np.eye(2)[along]
-    block = np.array([[0.0, 0.0, height / 2]]), np.array([[*half, height / 2]])
-    grey = np.full((1, 3), 0.6)
+    low, high = np.clip(room[0], -half - RIM, -half), np.clip(room[1], half, half + RIM)
+    top = max(height - MATTRESS, 0.05)
+    middles = np.array([[0.0, 0.0, height / 2], [*(low + high) / 2, top / 2]])
+    halves = np.array([[*half, height / 2], [*(high - low) / 2, top / 2]])
+    grey = np.full((2, 3), 0.6)
     return (
         SceneObject(
             "stand-in",
             "stand-in",
             "berth",
-            block[0],
-            rot.IDENTITY[None],
-            block[1],
+            middles,
+            np.tile(rot.IDENTITY, (2, 1)),
+            halves,
             grey,
             height,
             polygon,

@@ -13,6 +13,7 @@ from mimicbench.references.body.body import Body
 from mimicbench.references.locomotion.states import BodyState, FootPoints, RigidState, state_of_points
 from mimicbench.references.synthesis.planning import plan_on
 from mimicbench.references.synthesis.registry import courses, synthesize
+from mimicbench.retarget.acceptance import unsolved
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.registry import DEFAULT_METHOD, METHODS
 from mimicbench.robots.description import Robot
@@ -28,7 +29,7 @@ class OnlineConfig:
     method: str = DEFAULT_METHOD
     """How plans are retargeted."""
     tries: Positive = 4
-    """Styles that are tried until a plan fulfils K on the stand-in."""
+    """Styles that are tried until a plan is kept as a clip on the stand-in would be."""
     pace: float = 0.15
     """How fast a plan moves to where its goal is by now [m/s]; twice that in radians."""
     seed: Seed = 0
@@ -73,17 +74,25 @@ class Planning:
         return None
 
     def _planned(self, obj: SceneObject, root: np.ndarray, joint_pos: np.ndarray, number: int) -> RobotMotion:
-        """The first of some plans that fulfils K, or the last one. Raises BadObject or BadMotion."""
-        tries = range(self._config.tries * number, self._config.tries * (number + 1))
-        for attempt in tries:
+        """The first of some plans that is kept as a clip for learning would be: K holds, and the robot rests where the
+        person does. If none is, the first that fulfils K, or else the first. Raises BadObject or BadMotion.
+        """
+        best: tuple[int, RobotMotion] | None = None
+        for attempt in range(self._config.tries * number, self._config.tries * (number + 1)):
             example = synthesize(self._task.name, attempt, obj, self._config.seed)
             wrists = example.wrist_goal_w if len(example.wrist_goal_w) else None
             ways = courses(self._task.name, obj, example.style, wrists)
             human = plan_on(ways, self._state(root, joint_pos, ways[0].body), f"plan-{number}")
             motion = self._retargeted(human, obj)
-            if attempt == tries[-1] or self._task.fulfilled(motion, obj, self._robot):
-                return self._task.trimmed(motion, obj, self._robot)
-        raise AssertionError("there is at least one try")
+            worth = 0
+            if self._task.fulfilled(motion, obj, self._robot):
+                worth = 1 if unsolved(motion.measures, self._method.limits) else 2
+            if best is None or worth > best[0]:
+                best = worth, motion
+            if worth == 2:
+                break
+        assert best is not None, "there is at least one try"
+        return self._task.trimmed(best[1], obj, self._robot)
 
     def _retargeted(self, human: HumanMotion, obj: SceneObject) -> RobotMotion:
         human = replace(human, object_id=obj.id)
