@@ -155,10 +155,15 @@ def make_track_stage(run: Run) -> Stage:
             raise BadMotion(f"no clip of {some.task.name} is on an object of the training split; make more objects")
 
     def report(row: dict) -> None:
-        unseen = "" if row["k_held_out"] is None else f", on unseen objects {row['k_held_out']:.2f}"
+        told = {"training clips": "train", "unseen objects": "held_out"}
+        rates = [
+            f"{row[f'k_{name}']:.2f} / {row[f'stays_{name}']:.2f} on {words}"
+            for words, name in told.items()
+            if row[f"k_{name}"] is not None
+        ]
         run.context.say(
             f"{row['samples'] / 1e6:6.2f} M samples  {row['samples'] / row['seconds']:6.0f}/s  reward "
-            f"{row['reward']:.3f}  K on training clips {row['k_train']:.2f}{unseen}"
+            f"{row['reward']:.3f}  K / stays {', '.join(rates)}"
         )
 
     with _opened(run, keys.track_key(run), *PARTS[:4], trained=True) as stage:
@@ -253,6 +258,7 @@ def make_imitate_stage(run: Run) -> Stage:
     """Learn the recipe's policy: its folder holds copies of the tracker and, if it uses any, of the eyes."""
     from mimicbench.imitate.registry import LEARNERS
     from mimicbench.imitate.spec import Given
+    from mimicbench.policies.loading import load_policy
     from mimicbench.track.checkpoint import load_tracker
 
     config: ImitateConfig = run.part("imitate")
@@ -268,7 +274,7 @@ def make_imitate_stage(run: Run) -> Stage:
             copy_checkpoint(eyes.folder, stage.folder / keys.PERCEPTION)
         gains = config.gains or load_tracker(tracker, run.robot).spec.gains
         dataset = None if demos is None else demos.folder / "dataset"
-        given = Given(clips.split("train"), dataset, run.recipe.seed, gains, run.context)
+        given = Given(clips.split("train"), dataset, run.recipe.seed, gains, run.context, load_policy)
         summary = LEARNERS.get(config.learner).learn(stage.folder / keys.POLICY, given, config)
         return stage.finish(**summary, device=run.context.device)
 

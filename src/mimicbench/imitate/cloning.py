@@ -11,8 +11,11 @@ from torch import Tensor
 from mimicbench.core import rotations as rot
 from mimicbench.core.checkpoint import beside
 from mimicbench.core.errors import BadFile, MimicbenchError
+from mimicbench.core.seeds import digest
 from mimicbench.envs.clips import ClipSet
+from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.imitate.dataset import DemoFrames, EpisodeGoals, MapMaker, Plans
+from mimicbench.imitate.demos import DaggerConfig, make_driven
 from mimicbench.imitate.goals import goals_of, known_goal
 from mimicbench.imitate.inputs import InputConfig, NetworkConfig
 from mimicbench.imitate.learned import load_learner, save_learner
@@ -26,6 +29,7 @@ from mimicbench.sensors.elevation import ElevationMaps
 from mimicbench.sensors.heightmap import MapView, ObjectMaps
 from mimicbench.sim.devices import tensor_device
 from mimicbench.tasks.task import Task
+from mimicbench.track.checkpoint import load_tracker
 
 REMEMBERING = InputConfig(body="proprio", clock=True, memory=True, elevation=False)
 """Body, clock, and what has to be found as seen in the first map."""
@@ -39,6 +43,7 @@ class CloneImitation(ImitateConfig):
     network: Any = None
     """What it is made of, and what it sees."""
     train: TrainConfig = field(default_factory=TrainConfig)
+    dagger: DaggerConfig = field(default_factory=DaggerConfig)
 
     @property
     def remembers(self) -> bool:
@@ -62,13 +67,39 @@ def clone(folder: Path, given: Given, config: CloneImitation) -> dict[str, Any]:
     clips = given.clips
     network: NetworkConfig = config.network.of(clips.robot, clips.task)
     demos = load_demos(given.demonstrations, clips.robot.name, state=network.inputs.body == "state")
-    frames = demo_frames(demos, clips, network, config)
     course = replace(config.train, seed=given.seed, device=tensor_device(given.context.device))
-    trained = train(network, frames, course, folder, given.context.quiet)
-    told = {"demonstrations": demos.episodes, "batches": course.steps}
-    notes = {"seed": given.seed, "task": clips.task.name, "gains": given.gains, **told}
-    save_learner(folder, trained, clips.robot.name, notes)
+    notes = {"seed": given.seed, "task": clips.task.name, "gains": given.gains}
+    before = None
+    for number in range(config.dagger.rounds):
+        place = beside(folder, "rounds") / str(number)
+        before = train(network, demo_frames(demos, clips, network, config), course, place, given.context.quiet, before)
+        save_learner(folder, before, clips.robot.name, notes)
+        demos = demos.joined(_driven(place / "dataset", folder, number, given, config.dagger, demos.state is not None))
+    frames = demo_frames(demos, clips, network, config)
+    trained = train(network, frames, course, folder, given.context.quiet, before)
+    told = {"demonstrations": demos.episodes, "batches": course.steps * (config.dagger.rounds + 1)}
+    save_learner(folder, trained, clips.robot.name, {**notes, **told})
     return told
+
+
+def _driven(place: Path, folder: Path, number: int, given: Given, config: DaggerConfig, state: bool) -> Demos:
+    """What the tracker beside a policy's folder would have done where that policy drives."""
+    clips, context = given.clips, given.context
+    assert given.load_policy is not None, "who is to drive has to be read"
+    policy = given.load_policy(folder, clips.robot, clips.task)
+    tracker = load_tracker(beside(folder, "tracker"), clips.robot)
+    env_config = EnvConfig(context.device, context.workers)
+    make_driven(
+        place,
+        tracker,
+        policy,
+        clips,
+        config,
+        digest(given.seed, "round", number) % (1 << 31),
+        env_config,
+        context.quiet,
+    )
+    return load_demos(place, clips.robot.name, state, only_success=False)
 
 
 def demo_frames(demos: Demos, clips: ClipSet, network: NetworkConfig, config: CloneImitation) -> DemoFrames:

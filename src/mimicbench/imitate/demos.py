@@ -1,19 +1,23 @@
 """Stage `demos`: the tracker follows the training clips to the time limit, and what fulfils K and stays becomes a
-demonstration.
+demonstration. And what a cloner is shown besides, if it is to learn from its own mistakes.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import torch
 
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.progress import progress
-from mimicbench.core.settings import Positive, Share
+from mimicbench.core.seeds import digest
+from mimicbench.core.settings import Positive, Share, Within
 from mimicbench.core.stage import Stage
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.disturbance import Disturbance
+from mimicbench.envs.policy import Policy
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.imitate.stored.demo_writer import Demonstration, DemoWriter
 from mimicbench.robots.description import Robot
@@ -21,6 +25,7 @@ from mimicbench.sensors.proprioception import s_current, s_current_names
 from mimicbench.sim.kinematics import Kinematics
 from mimicbench.sim.physics import RobotState
 from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.track.driven import DrivenConfig, drive_clips
 from mimicbench.track.rollout import Rollout, RolloutConfig, track_clips
 from mimicbench.track.spec import Tracker
 
@@ -112,3 +117,54 @@ def observed_states(robot: Robot, qpos: np.ndarray, qvel: np.ndarray, targets: n
     last = torch.zeros(frames, joints)
     last[1:] = torch.as_tensor(targets[:-1])
     return s_current(state, Kinematics(robot, frames, 1).links(qpos, qvel), last).numpy()
+
+
+@dataclass(frozen=True)
+class DaggerConfig:
+    """What a cloner learns from beside the demonstrations: what it got into itself, and what the tracker would have
+    done there (DAgger, Ross et al. 2011).
+    """
+
+    rounds: Annotated[int, Within(0, 1000)] = 0
+    """How often, between trainings of all its batches, it drives robots for more frames to learn from."""
+    clips: Positive = 128
+    """Training clips, drawn anew in each round, on which it drives from a random moment on."""
+    batch: Positive = 64
+    """Clips side by side, and a shard of the data set."""
+    driven: DrivenConfig = field(default_factory=DrivenConfig)
+
+
+def make_driven(
+    folder: Path,
+    tracker: Tracker,
+    policy: Policy,
+    clips: ClipSet,
+    config: DaggerConfig,
+    seed: int,
+    env_config: EnvConfig | None = None,
+    quiet: bool = False,
+) -> Path:
+    """Write a data set of what the tracker would have done where a policy got to, unless it is there; its folder.
+
+    Killed and started again, it goes on after the last whole shard.
+    """
+    random = np.random.default_rng(digest(seed, "driven"))
+    order = random.permutation(len(clips))[: config.clips].tolist()
+    robot = clips.robot
+    names = robot.joint_names, s_current_names(robot)
+    writer = DemoWriter(folder, robot.name, clips.task.title, names[0], 1 / CONTROL_DT, config.batch, names[1])
+    written = set(writer.written)
+    firsts = range(0, len(order), config.batch)
+    for first in progress(firsts, len(firsts), "driving", quiet):
+        part = replace(clips, motions=[clips.motions[index] for index in order[first : first + config.batch]])
+        if any(motion.id in written for motion in part.motions):
+            continue
+        kept = drive_clips(tracker, policy, part, config.driven, seed, env_config)
+        for motion, qpos, qvel, wanted, chosen in zip(
+            part.motions, kept.qpos, kept.qvel, kept.targets, kept.applied, strict=True
+        ):
+            if len(qpos):
+                state = observed_states(robot, qpos, qvel, chosen)
+                writer.add(Demonstration(state, wanted, chosen, qpos, qvel, motion.object_id, motion.id, False, seed))
+        writer.finish()
+    return folder

@@ -12,7 +12,7 @@ first and the episodes after them: whoever dies in between loses that shard and 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -68,6 +68,25 @@ class Demos:
     def frames(self) -> int:
         """F."""
         return int(self.starts[-1])
+
+    def joined(self, other: "Demos") -> "Demos":
+        """These episodes and others of the same robot and task."""
+
+        def both(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+            return np.concatenate([first, second])
+
+        return replace(
+            self,
+            starts=both(self.starts, self.frames + other.starts[1:]),
+            state=None if self.state is None or other.state is None else both(self.state, other.state),
+            action=both(self.action, other.action),
+            executed_action=both(self.executed_action, other.executed_action),
+            qpos=both(self.qpos, other.qpos),
+            qvel=both(self.qvel, other.qvel),
+            object_ids=self.object_ids + other.object_ids,
+            reference_ids=self.reference_ids + other.reference_ids,
+            success=both(self.success, other.success),
+        )
 
 
 def load_demos(folder: Path, robot: str | None = None, state: bool = True, only_success: bool = True) -> Demos:

@@ -7,7 +7,10 @@ from typing import Any, ClassVar
 
 from mimicbench.core.run import RunContext
 from mimicbench.envs.clips import ClipSet
+from mimicbench.envs.policy import Policy
 from mimicbench.imitate.perception import PerceptionConfig
+from mimicbench.robots.description import Robot
+from mimicbench.tasks.task import Task
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,8 @@ class Given:
     """Gains of the robot that the policy is to drive."""
     context: RunContext
     """How to run."""
+    load_policy: Callable[[Path, Robot, Task], Policy] | None = None
+    """Reads what was learned, for who drives with it while it learns."""
 
 
 @dataclass(frozen=True)

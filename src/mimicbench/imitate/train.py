@@ -57,7 +57,14 @@ class TrainConfig:
     """`cpu`, or `cuda` for a GPU."""
 
 
-def train(learner: Any, data: DemoFrames, config: TrainConfig, folder: Path, quiet: bool = False) -> Learner:
+def train(
+    learner: Any,
+    data: DemoFrames,
+    config: TrainConfig,
+    folder: Path,
+    quiet: bool = False,
+    begin_from: Learner | None = None,
+) -> Learner:
     """Learn, or go on learning, and leave a checkpoint in `folder`.
 
     Args:
@@ -66,11 +73,12 @@ def train(learner: Any, data: DemoFrames, config: TrainConfig, folder: Path, qui
         config: How long and how.
         folder: Gets the checkpoint, `training.safetensors` to go on from, and `metrics.jsonl`.
         quiet: Tell nothing of the progress.
+        begin_from: A network of the same kind whose weights and statistics are where learning begins.
 
     Returns:
         The trained network (the moving average, if there is one), on the CPU and ready for use.
     """
-    with closing(CloneTraining(learner, data, config, folder)) as run:
+    with closing(CloneTraining(learner, data, config, folder, begin_from)) as run:
         return _trained(run, config, quiet)
 
 
@@ -124,13 +132,17 @@ class _Average:
 class CloneTraining:
     """One training: everything that has to survive a kill is in `save` and `resume`."""
 
-    def __init__(self, learner: Any, data: DemoFrames, config: TrainConfig, folder: Path) -> None:
+    def __init__(
+        self, learner: Any, data: DemoFrames, config: TrainConfig, folder: Path, begin_from: Learner | None = None
+    ) -> None:
         self.data, self.config, self.folder = data, config, folder
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(self._seed("weights"))
             self.learner = learner.build()
         frames = data.train_frames[:: max(1, len(data.train_frames) // 20_000)]
         self.learner.normalize_by(data.vector(frames), data.samples(frames))
+        if begin_from is not None:
+            self.learner.load_state_dict(begin_from.state_dict())
         self.learner.to(config.device)
         self.parameters = dict(self.learner.named_parameters())
         self.average = _Average(self.learner, config.average)

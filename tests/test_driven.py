@@ -1,0 +1,108 @@
+"""DAgger: who learns is shown what the tracker would have done where it got to itself."""
+
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from learning import shape_of
+from mimicbench.core.run import RunContext
+from mimicbench.imitate.cloning import clone
+from mimicbench.imitate.demos import DaggerConfig, observed_states
+from mimicbench.imitate.inputs import InputConfig
+from mimicbench.imitate.learned import load_learner
+from mimicbench.imitate.learners.bc import BCConfig, BCImitation
+from mimicbench.imitate.lerobot import load_demos
+from mimicbench.imitate.spec import Given
+from mimicbench.imitate.stored.demo_writer import Demonstration, DemoWriter
+from mimicbench.imitate.train import TrainConfig
+from mimicbench.policies.loading import load_policy
+from mimicbench.sensors.proprioception import s_current_names
+from mimicbench.track.checkpoint import build_tracker, save_tracker
+from mimicbench.track.driven import DrivenConfig, drive_clips
+from mimicbench.track.tracking import EndConfig
+from stool import H1
+from tracked import CLIPS, ONE_THREAD, SIT_CHAIR, clip_set
+
+SITS = [replace(CLIPS[1], id=name) for name in ("a", "b", "c")]
+WIDE = EndConfig(max_pos_error=5.0, max_angle_error=7.0, max_drop=5.0)
+SHAPE = shape_of("residual", SIT_CHAIR)
+
+
+def tracker():
+    torch.manual_seed(0)
+    weights = SHAPE.blueprint().network(19).tensors()
+    return build_tracker(SHAPE, {name: 0 * value for name, value in weights.items()})  # the reference is its target
+
+
+class Wriggles:
+    """Wants every joint a tenth of a radian from where it is."""
+
+    observations, gains = ("proprio",), "improved"
+
+    def to(self, device):
+        pass
+
+    def reset(self, ids, obs):
+        self.asked = len(ids)
+
+    def act(self, obs):
+        return obs["proprio"][:, 10:29] + 0.1
+
+
+def test_the_policy_drives_from_some_moment_on_and_the_tracker_says_what_was_right():
+    policy = Wriggles()
+    kept = drive_clips(tracker(), policy, clip_set(*SITS), DrivenConfig(WIDE, settle=0.4), 3, ONE_THREAD)
+    assert policy.asked == 3 and len({len(qpos) for qpos in kept.qpos} | {60}) == 1, "clip and settling are 60 frames"
+    begins = []
+    for motion, qpos, wanted, driven in zip(SITS, kept.qpos, kept.targets, kept.applied, strict=True):
+        own = np.abs(driven - wanted).max(-1) > 1e-3
+        begins.append(int(own.argmax()))
+        assert own[begins[-1] :].all() and not own[: begins[-1]].any()
+        np.testing.assert_allclose(driven[own], qpos[own, 7:] + 0.1, atol=1e-5)
+        np.testing.assert_allclose(wanted, np.tile(motion.joint_pos[0], (60, 1)), atol=1e-5)
+    assert len(set(begins)) == 3 and max(begins) < 40, "drawn for each, from all of its clip"
+
+
+def test_an_episode_is_over_where_the_tracker_no_longer_knows_what_to_do():
+    narrow = DrivenConfig(EndConfig(max_pos_error=0.005, max_drop=0.005), settle=0.4)
+    ends = [len(q) for q in drive_clips(tracker(), Wriggles(), clip_set(*SITS), narrow, 3, ONE_THREAD).qpos]
+    assert max(ends) < 60
+
+
+def given(tmp_path, clips):
+    """Demonstrations of robots that sit, and the tracker beside where the policy is to be."""
+    dataset = tmp_path / "dataset"
+    writer = DemoWriter(dataset, "h1", SIT_CHAIR.title, H1.joint_names, 50.0, 64, s_current_names(H1))
+    qpos = np.tile(np.r_[clips.motions[0].root_pos_w[0], 1, 0, 0, 0, clips.motions[0].joint_pos[0]], (30, 1))
+    qvel, target = np.zeros((30, 25)), np.tile(clips.motions[0].joint_pos[0], (30, 1)).astype(np.float32)
+    state = observed_states(H1, qpos, qvel, target)
+    for motion in clips.motions:
+        writer.add(Demonstration(state, target, target, qpos, qvel, motion.object_id, motion.id, True))
+    writer.finish()
+    save_tracker(tmp_path / "tracker", H1, SHAPE, tracker().network.tensors(), {})
+    return Given(clips, dataset, 0, "improved", RunContext(workers=1, quiet=True), load_policy)
+
+
+def test_a_cloner_learns_from_what_it_got_into(tmp_path):
+    blind = InputConfig(body="proprio", clock=True, elevation=False)
+    config = BCImitation(
+        network=BCConfig(inputs=blind, hidden=8),
+        train=TrainConfig(steps=3, batch=8),
+        dagger=DaggerConfig(rounds=2, clips=2, batch=1, driven=DrivenConfig(WIDE, settle=0.0)),
+    )
+    clips = clip_set(*SITS)
+    told = clone(tmp_path / "policy", given(tmp_path, clips), config)
+    rounds = [load_demos(tmp_path / "rounds" / str(n) / "dataset", "h1", only_success=False) for n in range(2)]
+    assert told["demonstrations"] == 3 + sum(demos.episodes for demos in rounds) > 3 and told["batches"] == 9
+    assert len({demos.reference_ids for demos in rounds}) == 2 or rounds[0].frames != rounds[1].frames
+    assert not rounds[0].success.any()
+    learned, _ = load_learner(tmp_path / "policy", H1, BCConfig)
+    # taken up in its second round it comes to the same
+    again = tmp_path / "again"
+    shutil.copytree(tmp_path / "rounds" / "0", again / "rounds" / "0")
+    clone(again / "policy", given(again, clips), config)
+    other, _ = load_learner(again / "policy", H1, BCConfig)
+    for name, value in learned.state_dict().items():
+        assert torch.equal(value, other.state_dict()[name]), name
