@@ -2,6 +2,7 @@
 
 import json
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from mimicbench.imitate.stored.demo_writer import Demonstration, DemoWriter
 from mimicbench.objects.make import read_objects
 from mimicbench.robots.registry import DEFAULT_ROBOT, ROBOTS
 from mimicbench.sensors.elevation import camera_map
+from mimicbench.sensors.rays import ray_depth
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.checkpoint import load_tracker
 from mimicbench.track.rollout import RolloutConfig, track_clips
@@ -26,7 +28,7 @@ from mimicbench.viewer.catalog import Catalog, ItemSet  # noqa: E402
 from mimicbench.viewer.figures import object_meshes, robot_meshes  # noqa: E402
 from mimicbench.viewer.live import Episode, methods  # noqa: E402
 from mimicbench.viewer.opened import open_item  # noqa: E402
-from mimicbench.viewer.sensing import ContactProbe, elevation, map_picture  # noqa: E402
+from mimicbench.viewer.sensing import CAMERA_PIXELS, Probe, depth_picture, elevation, map_picture  # noqa: E402
 from mimicbench.viewer.showing import told_power  # noqa: E402
 
 TASK, ROBOT = TASKS.get("sit-chair"), ROBOTS.get(DEFAULT_ROBOT)
@@ -187,7 +189,7 @@ def test_an_episode_is_the_one_that_is_judged(workdir):
     episode.until(0.5)
     objects = read_objects(Catalog(workdir).sets(TASK.name, "objects")[0].path)
     trimmed = ClipSet(TASK, ROBOT, [TASK.trimmed(found.clip, found.obj, ROBOT)], objects)
-    rollout = track_clips(load_tracker(folder, ROBOT), trimmed, RolloutConfig(record=True, stop_early=True))
+    rollout = track_clips(load_tracker(folder, ROBOT), trimmed, RolloutConfig(record=True, leave_fallen=True))
     expected = rollout.recording.qpos[0][:26, :3]
     assert len(episode.track) == 26
     assert np.array_equal(np.array([pose.pos_w[0] for pose in episode.track.poses], np.float32), expected)
@@ -210,6 +212,18 @@ def test_a_push_pushes_and_the_map_is_the_robots_own(workdir):
     assert mine.max() - mine.min() > 0.3, "it sees the chair"
     picture = map_picture(mine, float(episode.track.poses[-1].pos_w[0, 2]))
     assert picture.shape == (128, 128, 3)
+    now = episode.env.physics.qpos()[0]
+    state = replace(episode.track.states[-1], qpos=now)
+    seen = Probe().depth(ROBOT, found.obj, state, TASK.rig)
+    theirs, without = (
+        ray_depth(episode.env.physics, None, *CAMERA_PIXELS, rig=TASK.rig, robot=robot)[0] for robot in (True, False)
+    )
+    near = np.abs(seen - theirs) < 1e-3
+    assert near.mean() > 0.97 and near[theirs == without].mean() > 0.998, "limbs are a step of physics older there"
+    assert (theirs < 0.8 * without).any(), "it sees its own legs"
+    picture = depth_picture(seen)
+    assert picture.shape == (2 * 91, 2 * 121, 3) and picture.std() > 10, "four pictures, two in a row"
+    assert depth_picture(seen[:3]).shape == picture.shape
     episode.close()
 
 
@@ -217,7 +231,7 @@ def test_the_floor_bears_the_robot(workdir):
     found = opened(workdir, "retarget")
     episode = Episode("tracker", methods(TASK.name, ROBOT.name, workdir)["tracker"], found)
     episode.until(1.0)
-    weight, borne, probe = 9.81 * sum(link.mass for link in ROBOT.links), [], ContactProbe()
+    weight, borne, probe = 9.81 * sum(link.mass for link in ROBOT.links), [], Probe()
     for frame in range(10, 50):
         arrows = probe.forces(ROBOT, found.obj, episode.track.state(frame))
         assert (arrows[:, 1, 2] > arrows[:, 0, 2]).all(), "forces act upwards on who stands"

@@ -103,6 +103,8 @@ def test_two_methods_act_side_by_side_and_are_pushed(browser, page):
     eventually(lambda: not page.play.playing and len(page.act.episodes["robot"].track) > 1)
     browser.click("Elevation map")
     browser.wait_for("Elevation map, ahead is up", SLOW)
+    browser.click("Depth cameras")
+    browser.wait_for("Depth: ", SLOW)
     browser.click("Contact forces")
     browser.wait_for("Curves", SLOW)
 

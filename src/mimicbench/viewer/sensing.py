@@ -1,4 +1,4 @@
-"""What the robot sees and feels at a moment: its elevation map, and the forces of its contacts."""
+"""What the robot sees and feels at a moment: its elevation map, its cameras, and the forces of its contacts."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
+from mimicbench.robots.rigs import Rig
 from mimicbench.sensors.elevation_cpu import Poses, maps_by_cameras
 from mimicbench.sensors.heightmap import MapView, cell_centers
+from mimicbench.sensors.rays import FARTHEST
 from mimicbench.sensors.surfaces import faces_of
 from mimicbench.sim.physics import PhysicsConfig, compile_scene
 from mimicbench.tasks.task import Task
@@ -21,6 +23,10 @@ RAISED = 0.03
 """[m] Cells that are this much above the floor are drawn."""
 _LOW, _HIGH = np.array([38, 70, 110]), np.array([250, 214, 96])
 """Colors of the floor and of what is as high as the root, or higher."""
+CAMERA_PIXELS = 90, 120
+"""Rows and columns of the cameras' pictures; the paper's cameras have four times as many of each."""
+FAR = 6.0
+"""[m] What is farther is dark."""
 _FAINT = 5.0
 """[N] Weaker contacts are not drawn."""
 _LENGTH = 1 / 1500
@@ -61,14 +67,21 @@ def _colors(height: np.ndarray, most: float) -> np.ndarray:
 
 
 @dataclass
-class ContactProbe:
-    """Works out the contacts of states; the scene is compiled once for all states in it."""
+class Probe:
+    """Works out what states bring; the scene is compiled once for all states in it."""
 
     _known: tuple[Robot, SceneObject, str] | None = None
     _scene: tuple[mujoco.MjModel, mujoco.MjData] | None = None
 
     def forces(self, robot: Robot, obj: SceneObject, state: State) -> np.ndarray:
         """(C, 2, 3) arrows of the forces that act on the robot in a state, from where they act [m]."""
+        return contact_forces(*self._compiled(robot, obj, state), robot, state)
+
+    def depth(self, robot: Robot, obj: SceneObject, state: State, rig: Rig) -> np.ndarray:
+        """(C, rows, columns) what its depth cameras see in a state [m], its own body as well."""
+        return camera_depth(*self._compiled(robot, obj, state), state, rig)
+
+    def _compiled(self, robot: Robot, obj: SceneObject, state: State) -> tuple[mujoco.MjModel, mujoco.MjData]:
         known = robot, obj, state.gains
         if (
             self._scene is None
@@ -77,7 +90,31 @@ class ContactProbe:
         ):
             model = compile_scene(robot, obj, PhysicsConfig(gains=state.gains))
             self._known, self._scene = known, (model, mujoco.MjData(model))
-        return contact_forces(*self._scene, robot, state)
+        return self._scene
+
+
+def camera_depth(model: mujoco.MjModel, data: mujoco.MjData, state: State, rig: Rig) -> np.ndarray:
+    """(C, rows, columns) depth along the axes of a rig's cameras in a state of its scene, at most 50 m [m]."""
+    mujoco.mj_resetData(model, data)
+    data.qpos[:] = state.qpos
+    mujoco.mj_forward(model, data)
+    rays = rig.rays(*CAMERA_PIXELS).reshape(len(rig.mounts), -1, 3)
+    turn = rot.to_matrix(state.qpos[3:7])
+    found = np.empty(rays.shape[:2])
+    for camera, (origin, ray) in enumerate(zip(rig.origins(), rays, strict=True)):
+        eye, looks = state.qpos[:3] + turn @ origin, np.ascontiguousarray(ray @ turn.T)
+        met, share = np.zeros(len(ray), np.int32), np.zeros(len(ray))
+        mujoco.mj_multiRay(model, data, eye, looks.ravel(), None, 1, -1, met, share, None, len(ray), FARTHEST)
+        found[camera] = np.where(met < 0, FARTHEST, np.minimum(share, FARTHEST))
+    return found.reshape(-1, *CAMERA_PIXELS)
+
+
+def depth_picture(depth: np.ndarray) -> np.ndarray:
+    """Depth images (C, rows, columns) side by side, two in a row, uint8: what is near is light."""
+    near = 1 - np.clip(depth / FAR, 0.0, 1.0) ** 0.5
+    shown = (_LOW + near[..., None] * (_HIGH - _LOW)).astype(np.uint8)
+    shown = np.pad(shown, ((0, len(shown) % 2), (0, 1), (0, 1), (0, 0)), constant_values=255)
+    return np.concatenate([np.concatenate(list(pair), 1) for pair in shown.reshape(-1, 2, *shown.shape[1:])])
 
 
 def contact_forces(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, state: State) -> np.ndarray:

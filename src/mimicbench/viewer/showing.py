@@ -13,7 +13,7 @@ from PIL import Image
 from mimicbench.evaluate.rows import ENERGY_LIMITS
 from mimicbench.viewer.acting import ActPanel
 from mimicbench.viewer.opened import Opened
-from mimicbench.viewer.sensing import ContactProbe, elevation, map_picture, raised_cells
+from mimicbench.viewer.sensing import Probe, depth_picture, elevation, map_picture, raised_cells
 from mimicbench.viewer.session import LOOKS, Actor, Session, frame_at
 
 CALLED = {"human": "Human", "retargeted": "Retargeted (ghost)", "robot": "Robot", "other": "Second robot"}
@@ -34,13 +34,14 @@ class ShowPanel:
         with gui.add_folder("Show", order=5.0):
             self.boxes = {name: gui.add_checkbox(CALLED[name], True) for name in LOOKS}
             self.map = gui.add_checkbox("Elevation map", False, hint="as the robot sees it")
+            self.cameras = gui.add_checkbox("Depth cameras", False, hint="of who is under physics")
             self.contacts = gui.add_checkbox("Contact forces", False)
-            self.picture = gui.add_html("", visible=False)
+            self.pictures = {name: gui.add_html("", visible=False) for name in ("map", "cameras")}
         for name, box in self.boxes.items():
             box.on_update(on(lambda event, name=name, box=box: session.hide(name, not box.value)))
-        for box in (self.map, self.contacts):
+        for box in (self.map, self.cameras, self.contacts):
             box.on_update(on(lambda event: self._sense()))
-        self._said, self._sensed, self._probe = "", 0.0, ContactProbe()
+        self._said, self._sensed, self._probe = "", 0.0, Probe()
         self._drawn: dict[str, Any] = {}
         session.changed.append(self._changed)
         session.moved.append(self._moved)
@@ -84,14 +85,28 @@ class ShowPanel:
         return next((actor for actor in found if actor.visible), None)
 
     def _sense(self) -> None:
-        """Draw the map and the contacts of this moment, or take them away."""
+        """Show the map, the cameras' pictures and the contacts of this moment, or take them away."""
         self._sensed = time.monotonic()
         actor, opened = self._seeing(), self.session.opened
         drawn = self._draw(actor, opened) if actor is not None and opened is not None and len(actor.track) else {}
         for name in set(self._drawn) - set(drawn):
             self._drawn[name].remove()
         self._drawn = drawn
-        self.picture.visible = "map" in drawn
+        self.pictures["map"].visible = "map" in drawn
+        self._look(actor, opened)
+
+    def _look(self, actor: Actor | None, opened: Opened | None) -> None:
+        """Show what the cameras see, or nothing."""
+        state = None
+        if self.cameras.value and actor is not None and opened is not None and len(actor.track):
+            state = actor.track.state(frame_at(actor.track, self.session.time))
+        if state is not None and opened is not None:
+            rig = opened.task.rig
+            order = sorted(range(len(rig.mounts)), key=lambda at: _from_front_left(rig.mounts[at].bearing))
+            depth = self._probe.depth(opened.robot, opened.obj, state, rig)[order]
+            words = "Depth: " + ", ".join(rig.mounts[at].name for at in order)
+            self.pictures["cameras"].content = _picture(depth_picture(depth), words)
+        self.pictures["cameras"].visible = state is not None
 
     def _draw(self, actor: Actor, opened: Opened) -> dict[str, Any]:
         """What of it is in the scene now, each in place of what had its name."""
@@ -102,7 +117,8 @@ class ShowPanel:
             heights = elevation(opened.task, opened.obj, pose)
             points, colors = raised_cells(heights, cell, pose)
             drawn["map"] = scene.add_point_cloud("/map", points, colors, point_size=cell / 2, point_shape="square")
-            self.picture.content = _picture(map_picture(heights, float(pose.pos_w[0, 2])))
+            shown = map_picture(heights, float(pose.pos_w[0, 2]))
+            self.pictures["map"].content = _picture(shown, "Elevation map, ahead is up")
         state = actor.track.state(frame) if self.contacts.value else None
         arrows = None if state is None else self._probe.forces(opened.robot, opened.obj, state)
         if arrows is not None and len(arrows):
@@ -112,6 +128,11 @@ class ShowPanel:
         return drawn
 
 
+def _from_front_left(bearing: float) -> tuple[bool, float]:
+    """Orders what looks ahead before what looks back, and left before right."""
+    return abs(bearing) > np.pi / 2, -bearing
+
+
 def told_power(most: float) -> str:
     """What the largest e by now [W^2] means for P."""
     held = [f"{limit / 1e6:.0f}e6" for limit in ENERGY_LIMITS if most < limit]
@@ -119,10 +140,10 @@ def told_power(most: float) -> str:
     return f"largest e so far {most:.2g} W²: {passes}"
 
 
-def _picture(pixels: np.ndarray) -> str:
-    """A picture as part of the page: one that is fetched might be replaced before the browser has it."""
+def _picture(pixels: np.ndarray, words: str) -> str:
+    """A picture below some words, as part of the page: one that is fetched might be replaced before it has come."""
     stream = io.BytesIO()
     Image.fromarray(pixels).save(stream, "png")
     data = base64.b64encode(stream.getvalue()).decode()
     style = "width: 100%; image-rendering: pixelated"
-    return f'<div>Elevation map, ahead is up</div><img style="{style}" src="data:image/png;base64,{data}">'
+    return f'<div>{words}</div><img style="{style}" src="data:image/png;base64,{data}">'
