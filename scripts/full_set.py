@@ -8,7 +8,7 @@ WORKDIR holds what this made, the retargeting in some 80 minutes on two cores:
 import sys
 from pathlib import Path
 
-from measure_retargeting import PAGE, put
+from measure_retargeting import put
 from mimicbench.benchmark.finding import largest
 from mimicbench.evaluate.intervals import Rate
 from mimicbench.report.tables import Table, to_markdown
@@ -52,7 +52,7 @@ def main() -> None:
         tuple(rows),
         "Measures: means over all clips, kept or not.",
     )
-    PAGE.write_text(put(PAGE.read_text(), table.name, to_markdown(table)))
+    put(table.name, to_markdown(table))
 
 
 if __name__ == "__main__":

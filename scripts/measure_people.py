@@ -1,7 +1,7 @@
-"""Measures the tables of docs/people.md: `python scripts/measure_people.py [folder of real recordings ...]`.
+"""Measures the tables of docs/people.md and docs/people-judged.md: `python scripts/measure_people.py [folder ...]`.
 
-Synthetic clips are made on the spot. The first folder is UniHSI's `motion_clips`; people of further ones are told from
-ours, too. Without recordings their columns and tables stay as they are in the file.
+Synthetic clips are made on the spot. The folders are of real recordings, the first UniHSI's `motion_clips`; people of
+further ones are told from ours, too. Without recordings their columns and tables stay as they are in the file.
 """
 
 import sys
@@ -23,7 +23,7 @@ from mimicbench.report.beside_real import judgement_table, measures_table, tells
 from mimicbench.report.tables import Cell, Table, to_markdown
 from mimicbench.tasks.registry import TASKS
 
-PAGE = Path(__file__).parents[1] / "docs" / "people.md"
+PAGES = [Path(__file__).parents[1] / "docs" / name for name in ("people.md", "people-judged.md")]
 CLIPS = 100
 """Synthetic clips per task."""
 JUDGED = 40
@@ -114,10 +114,11 @@ def main() -> None:
 
 
 def put(name: str, words: str) -> None:
-    """Write between two marks of the page."""
-    text = PAGE.read_text()
+    """Write between two marks of the page that has them."""
     begin, end = f"<!-- {name}: begin -->\n", f"<!-- {name}: end -->"
-    PAGE.write_text(text[: text.index(begin) + len(begin)] + "\n" + words + "\n" + text[text.index(end) :])
+    page = next(page for page in PAGES if begin in page.read_text())
+    text = page.read_text()
+    page.write_text(text[: text.index(begin) + len(begin)] + "\n" + words + "\n" + text[text.index(end) :])
 
 
 def synthetic(task: str) -> list[HumanMotion]:

@@ -1,5 +1,6 @@
-"""Measures the tables of docs/retargeting.md: `python scripts/measure_retargeting.py [workdir
-[workdir of real clips]]`.
+"""Measures the tables of docs/retargeting.md and docs/retargeting-compared.md.
+
+Called by `python scripts/measure_retargeting.py [workdir [workdir of real clips]]`.
 
 Objects and clips are made in the workdir unless they are there. Real clips are those that `mimicbench import` made;
 without them their tables stay as they are in the file. Pictures need OpenGL.
@@ -21,7 +22,7 @@ from mimicbench.report.tables import Table, to_markdown
 from mimicbench.retarget.baselines.speed import RetargetBenchConfig
 from mimicbench.tasks.registry import TASKS
 
-PAGE = Path(__file__).parents[1] / "docs" / "retargeting.md"
+PAGES = [Path(__file__).parents[1] / "docs" / name for name in ("retargeting.md", "retargeting-compared.md")]
 OBJECTS, CLIPS = 32, 16
 """Of each task."""
 RECORDED = "recorded"
@@ -50,17 +51,14 @@ def main() -> None:
         tables += [renamed(without(table, "Frames/s of a core"), "real") for table in found.tables()[:2]]
     measured = bench(ClipsConfig(tuple(TASKS)), RetargetBenchConfig(), say)
     tables.append(speed_table(measured, tuple(TASKS)))
-    text = PAGE.read_text()
     for table in tables:
-        text = put(text, table.name, to_markdown(table))
+        put(table.name, to_markdown(table))
     machine = this_machine()
-    text = put(
-        text,
+    put(
         "machine",
         f"Measured on {machine['cores']} cores of {machine['processor']}; {CLIPS} clips of each task "
         f"on {OBJECTS} objects, seed 0.\n",
     )
-    PAGE.write_text(text)
 
 
 def without(table: Table, column: str) -> Table:
@@ -81,12 +79,15 @@ def renamed(table: Table, variant: str) -> Table:
     )
 
 
-def put(text: str, name: str, words: str) -> str:
-    """The page with what stands between the two marks of a name replaced."""
+def put(name: str, words: str) -> None:
+    """Write between the two marks of a name, on the page that has them."""
     pattern = re.compile(rf"(<!-- {re.escape(name)} -->\n).*?(<!-- end -->)", re.S)
-    if not pattern.search(text):
-        raise SystemExit(f"{PAGE.name} has no place for {name}")
-    return pattern.sub(lambda match: match[1] + words + match[2], text, count=1)
+    for page in PAGES:
+        text = page.read_text()
+        if pattern.search(text):
+            page.write_text(pattern.sub(lambda match: match[1] + words + match[2], text, count=1))
+            return
+    raise SystemExit(f"no page has a place for {name}")
 
 
 def say(line: str) -> None:

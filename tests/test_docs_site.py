@@ -58,7 +58,7 @@ def test_settings_have_their_defaults_bounds_and_words(made):
     assert "| `--track.ppo.gamma` | `0.97` |" in made["settings/track.md"]
     own = made["settings/track.md"].split("## With `--track.tracker residual`")[1].split("\n## ")[0]
     assert "| `--track.settings.ankles` | `0.2` |  | Of exp(-5 d)" in own and "--track.samples" not in own
-    assert re.search(r"`--track\.until` \| `1.0` \| 0 to 1 \| K at which", made["settings/track.md"])
+    assert re.search(r"`--track\.until` \| `1.0` \| 0 to 1 \| Share of robots", made["settings/track.md"])
     for name, page in made.items():
         if name.startswith(("settings/", "methods/")):
             assert "lambda" not in page and "object at 0x" not in page, name

@@ -35,5 +35,5 @@ def test_our_tracker_sees_frames_when_it_is_asked_to(tmp_path):
     terms = {name: torch.randn(2, width) for name, width in zip(before.layout.names, before.layout.widths, strict=True)}
     told, once = Follower(tracker, 2), Follower(before, 2)
     np.testing.assert_allclose(told.action(terms).detach(), once.action(terms).detach(), atol=1e-4)
-    verdict = track_clips(tracker, clips[0], RolloutConfig(stop_early=True), ONE_THREAD).verdict
+    verdict = track_clips(tracker, clips[0], RolloutConfig(leave_fallen=True), ONE_THREAD).verdict
     assert rows[-1]["k_train"] == float(verdict.success) == 1.0

@@ -238,7 +238,7 @@ def test_its_training_goes_on_to_the_same_bytes_and_acts_as_it_was_saved(tmp_pat
     given = LAYOUT.flat(terms)
     past = torch.cat([torch.zeros(2, 5 * 84), given, given], -1)
     np.testing.assert_allclose(tracker.action(terms, past).detach(), actions[2].detach(), atol=1e-6)
-    rollout = track_clips(tracker, clips[0], RolloutConfig(stop_early=True), ONE_THREAD)
+    rollout = track_clips(tracker, clips[0], RolloutConfig(leave_fallen=True), ONE_THREAD)
     assert rollout.verdict.success.tolist() == [False]
     with pytest.raises(MimicbenchError, match="other sizes or inputs"):
         other = replace(training(4), network=replace(SMALL, tokens=16), begin_from=str(whole))

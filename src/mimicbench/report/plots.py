@@ -215,7 +215,11 @@ def failures_plot(name: str, by_policy: Mapping[str, Mapping[str, Rate]]) -> str
 
 
 _PANELS = (
-    ("Success (K)", {"k": "K", "k_train": "training objects", "k_held_out": "unseen objects"}, 100.0),
+    (
+        "Success (K)",
+        {"k": "K", "k_train": "training objects", "k_held_out": "unseen objects", "stays_held_out": "unseen, stays"},
+        100.0,
+    ),
     ("Reward", {"reward": "reward"}, 1.0),
     ("Training episodes that fail", {"failed": "failed"}, 100.0),
     ("Loss", {"loss": "training", "validation_loss": "unseen episodes"}, 1.0),
