@@ -219,6 +219,24 @@ def test_clock_leaves_the_last_action_out():
     assert InputConfig.timed().of(H1, SIT_CHAIR).size == 48 + 13 + 10
 
 
+def test_the_last_action_can_be_left_out():
+    inputs = InputConfig(last_action=False).on(H1)
+    vector = inputs.vector(torch.arange(300.0)[None], torch.zeros(1, 48), torch.zeros(1), None)
+    assert vector[0].int().tolist() == [*range(278), *range(297, 300)] and inputs.size == 281
+    assert InputConfig().on(H1).size == 300
+
+
+def test_a_quick_encoder_reads_patches_one_by_one():
+    torch.manual_seed(0)
+    encoder, maps = Encoder(EncoderConfig.quick()), torch.zeros(1, 1, 128, 128)
+    assert encoder(maps).shape == (1, 64, encoder.config.side, encoder.config.side) == (1, 64, 4, 4)
+    changed = maps.clone()
+    changed[0, 0, 8:16, 120:] = 1.0
+    differs = (encoder.stem(changed) != encoder.stem(maps)).any(1)[0].nonzero().tolist()
+    assert differs == [[1, 15]]
+    assert sum(p.numel() for p in encoder.parameters()) == 32 * 65 + 48 * (9 * 32 + 1) + 64 * (9 * 48 + 1)
+
+
 def test_clock():
     found = clock_features(torch.tensor([0.0, 3.6]))
     assert found[0].tolist() == [0.0] * 7 + [1.0] * 6

@@ -1,16 +1,17 @@
-"""A ResNet-18 for maps: 1 to 4 channels in, a grid of features out.
+"""A ResNet-18 for maps: 1 to 4 channels in, a grid of features out; and, for a CPU, three convolutions.
 
 No pretrained weights: height maps are not photographs.
 """
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from mimicbench.core.settings import Positive, Sizes
+from mimicbench.core.settings import Positive, Sizes, Within
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,9 @@ class EncoderConfig:
     """Side of the map, in cells."""
     pool: Positive = 1
     """Take the highest of this many cells squared first."""
+    patch: Annotated[int, Within(0, 128)] = 0
+    """Side of the squares [cells] that the first convolution reads one by one, instead of ResNet's stem and residual
+    blocks: one convolution per stage follows. 0 for ResNet."""
     widths: Sizes = (64, 128, 256, 512)
     """Channels of the four stages."""
     blocks: tuple[int, ...] = (2, 2, 2, 2)
@@ -39,6 +43,11 @@ class EncoderConfig:
         """About 150 thousand parameters for a CPU: 4 x 4 x 64."""
         return EncoderConfig(pool=2, widths=(16, 32, 48, 64), blocks=(1, 1, 1, 1), strides=(1, 2, 2, 1))
 
+    @staticmethod
+    def quick() -> "EncoderConfig":
+        """About 45 thousand parameters for a CPU, 4 x 4 x 64, in a quarter of the time of the small ResNet."""
+        return EncoderConfig(patch=8, widths=(32, 48, 64), blocks=(), strides=(2, 2))
+
     @property
     def layers(self) -> tuple[int, ...]:
         """How many of everything that is repeated."""
@@ -47,8 +56,8 @@ class EncoderConfig:
     @property
     def side(self) -> int:
         """Side of the grid of features."""
-        side = self.cells // self.pool
-        for stride in (2, 2, *self.strides):
+        side = self.cells // self.pool // (self.patch or 1)
+        for stride in (*(() if self.patch else (2, 2)), *self.strides):
             side = (side + stride - 1) // stride
         return side
 
@@ -60,6 +69,9 @@ class Encoder(nn.Module):
         super().__init__()
         self.config = config
         channels = config.channels + (2 if config.coordinates else 0)
+        if config.patch:
+            self.stem, self.stages = self._plain(channels)
+            return
         self.stem = nn.Sequential(
             nn.Conv2d(channels, config.widths[0], 7, 2, 3, bias=False),
             norm_layer(config.norm, config.widths[0]),
@@ -73,6 +85,14 @@ class Encoder(nn.Module):
                 stages.append(_Block(width_in, width, stride if block == 0 else 1, config.norm))
                 width_in = width
         self.stages = nn.Sequential(*stages)
+
+    def _plain(self, channels: int) -> tuple[nn.Sequential, nn.Sequential]:
+        widths, patch = self.config.widths, self.config.patch
+        stages: list[nn.Module] = []
+        for width_in, width, stride in zip(widths[:-1], widths[1:], self.config.strides, strict=True):
+            stages += [nn.Conv2d(width_in, width, 3, stride, 1), nn.ReLU()]
+        # no padding: a side that is no multiple of the patch loses its last cells
+        return nn.Sequential(nn.Conv2d(channels, widths[0], patch, patch), nn.ReLU()), nn.Sequential(*stages)
 
     def forward(self, maps: Tensor) -> Tensor:
         """Encode a batch of maps."""

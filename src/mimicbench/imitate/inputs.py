@@ -19,9 +19,11 @@ class InputConfig:
 
     body: Literal["state", "proprio"] = "state"
     """`state`: S_current (G.1), 300 numbers of the H1; `proprio`: what a robot can measure of itself, 48 of the H1."""
+    last_action: bool = True
+    """Keep the last action in S_current, as the paper does. A network copies it, for it is nearly the next one, and
+    falls: without it, and with a clock, it has to look at the body."""
     clock: bool = False
-    """Add the time since the start. The last action is then left out: copying one's own past is what fails without
-    it."""
+    """Add the time since the start. The last action is then left out."""
     memory: bool = False
     """Add the goal as it was known first, carried along by odometry, or told."""
     memory_size: int = 0
@@ -52,10 +54,15 @@ class InputConfig:
         return replace(self.on(robot), memory_size=memory_size, targets=self.elevation and task.goal.given)
 
     @property
-    def last_action(self) -> slice:
+    def last_action_place(self) -> slice:
         """Where the last action is in S_current: J, dJ, four times three numbers of every link, last action, g."""
         first = 2 * self.joints + 12 * self.links
         return slice(first, first + self.joints)
+
+    @property
+    def copies(self) -> bool:
+        """Whether it sees its last action, if it sees S_current."""
+        return self.last_action and not self.clock
 
     @property
     def channels(self) -> int:
@@ -67,7 +74,7 @@ class InputConfig:
         """Length of the input vector of a frame."""
         body = 10 + 2 * self.joints
         if self.body == "state":
-            body = self.last_action.stop + 3 - (self.joints if self.clock else 0)
+            body = self.last_action_place.stop + 3 - (0 if self.copies else self.joints)
         return body + (CLOCK_SIZE if self.clock else 0) + (self.memory_size if self.memory else 0)
 
     def vector(self, state: Tensor, proprio: Tensor, time: Tensor, memory: Tensor | None) -> Tensor:
@@ -81,10 +88,10 @@ class InputConfig:
         """
         if self.body == "proprio":
             parts = [proprio]
-        elif self.clock:
-            parts = [state[:, : self.last_action.start], state[:, self.last_action.stop :]]
-        else:
+        elif self.copies:
             parts = [state]
+        else:
+            parts = [state[:, : self.last_action_place.start], state[:, self.last_action_place.stop :]]
         if self.clock:
             parts.append(clock_features(time))
         if self.memory:

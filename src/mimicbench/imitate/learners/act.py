@@ -76,7 +76,7 @@ class ACTConfig(NetworkConfig):
         """For a CPU: about 1 million parameters, half a second ahead."""
         return ACTConfig(
             inputs=inputs or InputConfig(),
-            encoder=EncoderConfig.small(),
+            encoder=EncoderConfig.quick(),
             chunk=25,
             hidden=128,
             feedforward=256,

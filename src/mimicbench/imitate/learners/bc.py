@@ -41,7 +41,7 @@ class BCConfig(NetworkConfig):
     @staticmethod
     def small(inputs: InputConfig | None = None) -> "BCConfig":
         """For a CPU: about 800 thousand parameters."""
-        return BCConfig(inputs=inputs or InputConfig(), encoder=EncoderConfig.small(), reduce=(48, 32, 16), hidden=512)
+        return BCConfig(inputs=inputs or InputConfig(), encoder=EncoderConfig.quick(), reduce=(48, 32, 16), hidden=512)
 
 
 class BC(Learner):

@@ -92,7 +92,7 @@ class HITConfig(NetworkConfig):
     @staticmethod
     def small() -> "HITConfig":
         """For a CPU: about 1 million parameters, half a second ahead."""
-        return HITConfig(encoder=EncoderConfig.small(), chunk=25, hidden=128, heads=4, blocks=3, dropout=0.05)
+        return HITConfig(encoder=EncoderConfig.quick(), chunk=25, hidden=128, heads=4, blocks=3, dropout=0.05)
 
 
 class HIT(Learner):
