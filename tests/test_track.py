@@ -606,6 +606,10 @@ def test_a_training_begins_from_a_tracker_and_keeps_what_it_does(tmp_path):
     obs = torch.randn(5, layout.size)
     np.testing.assert_allclose(wider(obs).detach(), network(obs[:, :167]).detach(), atol=1e-5)
     np.testing.assert_allclose(learner.deviation, deviation, rtol=1e-5)
+    explorer = PPOLearner(layout.blueprint(MLPConfig((9, 7))), 19, 4, PPOConfig(initial_std=0.4))
+    begin_from(tmp_path, H1, explorer, layout, anew=True)
+    np.testing.assert_allclose(explorer.deviation, np.full(19, 0.4), rtol=1e-5)
+    np.testing.assert_allclose(explorer.network_tensors()["layers.0.bias"][:6], network.tensors()["layers.0.bias"])
     with pytest.raises(MimicbenchError, match="2 layers at least as wide"):
         begin_from(tmp_path, H1, PPOLearner(layout.blueprint(MLPConfig((5, 5))), 19, 4, PPOConfig()), layout)
 

@@ -59,6 +59,9 @@ class TrackConfig:
     critic_first: Annotated[int, Within(0, 1e6)] = 50
     """Updates after such a beginning in which the critic learns alone: it begins from nothing, or, where it was kept
     beside the tracker, has to learn what has changed."""
+    explore_anew: bool = False
+    """Begin with deviations of `ppo.initial_std`, not with those that the tracker to begin from came to: who is sure of
+    what he does tries nothing else, and the divergence of a small deviation lets no rate but a tiny one through."""
     samples: Annotated[int, Amount()] = 30_000_000
     """Control steps to learn from, over all robots, at most."""
     until: Annotated[float, Amount(0, 1)] = 1.0
@@ -139,7 +142,7 @@ def train_tracker(
     shape = _shape(config, env.layout, len(robot.joints))
     learner = PPOLearner(shape.blueprint(), shape.actions, config.num_envs, config.ppo, env.device)
     if config.begin_from:
-        begin_from(Path(config.begin_from), robot, learner, env.layout)
+        begin_from(Path(config.begin_from), robot, learner, env.layout, config.explore_anew)
     parts = {"env": env, "ppo": learner, "torch": TorchRandom(env.device)}
     fresh = {"samples": 0, "iterations": 0, "seconds": 0.0, "reward": 0.0, "steps": 0}
     identity = {"config": _course(config), "seed": seed, "clips": [m.id for some in clips for m in some.motions]}
@@ -249,12 +252,13 @@ def robots_of(config: TrackConfig, tasks: int) -> list[int]:
     return [end - start for start, end in zip([0, *ends], ends, strict=False)]
 
 
-def begin_from(folder: Path, robot: Robot, learner: PPOLearner, layout: Layout) -> None:
+def begin_from(folder: Path, robot: Robot, learner: PPOLearner, layout: Layout, anew: bool = False) -> None:
     """Take over what a tracker has learned, term by term, and its critic if it was kept; terms that it did not have
-    begin without a say. Raises MimicbenchError.
+    begin without a say. Its deviations, too, unless `anew`. Raises MimicbenchError.
     """
     given, critic = load_tracker(folder, robot), load_critic(folder, robot)
-    learner.begin_from(given.network.tensors(), layout.columns_of(given.layout), given.deviation, critic)
+    deviation = () if anew else given.deviation
+    learner.begin_from(given.network.tensors(), layout.columns_of(given.layout), deviation, critic)
 
 
 def _ended(env: TrackingParts) -> dict[str, dict[str, int]]:
