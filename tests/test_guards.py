@@ -10,10 +10,11 @@ import safetensors
 import torch
 
 import making
+from mimicbench.benchmark import keys
 from mimicbench.benchmark.graph import retargeted, start
 from mimicbench.benchmark.judging import _of_split, judge, who_of
 from mimicbench.benchmark.recipe import EvaluateConfig
-from mimicbench.core.errors import BadFile
+from mimicbench.core.errors import BadFile, UnknownName
 from mimicbench.core.training import STATE
 from mimicbench.envs.metrics import Verdict
 from mimicbench.imitate.demos import DemosConfig, batches, demonstrations
@@ -64,6 +65,17 @@ def test_episodes_are_on_objects_of_their_split(run, split):
 def test_clips_for_an_evaluation_are_not_those_of_a_training(run):
     theirs = _of_split(run, 3)
     assert {obj.split for obj in theirs.set.scenes} == {"test"} and theirs.stage.folder != retargeted(run).stage.folder
+
+
+def test_a_tracker_is_judged_by_its_kind_not_by_its_name(run, tmp_path, monkeypatch):
+    shipped = who_of(run, "tracker").folder
+    monkeypatch.setattr(keys, "SHIPPED", tmp_path)
+    shutil.copytree(shipped, tmp_path / "sit-chair" / "another")
+    first, *_ = by_name = judge(with_evaluation(run, tracked=1, episodes=9), "another")
+    assert (first.stage, first.policy) == ("track", "another") and len(by_name) == 1
+    assert judge(with_evaluation(run, tracked=1), str(tmp_path / "sit-chair" / "another")) == by_name
+    with pytest.raises(UnknownName, match="no-such"):
+        who_of(run, "no-such")
 
 
 def test_rows_follow_the_clips_and_who_is_judged(run, tmp_path):

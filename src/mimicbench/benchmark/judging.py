@@ -13,7 +13,7 @@ from mimicbench.benchmark import keys
 from mimicbench.benchmark.graph import Clips, env_config, retargeted
 from mimicbench.benchmark.keys import Run
 from mimicbench.benchmark.recipe import stage_type
-from mimicbench.core.checkpoint import CONFIG, MODEL, beside
+from mimicbench.core.checkpoint import CONFIG, MODEL, beside, checkpoint_kind
 from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
 from mimicbench.core.files import digest_of
 from mimicbench.imitate.registry import LEARNERS
@@ -45,6 +45,11 @@ class Who:
         return self.folder.suffix == ".py"
 
     @property
+    def is_tracker(self) -> bool:
+        """Whether it follows clips, and is judged by how many."""
+        return self.folder.suffix not in FILES and checkpoint_kind(self.folder) == keys.TRACKER
+
+    @property
     def digests(self) -> dict[str, str]:
         """Digests of the networks that it runs on: its own, and those in the folders beside it that it may use."""
         if self.folder.suffix in FILES:
@@ -55,7 +60,8 @@ class Who:
 
 
 def who_of(run: Run, name: str) -> Who:
-    """Whom the user means: `tracker`, `best`, a learner's name, or the path of a checkpoint, a Python or an ONNX file.
+    """Whom the user means: `tracker`, `best`, a learner's name, another checkpoint that is shipped for the task, or the
+    path of a checkpoint, a Python or an ONNX file.
 
     What this recipe has learned in this workdir comes before what is shipped. Nothing is made.
 
@@ -76,6 +82,8 @@ def who_of(run: Run, name: str) -> Who:
         if tracker is None:
             raise _nobody(run, "track", name, sorted(keys.shipped_trackers(run.recipe.robot)))
         return Who(name, tracker)
+    if name not in LEARNERS and (other := keys.shipped(run, name)) is not None:
+        return Who(name, other)
     there = (each for each in LEARNERS if keys.shipped(run, each) is not None)
     learner = next(there, next(iter(LEARNERS))) if name == "best" else name
     try:
@@ -142,14 +150,14 @@ def judge(run: Run, name: str) -> list[EpisodeRow]:
     from mimicbench.evaluate.rows import read_rows, rows_made_from, write_rows
 
     who, config = who_of(run, name), run.recipe.evaluate
-    count = config.tracked if name == keys.TRACKER else config.episodes
+    count = config.tracked if who.is_tracker else config.episodes
     clips = episodes_of(run, count)
     source = _source(run, who, clips)
     path = rows_path(run, who, source)
     there = rows_made_from(path).get("episodes", 0) if path.exists() else 0
     if there == count and not who.is_program:
         return read_rows(path)
-    rows = judge_tracker(run, who, clips.set) if name == keys.TRACKER else judge_policy(run, who, clips.set)[0]
+    rows = judge_tracker(run, who, clips.set) if who.is_tracker else judge_policy(run, who, clips.set)[0]
     if (
         there < count or who.is_program
     ):  # the last, smaller batch of fewer episodes may round differently: they are judged, but not kept

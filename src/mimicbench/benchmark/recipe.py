@@ -32,8 +32,8 @@ class EvaluateConfig:
     """Who is judged, on what."""
 
     policy: tuple[str, ...] = ("best",)
-    """Who: `tracker`, a learner's name, the path of a checkpoint, a Python or an ONNX file, or `best` for the one that
-    comes with the package. What this workdir has learned comes before what the package brings."""
+    """Who: `tracker`, a learner's name or another checkpoint that comes with the package, the path of a checkpoint, a
+    Python or an ONNX file, or `best`. What this workdir has learned comes before what the package brings."""
     episodes: Count = 400
     """Episodes of each policy: unseen objects, unseen starts."""
     tracked: Count = 256
