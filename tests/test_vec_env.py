@@ -167,6 +167,15 @@ def moving(count=3):
     return physics
 
 
+def test_a_reset_leaves_the_callers_action_as_it_was():
+    """PPO keeps what it gave until it has seen what came of it, when the episode may have begun anew."""
+    env, target, action = environment(3), TARGET.repeat(3, 1), torch.ones(3, 19)
+    env.step(target, action)
+    env.reset(env.rows(torch.tensor([True, False, True])), stacked(still(block(), 2), env.physics))
+    assert (action == 1).all() and (target == TARGET).all()
+    assert env.last_action[:, 0].tolist() == [0, 1, 0] and env.context.last_action[:, 0].tolist() == [0, 1, 0]
+
+
 def test_physics_are_taken_up_to_the_last_bit():
     physics, other = moving(), moving()
     random = np.random.default_rng(1)

@@ -147,7 +147,8 @@ class VecEnv:
         self.physics.step(applied, measured, running)
         action = target if action is None else action
         if running is None:
-            self.last_target, self.last_action = target, action
+            # its own: a reset writes zeros into them, and the caller's are what learns from the step
+            self.last_target, self.last_action = target.clone(), action.clone()
             self.index, self.steps = self.index + 1, self.steps + 1
         else:
             self.last_target = torch.where(running[:, None], target, self.last_target)
