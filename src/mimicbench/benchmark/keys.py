@@ -194,10 +194,12 @@ def shipped_trackers(robot: str) -> dict[str, Path]:
 
 def demo_key(run: Run, tracker: Path) -> StageKey:
     """Demonstrations by the tracker in a folder."""
-    clips = retarget_key(run)
+    clips, settings = retarget_key(run), identity(run.part("demos"))
+    if not settings["images"]:
+        del settings["images"]  # without any, demonstrations are what they were before there were any
     return run.key(
         "demos",
-        identity(run.part("demos")),
+        settings,
         {"retarget": clips.fingerprint, "tracker": digest_of(tracker / MODEL)},
         reads={"retarget": run.folder(clips), "tracker": tracker},
     )

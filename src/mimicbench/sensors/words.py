@@ -28,6 +28,8 @@ WORDS: Mapping[str, str] = {
     "robot's own velocity",
     "elevation": "height relative to the root of the highest point that the cameras see in each cell [m]",
     "heightmap": "the same map by rays straight down, so that nothing hides anything [m]",
+    "gray": "`elevation` as a picture: 0 at 1.3 m below the root to 255 at 0.7 m above it",
+    "scene": "the box around the object: center [m] and orientation (6 numbers) in the root frame, half its size [m]",
     "target_elevation": "a map with nothing on the floor but the two targets of the wrists [m]",
     "targets": "where left and right wrist are to go, in the root frame [m]",
     "depth": "along the axis of each camera, at most 50 m [m]",
