@@ -9,7 +9,7 @@ import pytest
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import UnknownName
-from mimicbench.envs.lerobot import make_one
+from mimicbench.envs.lerobot.seen import make_one
 from mimicbench.robots.registry import ROBOTS
 from mimicbench.tasks.registry import TASKS
 

@@ -20,7 +20,7 @@ from lerobot.policies.diffusion.configuration_diffusion import DiffusionConfig  
 from lerobot.policies.factory import make_policy, make_pre_post_processors  # noqa: E402
 from lerobot.scripts.lerobot_eval import rollout  # noqa: E402
 
-from mimicbench.envs.lerobot_config import MimicbenchEnv  # noqa: E402
+from mimicbench.envs.lerobot.config import MimicbenchEnv  # noqa: E402
 
 STEP = 1 / 50
 SMALL = {

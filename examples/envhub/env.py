@@ -1,5 +1,5 @@
-"""The six tasks for LeRobot, as an environment of the Hub: `make_env("<user>/<repository>", trust_remote_code=True)`."""
+"""The six tasks for LeRobot, as an environment of the Hub: `make_env("<user>/<repository>", trust_remote_code=True)`"""
 
-from mimicbench.envs.lerobot import make_env
+from mimicbench.envs.lerobot.seen import make_env
 
 __all__ = ["make_env"]

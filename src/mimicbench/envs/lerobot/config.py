@@ -1,5 +1,5 @@
 """What `lerobot-train` and `lerobot-eval` have to import to know the environment type `mimicbench`:
-`--env.discover_packages_path=mimicbench.envs.lerobot_config --env.type=mimicbench --env.task=sit-chair`.
+`--env.discover_packages_path=mimicbench.envs.lerobot --env.type=mimicbench --env.task=sit-chair`.
 
 The only module that imports LeRobot, which mimicbench does not install.
 """
@@ -12,7 +12,7 @@ from lerobot.configs.types import FeatureType, PolicyFeature  # pyright: ignore[
 from lerobot.envs.configs import EnvConfig  # pyright: ignore[reportMissingImports]
 
 from mimicbench.envs.gym import TaskEnv
-from mimicbench.envs.lerobot import AsLeRobotSees, make_one
+from mimicbench.envs.lerobot.seen import AsLeRobotSees, make_one
 
 ID = "mimicbench/LeRobot-v0"
 """What LeRobot makes, whatever the task."""
