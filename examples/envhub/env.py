@@ -1,4 +1,4 @@
-"""The six tasks for LeRobot, as an environment of the Hub: `make_env("<user>/<repository>", trust_remote_code=True)`"""
+"""The six tasks for LeRobot, as an environment of its Hub: `make_env("<user>/<name>", trust_remote_code=True)`."""
 
 from mimicbench.envs.lerobot.seen import make_env
 
