@@ -49,7 +49,7 @@ def test_every_task_for_two_environments(hub):
     envs = suites["mimicbench"]
     assert list(envs) == list(range(6))
     names = [envs[i].call("task_description") for i in envs]
-    assert names == [(task.replace("-", " "),) * 2 for task in TASKS if task in TASKS.first]
+    assert names == [(TASKS.get(task).title,) * 2 for task in TASKS if task in TASKS.first]
     for i, size in ((0, 12), (4, 18)):
         seen = stepped(envs[i])
         assert seen["agent_pos"].shape == (2, 300) and seen["environment_state"].shape == (2, size)

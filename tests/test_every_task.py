@@ -100,7 +100,7 @@ def test_k_is_found_again_in_stored_states(name, tmp_path):
 def test_demonstrations_hold_what_lerobots_environments_show(name, demonstrated):
     """Beside the same state: numbers of body and object, each with a name, and the picture."""
     clips, folder = demonstrated(name)
-    env = make_one(name, images=True, starts=clips.motions, objects=list(clips.objects.values()))
+    env = make_one(name, split="all", images=True, starts=clips.motions, objects=list(clips.objects.values()))
     seen, _ = env.reset(options={"start": 0})
     table = pq.read_table(folder / "data/chunk-000/file-000.parquet").slice(0, 1).to_pylist()[0]
     episodes = env.unwrapped.episodes

@@ -86,6 +86,7 @@ def test_its_policies_learn_from_them_and_drive_our_environment(kind, folder):
     env_config = MimicbenchEnv(task="sit-chair", images=images, max_steps=3)
     assert env_config.features["action"].type is FeatureType.ACTION
     (env,) = make_env(env_config, n_envs=2)["mimicbench"].values()
+    assert (env.envs[0].task, env.call("_max_episode_steps")) == ("Sit on a chair", (3, 3))
     policy.eval()
     pre, post = make_env_pre_post_processors(env_config, config)
     done = rollout(env, policy, pre, post, before, after, seeds=[0, 1])

@@ -24,7 +24,8 @@ _NAMES = {
 }
 
 if ID not in gymnasium.registry:
-    gymnasium.register(ID, make_one)
+    # without wrappers of Gymnasium's own, behind which LeRobot would not find what the task is
+    gymnasium.register(ID, make_one, order_enforce=False, disable_env_checker=True)
 
 
 @EnvConfig.register_subclass("mimicbench")
@@ -80,5 +81,5 @@ class MimicbenchEnv(EnvConfig):
             "split": self.split,
             "images": self.images,
             "gains": self.gains,
-            "max_episode_steps": self.max_steps,
+            "max_steps": self.max_steps,
         }

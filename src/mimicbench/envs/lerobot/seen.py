@@ -16,6 +16,7 @@ import mimicbench
 from mimicbench.core.errors import UnknownName
 from mimicbench.sensors.opengl import NoPictures
 from mimicbench.sensors.scene import PICTURE, SCENE
+from mimicbench.tasks.registry import TASKS
 
 SUITE = "mimicbench"
 TASK_IDS = {task: f"mimicbench/{name}-v0" for name, task in mimicbench.ENVIRONMENTS.items()}
@@ -25,7 +26,7 @@ class AsLeRobotSees(gymnasium.ObservationWrapper):
     """One environment with LeRobot's names of observations."""
 
     def __init__(self, env: gymnasium.Env, task: str, images: bool) -> None:
-        """`task` is what is to be done, for policies that read."""
+        """`task` is what is to be done, for policies that read, in the words of the demonstrations."""
         super().__init__(env)
         self.task = self.task_description = task
         inner = env.observation_space
@@ -59,14 +60,18 @@ class AsLeRobotSees(gymnasium.ObservationWrapper):
             return np.zeros((64, 64, 3), np.uint8)
 
 
-def make_one(task: str = "sit-chair", split: str = "test", images: bool = False, **arguments: Any) -> gymnasium.Env:
-    """One environment of a task by its name; `arguments` are TaskEnv's. Raises UnknownName."""
+def make_one(
+    task: str = "sit-chair", split: str = "test", images: bool = False, max_steps: int | None = None, **arguments: Any
+) -> gymnasium.Env:
+    """One environment of a task by its name, with episodes of at most `max_steps`, or as long as the task's;
+    `arguments` are TaskEnv's. Raises UnknownName.
+    """
     if task not in TASK_IDS:
         raise UnknownName("task", task, list(TASK_IDS))
     observe = ("state", "scene", *([PICTURE] if images else []))  # targets of the wrists come wherever there are any
-    given = {"render_mode": "rgb_array", "height": 240, "width": 320, **arguments}
+    given = {"render_mode": "rgb_array", "height": 240, "width": 320, "max_episode_steps": max_steps, **arguments}
     env = gymnasium.make(f"mimicbench:{TASK_IDS[task]}", split=split, observe=observe, **given)
-    return AsLeRobotSees(env, task.replace("-", " "), images)
+    return AsLeRobotSees(env, TASKS.get(task).title, images)
 
 
 def make_env(
