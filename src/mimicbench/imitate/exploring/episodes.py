@@ -41,7 +41,7 @@ class ExploreConfig:
     """Robots side by side."""
     starts: Positive = 2048
     """Starts that are drawn in advance; each episode takes one of them."""
-    approach: float = 5.0
+    approach: float = 10.0
     """Reward for each metre that a step came nearer [1/m]; with 0 the reward is nearness alone."""
     change: float = 0.002
     """Price of each squared unit by which the action changes."""
