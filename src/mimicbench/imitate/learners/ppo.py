@@ -36,8 +36,8 @@ from mimicbench.track.network import Blueprint, MLPConfig
 from mimicbench.track.ppo import PPOConfig, PPOLearner
 
 HEIGHT_UNIT = 0.03
-"""What heights [m] of maps are multiplied by. All that is seen is divided by its deviation and 0.01 more, so cells are by
-a third of a metre at least: those that seldom hold anything would else be the largest numbers of all."""
+"""What heights [m] of maps are multiplied by. All that is seen is divided by its deviation and 0.01 more, so cells are
+by a third of a metre at least: those that seldom hold anything would else be the largest numbers of all."""
 
 
 @dataclass(frozen=True)
