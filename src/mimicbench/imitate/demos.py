@@ -98,13 +98,13 @@ def scene_terms(task: Task) -> tuple[str, ...]:
 
 def scene_names(task: Task) -> list[str]:
     """What each number of them is."""
-    box = (
+    around = (
         *(f"center_{axis}" for axis in "xyz"),
         *(f"turned_{i}" for i in range(6)),
         *(f"half_{axis}" for axis in "xyz"),
     )
     targets = [f"{side}_target_{axis}" for side in ("left", "right") for axis in "xyz"]
-    return [*box, *(targets if task.wrist_goals else [])]
+    return [*around, *(targets if task.wrist_goals else [])]
 
 
 def batches(clips: ClipSet, config: DemosConfig) -> list[tuple[ClipSet, float]]:

@@ -192,7 +192,7 @@ _TERMS = (
     *(term for steps in LOOKAHEAD for term in _ahead(steps)),
 )
 TERMS: Mapping[str, Term] = {term.name: term for term in _TERMS}
-"""All terms by name. sensors.words says what each holds."""
+"""All terms by name. sensors.term says what each holds."""
 
 
 def chosen_terms(names: Sequence[str | Term], task: Task) -> tuple[Term, ...]:

@@ -1,5 +1,5 @@
 """What `lerobot-train` and `lerobot-eval` have to import to know the environment type `mimicbench`:
-`--env.discover_packages_path=mimicbench.envs.lerobot --env.type=mimicbench --env.task=sit-chair`.
+`--env.discover_packages_path=mimicbench.envs.lerobot --env.type=mimicbench --env.task=NAME`.
 
 The only module that imports LeRobot, which mimicbench does not install.
 """
@@ -13,6 +13,7 @@ from lerobot.envs.configs import EnvConfig  # pyright: ignore[reportMissingImpor
 
 from mimicbench.envs.gym import TaskEnv
 from mimicbench.envs.lerobot.seen import AsLeRobotSees, make_one
+from mimicbench.tasks.registry import DEFAULT_TASK
 
 ID = "mimicbench/LeRobot-v0"
 """What LeRobot makes, whatever the task."""
@@ -33,7 +34,7 @@ if ID not in gymnasium.registry:
 class MimicbenchEnv(EnvConfig):
     """A task of the benchmark."""
 
-    task: str | None = "sit-chair"
+    task: str | None = DEFAULT_TASK
     """Its name."""
     fps: int = round(TaskEnv.metadata["render_fps"])
     """Control steps a second."""
@@ -50,7 +51,7 @@ class MimicbenchEnv(EnvConfig):
 
     def __post_init__(self) -> None:
         """Say what there is, as LeRobot asks for it before it makes any environment."""
-        env = make_one(self.task or "sit-chair", self.split, self.images)
+        env = make_one(self.task or DEFAULT_TASK, self.split, self.images)
         assert isinstance(env, AsLeRobotSees) and isinstance(env.observation_space, gymnasium.spaces.Dict)
         shapes = {name: space.shape for name, space in env.observation_space.items() if space.shape}
         kinds = {"agent_pos": FeatureType.STATE, "environment_state": FeatureType.ENV}

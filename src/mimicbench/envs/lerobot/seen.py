@@ -16,7 +16,7 @@ import mimicbench
 from mimicbench.core.errors import UnknownName
 from mimicbench.sensors.opengl import NoPictures
 from mimicbench.sensors.scene import PICTURE, SCENE
-from mimicbench.tasks.registry import TASKS
+from mimicbench.tasks.registry import DEFAULT_TASK, TASKS
 
 SUITE = "mimicbench"
 TASK_IDS = {task: f"mimicbench/{name}-v0" for name, task in mimicbench.ENVIRONMENTS.items()}
@@ -61,7 +61,7 @@ class AsLeRobotSees(gymnasium.ObservationWrapper):
 
 
 def make_one(
-    task: str = "sit-chair", split: str = "test", images: bool = False, max_steps: int | None = None, **arguments: Any
+    task: str = DEFAULT_TASK, split: str = "test", images: bool = False, max_steps: int | None = None, **arguments: Any
 ) -> gymnasium.Env:
     """One environment of a task by its name, with episodes of at most `max_steps`, or as long as the task's;
     `arguments` are TaskEnv's. Raises UnknownName.
@@ -79,7 +79,7 @@ def make_env(
 ) -> dict[str, dict[int, VectorEnv]]:
     """`n_envs` environments of each task, by the task's place in the paper: {"mimicbench": {0: ..., 5: ...}}.
 
-    With a configuration that names a `task`, such as `sit-chair`, of that one alone. Raises UnknownName.
+    With a configuration that names a `task`, of that one alone. Raises UnknownName.
     """
     wanted = getattr(cfg, "task", None)
     if wanted is not None and wanted not in TASK_IDS:
