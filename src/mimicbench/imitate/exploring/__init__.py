@@ -1,1 +1,0 @@
-"""Trying a task without a reference: the episodes of learners that learn from objects alone."""
