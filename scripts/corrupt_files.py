@@ -99,6 +99,8 @@ def demos(folder: Path) -> None:
     for number in range(5):
         widths = {"state": 300, "action": 19, "executed_action": 19, "qpos": 26, "qvel": 25}
         arrays: Any = {name: random.normal(size=(6 + number, width)) for name, width in widths.items()}
+        arrays["scene"] = random.normal(size=(6 + number, 12))
+        arrays["picture"] = random.integers(0, 256, (6 + number, 16, 16)).astype(np.uint8)
         writer.add(Demonstration(**arrays, object_id="chair-0-00001", reference_id=f"clip-{number}", success=True))
     writer.finish()
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from mimicbench.sensors.observations import TERMS
-from mimicbench.sensors.words import WORDS
+from mimicbench.sensors.term import WORDS
 from mimicbench.tasks.registry import TASKS
 
 ROOT = Path(__file__).parents[1]

@@ -190,3 +190,8 @@ def test_an_effort_below_one_is_one_and_rows_are_held_against_their_digest(tmp_p
     pq.write_table(table.set_column(table.column_names.index("success"), "success", pa.array([False])), path)
     with pytest.raises(BadFile):
         read_rows(path)
+
+
+def test_errors_are_told_with_the_episodes_that_they_ended():
+    rows = [replace(ROW, episode=i, error=error) for i, error in enumerate(("", "late", "", "raised", "late"))]
+    assert summarize(rows).errors == {"late": (1, 4), "raised": (3,)}

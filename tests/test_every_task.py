@@ -2,7 +2,9 @@
 
 from dataclasses import replace
 
+import imageio.v3 as iio
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 import torch
 
@@ -14,13 +16,14 @@ from mimicbench.benchmark.judging import judge
 from mimicbench.benchmark.recipe import EvaluateConfig
 from mimicbench.core.errors import BadFile
 from mimicbench.envs.clip_starts import ClipStarts
+from mimicbench.envs.lerobot.seen import make_one
 from mimicbench.envs.reference import ReferenceBank
 from mimicbench.envs.vec_env import VecEnv
 from mimicbench.evaluate.rollout import run_policy
 from mimicbench.imitate import cloning
 from mimicbench.imitate.clock import clock_features
 from mimicbench.imitate.dataset import DemoFrames
-from mimicbench.imitate.demos import demonstrations
+from mimicbench.imitate.demos import demonstrations, scene_names, scene_terms
 from mimicbench.imitate.goals import GivenGoal
 from mimicbench.imitate.inputs import Window
 from mimicbench.imitate.learners.bc import BCImitation
@@ -34,6 +37,7 @@ from mimicbench.imitate.stored.demo_writer import Demonstration, DemoWriter
 from mimicbench.imitate.stored.verify import replayed, unfulfilled
 from mimicbench.imitate.train import TrainConfig
 from mimicbench.policies.loading import load_policy
+from mimicbench.sensors.scene import PICTURE
 from mimicbench.sim.rows import Rows
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.registry import TASKS
@@ -53,7 +57,8 @@ def demonstrated(tmp_path_factory):
         if name not in made:
             clips, folder = clip_of(TASKS.get(name)), tmp_path_factory.mktemp(name)
             follower = tracker(shape_of("residual", *TASKS.all()))
-            rollout = track_clips(follower, clips, RolloutConfig(record=True, settle=0.1), ONE)
+            shown = (*scene_terms(clips.task), PICTURE)
+            rollout = track_clips(follower, clips, RolloutConfig(record=True, settle=0.1, observe=shown), ONE)
             done = torch.ones_like(rollout.verdict.success)
             rollout = replace(rollout, verdict=replace(rollout.verdict, success=done, stays=done))
             writer = DemoWriter(folder, ROBOT.name, clips.task.title, ROBOT.joint_names)
@@ -89,6 +94,23 @@ def test_k_is_found_again_in_stored_states(name, tmp_path):
     np.testing.assert_allclose(replayed(demos, 0, motion).joint_pos[: motion.frames], motion.joint_pos, atol=1e-6)
     with pytest.raises(BadFile, match="is missing"):
         unfulfilled(demos, replace(clips, motions=[]))
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_demonstrations_hold_what_lerobots_environments_show(name, demonstrated):
+    """Beside the same state: numbers of body and object, each with a name, and the picture."""
+    clips, folder = demonstrated(name)
+    env = make_one(name, split="all", images=True, starts=clips.motions, objects=list(clips.objects.values()))
+    seen, _ = env.reset(options={"start": 0})
+    table = pq.read_table(folder / "data/chunk-000/file-000.parquet").slice(0, 1).to_pylist()[0]
+    episodes = env.unwrapped.episodes
+    np.testing.assert_allclose(episodes.qpos()[0], table["sim.qpos"], atol=1e-5)
+    np.testing.assert_allclose(seen["agent_pos"], table["observation.state"], atol=1e-4)
+    np.testing.assert_allclose(seen["environment_state"], table["observation.environment_state"], atol=1e-4)
+    assert len(scene_names(clips.task)) == len(seen["environment_state"])
+    picture = iio.imread(table["observation.images.elevation"]["bytes"]).astype(int)
+    assert np.abs(picture - seen["pixels"]["elevation"]).mean() < 0.5, "but for cells that rays just miss"
+    env.close()
 
 
 def test_the_papers_clone_sees_what_it_is_told(demonstrated, tmp_path):

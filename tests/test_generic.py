@@ -54,6 +54,7 @@ MAY = {
     "policies/hit.py": "the same",
     "policies/online.py": "the same",
     "policies/planner.py": "the same",
+    "policies/ppo.py": "the same",
     "benchmark/presets.py": "named recipes",
     "report/paper_tables.py": "the paper's numbers, by its tasks and methods",
     "report/person.py": "the drawn person's trousers are called after what is sat on",

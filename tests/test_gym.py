@@ -22,6 +22,7 @@ from mimicbench.core.seeds import rng
 from mimicbench.envs.gym import TaskEnv
 from mimicbench.envs.gym_vector import TaskVectorEnv
 from mimicbench.envs.initial_states import clipped, start_of
+from mimicbench.envs.nearness import nearness
 from mimicbench.envs.reference import ReferenceBank
 from mimicbench.envs.rule_starts import Stance, Starts, draw_start
 from mimicbench.objects.registry import FAMILIES, make_object
@@ -510,9 +511,9 @@ def test_dense_reward_by_hand():
             env.episodes.env.physics, np.zeros(1, int), pos[None] + [away, 0, 0], rot.IDENTITY[None], joints[None]
         )
         env.episodes.env._context = env.episodes.env._look()
-        assert env.episodes.nearness()[0] == pytest.approx(expected, abs=1e-6)
+        assert nearness(env.episodes.env)[0] == pytest.approx(expected, abs=1e-6)
     env.episodes.metrics.fell[:] = True
-    assert env.episodes.nearness()[0] == 0.0
+    assert nearness(env.episodes.env)[0] == 0.0
 
 
 @every_task

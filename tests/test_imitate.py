@@ -341,6 +341,7 @@ def test_every_learner_is_whole(name):
     config = spec.config()
     assert config.learner == name and type(config).chosen({"learner": name}) is spec.config
     assert spec.config.tracker in (None, "residual") and isinstance(spec.config.clones, bool)
+    assert spec.config.references or (config.gains and not spec.config.clones and spec.config.tracker is None)
 
 
 def test_nothing_is_learned_from_the_frames_that_judge(demos, chairs, tmp_path):

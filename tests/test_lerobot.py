@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 
+import imageio.v3 as iio
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
@@ -105,6 +106,40 @@ def test_statistics(tmp_path):
     for key, q in (("q01", 0.01), ("q10", 0.1), ("q50", 0.5), ("q90", 0.9), ("q99", 0.99)):
         merged = sum(n * np.quantile(part, q, axis=0) for n, part in zip(lengths, parts, strict=True)) / 35
         np.testing.assert_allclose(stats["action"][key], merged, atol=1e-6)
+
+
+def test_what_lerobots_policies_see(tmp_path):
+    """The object in numbers, by name, and pictures, whose statistics are of pixels from 0 to 1."""
+    names, random = [f"n{i}" for i in range(12)], np.random.default_rng(0)
+    out, all_pictures, all_scenes = writer(tmp_path, scene_names=names), [], []
+    for number in range(3):
+        frames = 4 + number
+        picture = random.integers(0, 256, (frames, 16, 20)).astype(np.uint8)
+        scene = random.normal(size=(frames, 12)).astype(np.float32)
+        out.add(replace(demo(number, frames), scene=scene, picture=picture))
+        all_pictures.append(picture)
+        all_scenes.append(scene)
+    out.finish()
+    features = json.loads((tmp_path / "meta/info.json").read_text())["features"]
+    assert features["observation.environment_state"] == {"dtype": "float32", "shape": [12], "names": names}
+    channels = ["height", "width", "channels"]
+    assert features["observation.images.elevation"] == {"dtype": "image", "shape": [16, 20, 3], "names": channels}
+    table = pq.read_table(tmp_path / "data/chunk-000/file-000.parquet")
+    assert set(table.column_names) == set(features)
+    stored = [iio.imread(one["bytes"]) for one in table["observation.images.elevation"].to_pylist()]
+    assert (np.array(stored) == np.concatenate(all_pictures[:2])[..., None]).all() and stored[0].shape == (16, 20, 3)
+    scenes = np.array(table["observation.environment_state"].to_pylist(), np.float32)
+    assert (scenes == np.concatenate(all_scenes[:2])).all()
+    stats = json.loads((tmp_path / "meta/stats.json").read_text())["observation.images.elevation"]
+    pixels = np.concatenate(all_pictures) / 255
+    for key in ("mean", "std", "min", "max"):
+        np.testing.assert_allclose(stats[key], np.full((3, 1, 1), getattr(pixels, key)()), atol=1e-6)
+    assert stats["count"] == [15] and np.shape(stats["q99"]) == (3, 1, 1)
+    assert load_demos(tmp_path).episodes == 3
+    with pytest.raises(MimicbenchError, match="with other columns"):
+        more = writer(tmp_path)
+        for number in range(3, 5):
+            more.add(demo(number))
 
 
 def test_round_trip(tmp_path):

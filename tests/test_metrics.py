@@ -19,6 +19,7 @@ SIT_CHAIR = TASKS.get("sit-chair")
 STAND, JOINTS = standing()
 SIT, SITTING = seated(0.42)
 FAR, NEAR = STAND, np.array([-0.5, 0.0, STAND[2]])
+HIGH = np.array([0.0, 0.0, STAND[2]])
 LYING = rot.from_rotvec(np.array([0.0, 1.5, 0.0]))
 
 
@@ -90,6 +91,18 @@ def test_who_bends_down_has_not_fallen_and_who_sinks_down_has(task, leaning):
         (dict(pos=NEAR, turning=0.7), "turning"),
         (dict(pos=NEAR - [0, 0, 0.2], turning=0.7), "acting"),
         (dict(pos=SIT, joints=SITTING), "after success"),
+        # 0.35 m from the rectangle of the stool, on all sides and at its corner
+        (dict(pos=HIGH + [-0.59, 0, 0]), "acting"),
+        (dict(pos=HIGH + [-0.61, 0, 0]), "walking"),
+        (dict(pos=HIGH + [0.59, 0, 0]), "acting"),
+        (dict(pos=HIGH + [0.61, 0, 0]), "walking"),
+        (dict(pos=HIGH + [0, -0.59, 0]), "acting"),
+        (dict(pos=HIGH + [0, 0.61, 0]), "walking"),
+        (dict(pos=HIGH + [0.45, 0.45, 0]), "acting"),
+        (dict(pos=HIGH + [0.55, 0.55, 0]), "walking"),
+        # who is below 0.92 of the height at the start goes down, however it turns
+        (dict(pos=NEAR * [1, 1, 0.93], turning=0.7), "turning"),
+        (dict(pos=NEAR * [1, 1, 0.91], turning=0.7), "acting"),
     ],
 )
 def test_when_and_in_what_a_robot_fell(before, phase):
@@ -100,6 +113,42 @@ def test_when_and_in_what_a_robot_fell(before, phase):
     trace.show(10, SIT, SITTING)
     trace.fall()
     assert trace.phase() == (phase, pytest.approx(41 * CONTROL_DT)), "the first fall counts"
+
+
+@pytest.mark.parametrize(
+    ("height", "lean", "fallen"),
+    [
+        (0.42 - 0.14, (0, 0, 0), False),
+        (0.42 - 0.16, (0, 0, 0), True),
+        (0.9, (1.19, 0, 0), False),
+        (0.9, (1.21, 0, 0), True),
+        (0.9, (0, 1.19, 0), False),
+        (0.9, (0, -1.21, 0), True),
+    ],
+)
+def test_who_is_far_below_the_seat_or_leans_too_far_has_fallen(height, lean, fallen):
+    trace = Trace()
+    trace.show(1, np.array([*FAR[:2], height]), quat=rot.from_rotvec(np.array(lean, float)))
+    assert bool(trace.metrics.verdict().fell[0]) == fallen
+
+
+def test_when_k_was_fulfilled_and_what_effort_counts():
+    """By hand: 10 steps of walking, and the hold time of sitting; later effort is none of P's."""
+    trace = Trace()
+    trace.show(10, FAR)
+    trace.metrics.max_effort += 7.0
+    hold = SIT_CHAIR.hold_frames(1 / CONTROL_DT)
+    trace.show(hold - 1, SIT, SITTING)
+    assert not trace.metrics.success.any() and trace.metrics.effort().tolist() == [7.0]
+    trace.show(5, SIT, SITTING)
+    found = trace.metrics.verdict()
+    assert found.first_success.tolist() == pytest.approx([(10 + hold) * CONTROL_DT])
+    assert found.steps.tolist() == [10 + hold + 4]
+    trace.metrics.max_effort += 5.0
+    trace.show(1, FAR)
+    found = trace.metrics.verdict()
+    assert found.effort.tolist() == [7.0] and found.success.all() and not found.success_at_end.any()
+    assert trace.metrics.over().all() and found.first_success.tolist() == pytest.approx([(10 + hold) * CONTROL_DT])
 
 
 def test_a_fall_began_half_a_second_before():

@@ -14,6 +14,7 @@ from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.evaluate.rollout import run_policy
 from mimicbench.imitate.learned import save_learner
+from mimicbench.imitate.learners.ppo import PPOImitation
 from mimicbench.policies.loading import load_policy
 from test_hit import saved
 from test_imitate import INPUTS, tiny
@@ -30,11 +31,14 @@ def untrained(kind, folder):
     if kind == "hit":
         return saved(folder, SIT_CHAIR, "residual")
     torch.manual_seed(0)
+    if kind == "ppo":
+        save_learner(folder / "policy", PPOImitation().network.of(H1, SIT_CHAIR).build(), "h1")
+        return folder / "policy"
     save_learner(folder / "policy", tiny(kind, INPUTS["paper"]).build(), "h1")
     return folder / "policy"
 
 
-@pytest.mark.parametrize("kind", ["bc", "act", "hit", "diffusion", "bc-clock", "planner"])
+@pytest.mark.parametrize("kind", ["bc", "act", "hit", "diffusion", "ppo", "bc-clock", "planner"])
 def test_exported_policies_decide_as_the_originals(kind, tmp_path):
     """Over episodes, whatever they remember."""
     from mimicbench.policies.export import TOLERANCE, export_policy

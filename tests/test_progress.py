@@ -105,9 +105,11 @@ def test_only_who_looks_needs_eyes(tmp_path):
         ("act", False),
         ("hit", False),
         ("diffusion", False),
+        ("ppo", False),
     ):
         config = stage_type("imitate", {"learner": learner})()
         assert config.remembers == looks, learner
         run = start(making.small(imitate=config), tmp_path, making.QUIET)
-        key = keys.imitate_key(run, keys.SHIPPED / "sit-chair" / "tracker")
+        key = keys.imitate_key(run, keys.SHIPPED / "sit-chair" / "tracker" if config.references else None)
         assert ("perception" in key.made_from) == ("perception" in key.settings) == looks
+        assert ("tracker" in key.made_from) == ("retarget" in key.made_from or config.clones) == config.references

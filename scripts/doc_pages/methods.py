@@ -4,6 +4,7 @@ from dataclasses import fields
 
 from doc_pages.words import described, field_docs, table
 from mimicbench.imitate.registry import LEARNERS
+from mimicbench.imitate.spec import ImitateConfig
 from mimicbench.retarget.registry import METHODS
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.term import Term
@@ -47,13 +48,20 @@ def trackers_page(robot: Robot) -> str:
     )
 
 
+def _source_of(config: type[ImitateConfig]) -> str:
+    """What a learner learns from, in words."""
+    if not config.references:
+        return "objects, by trying"
+    return "demonstrations" if config.clones else "clips, through the tracker"
+
+
 def learners_page() -> str:
     """The learners."""
     rows = (
         (
             f"`{learner.name}`",
             described(LEARNERS, learner.name),
-            "demonstrations" if learner.config.clones else "clips, through the tracker",
+            _source_of(learner.config),
             f"`{learner.config.tracker}`" if learner.config.tracker else "any, or none",
         )
         for learner in LEARNERS.all()

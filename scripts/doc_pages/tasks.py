@@ -8,8 +8,7 @@ from doc_pages.words import defined_in, summary, table
 from mimicbench import ENVIRONMENTS
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.observations import TERMS
-from mimicbench.sensors.term import Term
-from mimicbench.sensors.words import WORDS
+from mimicbench.sensors.term import WORDS, Term
 from mimicbench.tasks.registry import TASKS
 from mimicbench.tasks.task import Task
 

@@ -6,13 +6,13 @@ from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from mimicbench.benchmark import keys
 from mimicbench.benchmark.keys import Run
 from mimicbench.benchmark.recipe import Recipe, check_recipe
 from mimicbench.core.checkpoint import CONFIG, copy_checkpoint
-from mimicbench.core.errors import BadFile, BadMotion, UnknownName
+from mimicbench.core.errors import BadFile, BadMotion, BadObject, UnknownName
 from mimicbench.core.files import read_json
 from mimicbench.core.parallel import end_if_imported_by_worker
 from mimicbench.core.run import RunContext
@@ -25,6 +25,7 @@ from mimicbench.retarget import make as retargeting
 if TYPE_CHECKING:
     from mimicbench.envs.vec_env import EnvConfig
     from mimicbench.imitate.spec import ImitateConfig
+    from mimicbench.objects.shape import SceneObject
 
 
 def run_stage(stage: str, recipe: Recipe, workdir: Path | str, context: RunContext | None = None) -> Stage:
@@ -215,30 +216,6 @@ def make_demo_stage(run: Run) -> Stage:
         return make_demos(stage, tracker, clips.split("train"), config, env_config(run), run.context.quiet)
 
 
-def verify_demos(run: Run) -> dict[str, Any]:
-    """How many of a recipe's stored demonstrations fulfil K and stay, by their states, and which do not; nothing is
-    made. Raises BadFile if there are none.
-    """
-    from mimicbench.imitate.lerobot import load_demos
-    from mimicbench.imitate.stored.verify import unfulfilled
-
-    tracker = keys.tracker_folder(run)
-    stage = None if tracker is None else run.folder(keys.demo_key(run, tracker))
-    if stage is None or not keys.is_complete(stage):
-        raise BadFile(
-            f"this recipe has no demonstrations in {run.workdir}; make them with `mimicbench demos --task "
-            f"{run.recipe.task} --workdir {run.workdir}`"
-        )
-    demos = load_demos(stage / "dataset", run.recipe.robot, state=False)
-    wrong = unfulfilled(demos, retargeted(run).set)
-    return {
-        "task": run.recipe.task,
-        "demonstrations": demos.episodes,
-        "fulfilled": demos.episodes - len(wrong),
-        "wrong": wrong,
-    }
-
-
 def make_perception_stage(run: Run) -> Stage:
     """Learn to find the objects of the training split in elevation maps."""
     from mimicbench.imitate.learn_perception import make_perception
@@ -247,34 +224,54 @@ def make_perception_stage(run: Run) -> Stage:
     with _opened(run, keys.perception_key(run), "objects", "imitate") as stage:
         if stage.complete:
             return stage
-        ids = object_ids(objects.folder)[: objects.header["amounts"].get("count")]
-        scene = list(read_objects(objects.folder, ids).values())
-        train, test = ([obj for obj in scene if obj.split == split] for split in ("train", "test"))
+        train, test = (list(_scene(objects, split).values()) for split in ("train", "test"))
         config, quiet = run.part("imitate").perception, run.context.quiet
         return stage.finish(**make_perception(stage.folder, run.task, run.robot, train, test, config, quiet))
 
 
+def _scene(objects: Stage, split: str) -> dict[str, SceneObject]:
+    """The objects of a split that are wanted of a stage, by id."""
+    ids = object_ids(objects.folder)[: objects.header["amounts"].get("count")]
+    return {name: obj for name, obj in read_objects(objects.folder, ids).items() if obj.split == split}
+
+
+def _learned_from(run: Run) -> tuple[ClipSet, Path | None]:
+    """What a learner is given: training clips and the folder of a tracker; or training objects alone, and no tracker.
+
+    Raises BadObject if it wants objects, and there is none.
+    """
+    if run.part("imitate").references:
+        _tell_tracker(run)
+        return retargeted(run).split("train"), tracker_for_learning(run)
+    there = make_object_stage(run)
+    objects = _scene(there, "train")
+    if not objects:
+        raise BadObject(f"no object in {there.folder} is of the training split; make more")
+    return ClipSet(run.task, run.robot, [], objects), None
+
+
 def make_imitate_stage(run: Run) -> Stage:
-    """Learn the recipe's policy: its folder holds copies of the tracker and, if it uses any, of the eyes."""
+    """Learn the recipe's policy: its folder holds copies of the tracker and of the eyes, if it uses any."""
     from mimicbench.imitate.registry import LEARNERS
     from mimicbench.imitate.spec import Given
     from mimicbench.policies.loading import load_policy
     from mimicbench.track.checkpoint import load_tracker
 
     config: ImitateConfig = run.part("imitate")
-    _tell_tracker(run)
-    clips, tracker = retargeted(run), tracker_for_learning(run)
+    clips, tracker = _learned_from(run)
     eyes = make_perception_stage(run) if keys.needs_eyes(run) else None
     demos = make_demo_stage(run) if config.clones else None
     with _opened(run, keys.imitate_key(run, tracker), *PARTS, trained=True) as stage:
         if stage.complete:
             return stage
-        copy_checkpoint(tracker, stage.folder / keys.TRACKER)
+        gains = config.gains or ""
+        if tracker is not None:
+            copy_checkpoint(tracker, stage.folder / keys.TRACKER)
+            gains = gains or load_tracker(tracker, run.robot).spec.gains
         if eyes is not None:
             copy_checkpoint(eyes.folder, stage.folder / keys.PERCEPTION)
-        gains = config.gains or load_tracker(tracker, run.robot).spec.gains
         dataset = None if demos is None else demos.folder / "dataset"
-        given = Given(clips.split("train"), dataset, run.recipe.seed, gains, run.context, load_policy)
+        given = Given(clips, dataset, run.recipe.seed, gains, run.context, load_policy)
         summary = LEARNERS.get(config.learner).learn(stage.folder / keys.POLICY, given, config)
         return stage.finish(**summary, device=run.context.device)
 

@@ -90,10 +90,10 @@ def who_of(run: Run, name: str) -> Who:
         config = stage_type("imitate", {"learner": learner})()
     except UnknownName as error:
         raise UnknownName("policy", name, ["best", keys.TRACKER, *error.args[2]]) from None
-    if name != "best" and tracker is not None:
+    if name != "best" and (tracker is not None or not config.references):
         if run.recipe.imitate is not None and run.recipe.imitate.learner == learner:
             config = run.recipe.imitate
-        own = run.folder(keys.imitate_key(run.changed(imitate=config), tracker))
+        own = run.folder(keys.imitate_key(run.changed(imitate=config), tracker if config.references else None))
         if keys.is_complete(own):
             return Who(name, own / keys.POLICY)
     shipped = keys.shipped(run, learner)

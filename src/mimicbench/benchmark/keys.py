@@ -86,15 +86,24 @@ def object_key(run: Run) -> StageKey:
     return run.key("objects", {"family": family}, {}, amounts=amounts(run.part("objects")), words=(family,))
 
 
+def objects_of(run: Run) -> tuple[str, Path]:
+    """Fingerprint and folder of the objects: made, or an imported set. Raises BadFile if there is no such set."""
+    name = run.set_name("objects")
+    if name is None:
+        key = object_key(run)
+        return key.fingerprint, run.folder(key)
+    there = run.named("objects", name)
+    return there.fingerprint, there.folder
+
+
 def reference_key(run: Run) -> StageKey:
     """Human clips that are made."""
     config, name = run.part("references"), run.set_name("objects")
-    objects = object_key(run) if name is None else run.named("objects", name)
-    folder = objects.folder if isinstance(objects, Stage) else run.folder(objects)
+    fingerprint, folder = objects_of(run)
     return run.key(
         "references",
         {"test_only": config.test_only, "objects_used": None if name else run.part("objects").count},
-        {"objects": objects.fingerprint},
+        {"objects": fingerprint},
         amounts=amounts(config),
         words=(name or MADE, *(("test",) if config.test_only else ())),
         reads={"objects": folder},
@@ -194,10 +203,12 @@ def shipped_trackers(robot: str) -> dict[str, Path]:
 
 def demo_key(run: Run, tracker: Path) -> StageKey:
     """Demonstrations by the tracker in a folder."""
-    clips = retarget_key(run)
+    clips, settings = retarget_key(run), identity(run.part("demos"))
+    if not settings["images"]:
+        del settings["images"]  # without any, demonstrations are what they were before there were any
     return run.key(
         "demos",
-        identity(run.part("demos")),
+        settings,
         {"retarget": clips.fingerprint, "tracker": digest_of(tracker / MODEL)},
         reads={"retarget": run.folder(clips), "tracker": tracker},
     )
@@ -205,17 +216,22 @@ def demo_key(run: Run, tracker: Path) -> StageKey:
 
 def perception_key(run: Run) -> StageKey:
     """The network that finds objects in elevation maps."""
-    name = run.set_name("objects")
-    objects = object_key(run) if name is None else run.named("objects", name)
-    folder = objects.folder if isinstance(objects, Stage) else run.folder(objects)
+    fingerprint, folder = objects_of(run)
     settings = identity(run.part("imitate").perception)
-    return run.key("perception", settings, {"objects": objects.fingerprint}, reads={"objects": folder})
+    return run.key("perception", settings, {"objects": fingerprint}, reads={"objects": folder})
 
 
-def imitate_key(run: Run, tracker: Path) -> StageKey:
-    """The recipe's policy, learned with the tracker in a folder."""
+def imitate_key(run: Run, tracker: Path | None) -> StageKey:
+    """The recipe's policy, learned with the tracker in a folder; None for who learns without references."""
     config, settings = run.part("imitate"), identity(run.part("imitate"))
-    before = [demo_key(run, tracker) if config.clones else retarget_key(run)]
+    made_from: dict[str, str] = {}
+    reads: dict[str, Path] = {}
+    before = []
+    if tracker is None:
+        made_from["objects"], reads["objects"] = objects_of(run)
+    else:
+        made_from["tracker"], reads["tracker"] = digest_of(tracker / MODEL), tracker
+        before.append(demo_key(run, tracker) if config.clones else retarget_key(run))
     if needs_eyes(run):
         before.append(perception_key(run))
     else:
@@ -223,10 +239,10 @@ def imitate_key(run: Run, tracker: Path) -> StageKey:
     return run.key(
         "imitate",
         settings,
-        {"tracker": digest_of(tracker / MODEL), **{key.stage: key.fingerprint for key in before}},
+        {**made_from, **{key.stage: key.fingerprint for key in before}},
         amounts=amounts(config),
         words=(config.learner,),
-        reads={"tracker": tracker, **{key.stage: run.folder(key) for key in before}},
+        reads={**reads, **{key.stage: run.folder(key) for key in before}},
     )
 
 

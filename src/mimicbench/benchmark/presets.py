@@ -118,6 +118,19 @@ OWN_TRAINING: Mapping[str, Tree] = {
 """HumanPlus' training of HIT, and Diffusion Policy's, whose average forgets ever more slowly and ends at this decay."""
 
 
+PAPER_UNTAUGHT: Mapping[str, Tree] = {
+    "ppo": {
+        "gains": "paper",
+        "network": {"encoder": PAPER_MAP, "convolves": True, "features": 512, "hidden": [512, 512, 512], "scale": 1.0},
+        "ppo": HST_PPO,
+        "explore": {"num_envs": 2048, "approach": 0.0},
+        "samples": 1_000_000_000,
+    },
+}
+"""Who learns without references, of whom the paper says that it is PPO and sees: its gains, its trackers' updates, and
+a reward of nearness alone. How long it learned is not told: so many samples are ours."""
+
+
 def _paper_training(learner: str, clips: int) -> Tree:
     """That of its own source; ACT's and CNNMLP's go by epochs, of which three quarters of the clips are on training
     objects.
@@ -166,7 +179,7 @@ def _paper(chosen: Chosen) -> Tree:
     paper's, if one is named.
     """
     sizes, learner = _paper_size(chosen), chosen.learner or "act"
-    imitate: Tree = {"learner": learner}
+    imitate: Tree = {"learner": learner, **PAPER_UNTAUGHT.get(learner, {})}
     if learner in PAPER_NETWORKS:
         clips = sizes["references"]["count"]
         imitate |= {"network": PAPER_NETWORKS[learner], "train": _paper_training(learner, clips)}

@@ -6,8 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mimicbench.core.errors import UnknownName
 from mimicbench.core.settings import BadSetting
 from mimicbench.objects.make import MADE
+from mimicbench.robots.registry import ROBOTS
 
 if TYPE_CHECKING:
     from mimicbench.benchmark.recipe import Recipe
@@ -15,7 +17,6 @@ if TYPE_CHECKING:
 
 def names_exist(recipe: Recipe) -> None:
     """Task, robot."""
-    from mimicbench.robots.registry import ROBOTS
     from mimicbench.tasks.registry import TASKS
 
     TASKS.get(recipe.task)
@@ -61,8 +62,13 @@ def learner_has_its_tracker(recipe: Recipe) -> None:
 
 
 def gains_agree(recipe: Recipe) -> None:
-    """A policy drives the gains of the tracker whose demonstrations it clones."""
+    """A policy drives the gains of the tracker that it learns from; who learns from none drives any of the robot's."""
     if recipe.imitate is None:
+        return
+    if not recipe.imitate.references:
+        known = list(ROBOTS.get(recipe.robot).gains)
+        if recipe.imitate.gains not in known:
+            raise UnknownName("gains", str(recipe.imitate.gains), known)
         return
     from mimicbench.track.registry import TRACKERS
     from mimicbench.track.train import TrackConfig

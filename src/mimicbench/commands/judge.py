@@ -61,7 +61,7 @@ def run(argv: Sequence[str]) -> None:
         if train:
             _learn(one)
         rows = _judged(one)
-        page = report(one, rows, _shown(one))
+        page = report(one, rows, _shown(one, train))
         found.append({"task": one.recipe.task, "report": str(page), "results": [s.to_dict() for s in summaries(rows)]})
         if not call.options.json:
             _tables(one.recipe.task, rows)
@@ -75,7 +75,7 @@ def _ready(one: Run, train: bool) -> None:
     from mimicbench.benchmark.judging import who_of
     from mimicbench.benchmark.recipe import stage_type
 
-    _shown(one)
+    _shown(one, train)
     for name in one.recipe.evaluate.policy:
         if not train:
             who_of(one, name)
@@ -83,9 +83,12 @@ def _ready(one: Run, train: bool) -> None:
             stage_type("imitate", {"learner": name})
 
 
-def _shown(one: Run) -> str:
-    """The policy that the report shows in pictures: the first."""
-    name = next((name for name in one.recipe.evaluate.policy if name != "tracker"), None)
+def _shown(one: Run, train: bool) -> str:
+    """The policy that the report shows in pictures: the first. Who is yet to be trained is told by the name alone."""
+    from mimicbench.benchmark.judging import who_of
+
+    names = (name for name in one.recipe.evaluate.policy if name != "tracker")
+    name = next((name for name in names if train or not who_of(one, name).is_tracker), None)
     if name is None:
         raise MimicbenchError("a report shows a policy; name one beside the tracker (--evaluate.policy)")
     return name

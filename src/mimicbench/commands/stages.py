@@ -31,7 +31,8 @@ def demos(argv: Sequence[str]) -> None:
 def verify(argv: Sequence[str]) -> None:
     """Replay the states of stored demonstrations, and say in how many K is fulfilled and kept to the end."""
     call = read_call("demos", argv)
-    from mimicbench.benchmark.graph import start, verify_demos
+    from mimicbench.benchmark.graph import start
+    from mimicbench.benchmark.verifying import verify_demos
     from mimicbench.core.errors import MimicbenchError
 
     runs = [start(recipe, call.options.workdir, call.options.context()) for recipe in call.recipes]

@@ -170,6 +170,16 @@ def _digest(header: str, tensors: Mapping[str, Tensor]) -> str:
     return found.hexdigest()
 
 
+def check_losses(losses: Mapping[str, float], folder: Path, samples: float) -> None:
+    """Raises MimicbenchError if learning has diverged, of a training that had so many samples."""
+    for name, value in losses.items():
+        if value != value or abs(value) == float("inf"):
+            raise MimicbenchError(
+                f"training diverged: {name} is not a number after {samples:.0f} samples; {folder} keeps what it saved "
+                "before: train with a smaller learning rate"
+            )
+
+
 def append_metrics(folder: Path, row: Mapping[str, object]) -> None:
     """Append a line to `metrics.jsonl`, and the same for TensorBoard; numbers that are none become null."""
     folder.mkdir(parents=True, exist_ok=True)

@@ -11,6 +11,7 @@ from mimicbench.core.errors import MimicbenchError, UnknownName
 from mimicbench.core.motion import RobotMotion
 from mimicbench.envs.initial_states import InitialState, stacked
 from mimicbench.envs.metrics import EpisodeMetrics
+from mimicbench.envs.nearness import nearness
 from mimicbench.envs.rule_starts import Starts
 from mimicbench.envs.vec_env import EnvConfig, VecEnv
 from mimicbench.objects.shape import SceneObject
@@ -21,7 +22,7 @@ from mimicbench.sim.backends import check_device
 from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.rows import Rows
 from mimicbench.sim.scene import CONTROL_DT
-from mimicbench.tasks.task import BodyPoints, Task
+from mimicbench.tasks.task import Task
 
 MAX_SEED = 1 << 63
 """Seeds are smaller."""
@@ -203,24 +204,9 @@ class Episodes:
         terminated = running & over.cpu().numpy()
         truncated = running & ~terminated & (metrics.steps.cpu().numpy() >= self.limit)
         if self.config.reward == "dense":
-            return Outcome(np.where(running, self.nearness(), 0.0), terminated, truncated)
+            return Outcome(np.where(running, nearness(self.env), 0.0), terminated, truncated)
         reward = ((terminated | truncated) & self.success()).astype(float)
         return Outcome(reward, terminated, truncated)
-
-    def nearness(self) -> np.ndarray:
-        """(N,) from 0 to 1 how near the condition of K is to holding: exp(-d) of the d [m] that are missing in all.
-
-        1 where it holds; 0 for robots that have fallen, and of physics that broke down.
-        """
-        env, metrics = self.env, self.metrics
-        links = env.context.links
-        body = BodyPoints.of(self.robot, links.pos_w.cpu().numpy(), links.quat_w.cpu().numpy())
-        info = metrics.info.map(lambda values: values.cpu().numpy())
-        if self.task.moves_object:
-            info = info.moved(*env.physics.object_pose())
-        missing = sum(np.nan_to_num(part.measure(body, info)).clip(0.0) for part in self.task.shortfalls)
-        lost = metrics.fell | metrics.diverged
-        return np.where(lost.cpu().numpy(), 0.0, np.exp(-np.asarray(missing, float)))
 
     def success(self) -> np.ndarray:
         """(N,) whether K is fulfilled: at some time, or for lift-box now."""

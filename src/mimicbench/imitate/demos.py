@@ -21,10 +21,13 @@ from mimicbench.envs.policy import Policy
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.imitate.stored.demo_writer import Demonstration, DemoWriter
 from mimicbench.robots.description import Robot
+from mimicbench.sensors.observations import chosen_terms
 from mimicbench.sensors.proprioception import s_current, s_current_names
+from mimicbench.sensors.scene import PICTURE, SCENE
 from mimicbench.sim.kinematics import Kinematics
 from mimicbench.sim.physics import RobotState
 from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.tasks.task import Task
 from mimicbench.track.driven import DrivenConfig, drive_clips
 from mimicbench.track.rollout import Rollout, RolloutConfig, track_clips
 from mimicbench.track.spec import Tracker
@@ -44,6 +47,9 @@ class DemosConfig:
     """Part of the clips that are tracked without noise and pushes."""
     batch: Positive = 64
     """Clips side by side: one shard of the data set, and what a kill can lose."""
+    images: bool = False
+    """Store the elevation map of every frame, too, as a picture that LeRobot's policies see; our own learners make
+    their maps from the states. Some milliseconds and 2 kB a frame."""
 
 
 def make_demos(
@@ -64,15 +70,18 @@ def make_demos(
     robot, task, seed = clips.robot, clips.task, stage.header["seed"]
     dataset = stage.folder / "dataset"
     names = robot.joint_names, s_current_names(robot)
-    writer = DemoWriter(dataset, robot.name, task.title, names[0], 1 / CONTROL_DT, config.batch, names[1])
+    writer = DemoWriter(
+        dataset, robot.name, task.title, names[0], 1 / CONTROL_DT, config.batch, names[1], scene_names(task)
+    )
     written = set(writer.written)
+    shown = (*scene_terms(task), *([PICTURE] if config.images else []))
     clips = clips.first(config.clips)
     parts = batches(clips, config)
     for part, noise in progress(parts, len(parts), "demonstrations", quiet):
         if any(motion.id in written for motion in part.motions):
             continue
         world = Disturbance(action_noise=noise, push=config.push if noise else 0.0)
-        rollout = track_clips(tracker, part, RolloutConfig(True, world, seed, settle=None), env_config)
+        rollout = track_clips(tracker, part, RolloutConfig(True, world, seed, settle=None, observe=shown), env_config)
         for demo in demonstrations(rollout, part, seed):
             writer.add(demo)
         writer.finish()
@@ -80,6 +89,22 @@ def make_demos(
     if not made:
         raise BadMotion(f"the tracker fulfilled {task.name} and stayed on none of {len(clips)} clips; train it longer")
     return stage.finish(clips=len(clips), demonstrations=made, rate=made / len(clips))
+
+
+def scene_terms(task: Task) -> tuple[str, ...]:
+    """Those of SCENE that a task has."""
+    return tuple(term.name for term in chosen_terms(SCENE, task))
+
+
+def scene_names(task: Task) -> list[str]:
+    """What each number of them is."""
+    around = (
+        *(f"center_{axis}" for axis in "xyz"),
+        *(f"turned_{i}" for i in range(6)),
+        *(f"half_{axis}" for axis in "xyz"),
+    )
+    targets = [f"{side}_target_{axis}" for side in ("left", "right") for axis in "xyz"]
+    return [*around, *(targets if task.wrist_goals else [])]
 
 
 def batches(clips: ClipSet, config: DemosConfig) -> list[tuple[ClipSet, float]]:
@@ -99,8 +124,19 @@ def demonstrations(rollout: Rollout, clips: ClipSet, seed: int) -> Iterator[Demo
         if not (verdict.success[i] and verdict.stays[i]):
             continue
         state = observed_states(clips.robot, kept.qpos[i], kept.qvel[i], kept.targets[i])
+        scene = [kept.seen[name][i].reshape(len(state), -1) for name in scene_terms(clips.task) if name in kept.seen]
         yield Demonstration(
-            state, kept.targets[i], kept.applied[i], kept.qpos[i], kept.qvel[i], motion.object_id, motion.id, True, seed
+            state,
+            kept.targets[i],
+            kept.applied[i],
+            kept.qpos[i],
+            kept.qvel[i],
+            motion.object_id,
+            motion.id,
+            True,
+            seed,
+            np.concatenate(scene, 1) if scene else None,
+            kept.seen[PICTURE][i] if PICTURE in kept.seen else None,
         )
 
 

@@ -27,6 +27,9 @@ class ImitateConfig:
     """The tracker that it speaks to while it runs; None for any."""
     clones: ClassVar[bool] = False
     """Whether it learns from demonstrations."""
+    references: ClassVar[bool] = True
+    """Whether it learns from references: clips that were retargeted, and the tracker that follows them. Who does not is
+    given objects alone, and says itself which gains it drives."""
 
     @property
     def remembers(self) -> bool:
@@ -43,10 +46,10 @@ class ImitateConfig:
 
 @dataclass(frozen=True)
 class Given:
-    """What a learner learns from. Beside its folder are copies of the tracker, and of the eyes if it uses any."""
+    """What a learner learns from. Beside its folder are copies of the tracker, and of the eyes, if it uses any."""
 
     clips: ClipSet
-    """Clips of the training objects."""
+    """Clips of the training objects; these objects, and no clip, for who learns without references."""
     demonstrations: Path | None
     """The data set of demonstrations, if its configuration says that it clones."""
     seed: int

@@ -20,6 +20,7 @@ from mimicbench.sensors.heightmap import CELLS
 from mimicbench.sensors.proprioception import body_state, gravity, link_state, s_current, tilt
 from mimicbench.sensors.rays import FARTHEST, ray_depth
 from mimicbench.sensors.reference import object_in_root, reference_in_root, reference_links, walk_of
+from mimicbench.sensors.scene import gray, scene_in_root
 from mimicbench.sensors.targets import target_map
 from mimicbench.sensors.term import Term
 from mimicbench.sim.threads import one_torch_thread
@@ -156,7 +157,9 @@ _TERMS = (
     Term("time", _flat(1), lambda context: context.time[:, None], low=0.0, high=3600.0),
     Term("odometry", _flat(3), lambda context: torch.cat([context.odometry_pos, context.odometry_yaw[:, None]], 1)),
     Term("elevation", _map, _elevation, some=_elevation),
+    Term("gray", _map, lambda context: gray(_elevation(context)), low=0, high=255, dtype=torch.uint8),
     Term("heightmap", _map, _heightmap, some=_heightmap),
+    Term("scene", _flat(12), scene_in_root, privileged=True),
     Term("target_elevation", _map, _target_elevation, exists=_given),
     Term("targets", lambda robot, task: (2, 3), _targets, exists=_given),
     Term("depth", _pictures(), _depth, low=0.0, high=FARTHEST),
@@ -189,7 +192,7 @@ _TERMS = (
     *(term for steps in LOOKAHEAD for term in _ahead(steps)),
 )
 TERMS: Mapping[str, Term] = {term.name: term for term in _TERMS}
-"""All terms by name. sensors.words says what each holds."""
+"""All terms by name. sensors.term says what each holds."""
 
 
 def chosen_terms(names: Sequence[str | Term], task: Task) -> tuple[Term, ...]:

@@ -1,5 +1,6 @@
 """Run a trained tracker over whole clips, from the first frame, and judge each by K and P."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -38,6 +39,8 @@ class RolloutConfig:
     """[s] that episodes go on after their clip; None: to the time limit."""
     leave_fallen: bool = False
     """Leave robots that have fallen where they are, which is quicker: they have failed, or will not have stayed."""
+    observe: tuple[str, ...] = ()
+    """Keep these observations (sensors.observations), too, as they were before each action."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,8 @@ class Recording:
     """Per episode, (T, J) joint targets that the tracker chose [rad]."""
     applied: list[np.ndarray] = field(default_factory=list)
     """Per episode, (T, J) joint targets that were applied: with noise if there was any [rad]."""
+    seen: Mapping[str, list[np.ndarray]] = field(default_factory=dict)
+    """Per observation that was asked for and episode, (T, ...)."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +89,7 @@ def track_clips(
     if config.settle is not None:
         lengths = torch.clamp(env.bank.lengths + round(config.settle / CONTROL_DT), max=limit)
     assert env.metrics is not None
-    rows: tuple[list[np.ndarray], ...] = ([], [], [], [])
+    rows: tuple[list[np.ndarray], ...] = tuple([] for _ in range(4 + len(config.observe)))
     for step in range(int(lengths.max())):
         active = step < lengths
         if config.leave_fallen:
@@ -95,9 +100,11 @@ def track_clips(
         following, last = env.context.reference(1).joint_pos, env.context.last_action
         target = tracker.spec.aim(robot, following, action, last, tracker.settings)
         before = [array.astype(np.float32) for array in (env.physics.qpos(), env.physics.qvel())]
+        shown = env.observe(config.observe)
+        seen = [shown[name].cpu().numpy() for name in config.observe]
         env.step(target, action, active)
         if config.record:
-            taken = (*before, target.cpu().numpy(), env.applied.cpu().numpy())
+            taken = (*before, target.cpu().numpy(), env.applied.cpu().numpy(), *seen)
             for kept, values in zip(rows, taken, strict=True):
                 kept.append(values)
     ends = lengths.cpu().numpy()
@@ -106,7 +113,8 @@ def track_clips(
         for kept in rows
     ]
     env.close()
-    return Rollout(env.metrics.verdict(), ends, Recording(*recording))
+    seen = dict(zip(config.observe, recording[4:], strict=True))
+    return Rollout(env.metrics.verdict(), ends, Recording(*recording[:4], seen=seen))
 
 
 def at_their_beginning(

@@ -11,11 +11,10 @@ from typing import Annotated, Any
 import msgspec
 import torch
 
-from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.progress import Pulse
 from mimicbench.core.seeds import digest
 from mimicbench.core.settings import Amount, BadSetting, Positive, Within
-from mimicbench.core.training import TorchRandom, append_metrics, resume_training, save_training
+from mimicbench.core.training import TorchRandom, append_metrics, check_losses, resume_training, save_training
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.mirrored import with_mirror_images
 from mimicbench.envs.vec_env import EnvConfig
@@ -157,7 +156,7 @@ def train_tracker(
     while not finished:
         alone = bool(config.begin_from) and progress["iterations"] < config.critic_first
         obs, total, losses = _learn(env, learner, obs, config, alone)
-        _check(losses, folder, progress)
+        check_losses(losses, folder, progress["samples"])
         due = _count(progress, config, total)
         finished = progress["samples"] >= config.samples
         progress["seconds"] += time.monotonic() - now
@@ -269,16 +268,6 @@ def _ended(env: TrackingParts) -> dict[str, dict[str, int]]:
 def _so_far(progress: Mapping[str, float], samples: int, reward: float) -> str:
     done, rate = progress["samples"], progress["samples"] / max(progress["seconds"], 1e-9)
     return f"{done / 1e6:6.2f} of {samples / 1e6:.2f} M samples  {rate:6.0f}/s  reward {reward:.3f}"
-
-
-def _check(losses: dict[str, float], folder: Path, progress: dict[str, float]) -> None:
-    """Raises MimicbenchError if learning has diverged."""
-    for name, value in losses.items():
-        if value != value or abs(value) == float("inf"):
-            raise MimicbenchError(
-                f"training diverged: {name} is not a number after {progress['samples']:.0f} samples; {folder} keeps "
-                "what it saved before: train with a smaller learning rate"
-            )
 
 
 def _plain(settings: Any) -> dict[str, Any]:

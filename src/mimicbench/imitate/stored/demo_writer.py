@@ -25,6 +25,8 @@ from mimicbench.imitate.stored.tables import (
     write_tasks,
 )
 
+SCENE, PICTURE = "observation.environment_state", "observation.images.elevation"
+"""LeRobot's names of what its policies see beside the robot's state."""
 Row = dict[str, Any]
 """Of the table of episodes."""
 Stats = dict[str, dict[str, np.ndarray]]
@@ -52,6 +54,10 @@ class Demonstration:
     """Whether the episode fulfills the task's metric K."""
     seed: int = 0
     """Of the noise."""
+    scene: np.ndarray | None = None
+    """(T, N) the object, and the targets, in a few numbers, for policies of LeRobot's; None: not stored."""
+    picture: np.ndarray | None = None
+    """(T, H, W) uint8 what LeRobot's policies see; None: not stored."""
 
 
 class DemoWriter:
@@ -69,9 +75,15 @@ class DemoWriter:
         fps: float = 50.0,
         shard_episodes: int = 64,
         state_names: Sequence[str] | None = None,
+        scene_names: Sequence[str] | None = None,
     ) -> None:
         self.folder = folder
-        self._state_names = None if state_names is None else list(state_names)
+        self._names = {
+            **dict.fromkeys(("action", "executed_action"), list(joint_names)),
+            "observation.state": None if state_names is None else list(state_names),
+            SCENE: None if scene_names is None else list(scene_names),
+            PICTURE: ["height", "width", "channels"],
+        }
         self.robot, self.task, self.joint_names, self.fps = robot, task, tuple(joint_names), fps
         self.shard_episodes = shard_episodes
         self._rows: list[Row] = []
@@ -109,6 +121,7 @@ class DemoWriter:
             "executed_action": demo.executed_action,
             "qpos": demo.qpos,
             "qvel": demo.qvel,
+            **({} if demo.scene is None else {"scene": demo.scene}),
         }
         for name, array in arrays.items():
             if array.ndim != 2 or len(array) != frames or not frames or not np.isfinite(array).all():
@@ -131,7 +144,12 @@ class DemoWriter:
             return
         place = {"chunk_index": self._files // FILES_PER_CHUNK, "file_index": self._files % FILES_PER_CHUNK}
         columns, rows, stats = self._shard(place)
-        features = self._features({name: arrays[0] for name, arrays in columns.items()})
+        features = _features({name: arrays[0] for name, arrays in columns.items()}, self._names)
+        known = {name for stat in self._stats[:1] for name in stat}
+        if known and known != set(features):
+            raise MimicbenchError(
+                f"{self.folder} has demonstrations with other columns; delete it, and make all of them again"
+            )
         table = {name: column(np.concatenate(arrays), features[name]) for name, arrays in columns.items()}
         write_table(self.folder / DATA_PATH.format(**place), pa.table(table))
         flat = [{**row, **flatten_stats(stat)} for row, stat in zip(rows, stats, strict=True)]
@@ -200,24 +218,28 @@ class DemoWriter:
             index += frames
         return columns, rows, stats
 
-    def _features(self, samples: Mapping[str, np.ndarray]) -> dict[str, dict[str, Any]]:
-        joints = list(self.joint_names)
-        names = {"action": joints, "executed_action": joints, "observation.state": self._state_names}
-        return {
-            name: {
-                "dtype": str(array.dtype),
-                "shape": [array.shape[1] if array.ndim == 2 else 1],
-                "names": names.get(name),
-            }
-            for name, array in samples.items()
+
+def _features(samples: Mapping[str, np.ndarray], names: Mapping[str, list[str] | None]) -> dict[str, dict[str, Any]]:
+    """What the columns are, as LeRobot says it; of vectors, of numbers, and of pictures, which become RGB."""
+    return {
+        name: {
+            "dtype": "image" if array.ndim == 3 else str(array.dtype),
+            "shape": [*array.shape[1:], 3] if array.ndim == 3 else [array.shape[1] if array.ndim == 2 else 1],
+            "names": names.get(name),
         }
+        for name, array in samples.items()
+    }
 
 
 def _frame_arrays(demo: Demonstration, episode: int, first: int, fps: float) -> dict[str, np.ndarray]:
     frames = len(demo.action)
     last = np.arange(frames) == frames - 1
+    more = {} if demo.scene is None else {SCENE: demo.scene.astype(np.float32)}
+    if demo.picture is not None:
+        more[PICTURE] = demo.picture
     return {
         "observation.state": demo.state.astype(np.float32),
+        **more,
         "action": demo.action.astype(np.float32),
         "executed_action": demo.executed_action.astype(np.float32),
         "sim.qpos": demo.qpos.astype(np.float64),

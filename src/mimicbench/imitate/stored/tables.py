@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import imageio.v3 as iio
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -13,6 +14,8 @@ from mimicbench.core.errors import BadFile
 from mimicbench.core.files import write_atomic
 
 _ARROW = {"float32": pa.float32(), "float64": pa.float64(), "int64": pa.int64(), "bool": pa.bool_()}
+PICTURES = pa.struct({"bytes": pa.binary(), "path": pa.string()})
+"""As the library `datasets` has columns of pictures."""
 QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
 """By which LeRobot's policies normalize."""
 Stats = Mapping[str, Mapping[str, np.ndarray]]
@@ -83,7 +86,13 @@ def write_tasks(folder: Path, tasks: Sequence[str]) -> None:
 
 
 def stats_of(array: np.ndarray) -> dict[str, np.ndarray]:
-    """Statistics over the frames of one column (T, ...) of one episode."""
+    """Statistics over the frames of one column (T, ...) of one episode; of pictures (T, H, W) over all their pixels,
+    from 0 to 1, as (3, 1, 1).
+    """
+    if array.ndim == 3:
+        whole = stats_of(array.reshape(-1, 1) / 255)
+        channels = {key: np.broadcast_to(value, (3, 1, 1)) for key, value in whole.items() if key != "count"}
+        return {**channels, "count": np.array([len(array)])}
     values = array.reshape(len(array), -1).astype(np.float64)
     return {
         "min": values.min(0),
@@ -102,8 +111,8 @@ def merge_stats(episodes: Sequence[Stats]) -> dict[str, dict[str, np.ndarray]]:
     merged = {}
     for name in episodes[0]:
         count = np.array([episode[name]["count"][0] for episode in episodes], float)
-        weight = (count / count.sum())[:, None]
         means, stds = (np.array([episode[name][key] for episode in episodes]) for key in ("mean", "std"))
+        weight = (count / count.sum()).reshape(-1, *[1] * (means.ndim - 1))
         mean = (weight * means).sum(0)
         merged[name] = {
             "min": np.min([episode[name]["min"] for episode in episodes], 0),
@@ -137,7 +146,12 @@ def stats_to_json(stats: Stats) -> dict[str, dict[str, list]]:
 
 
 def column(values: np.ndarray, feature: Mapping[str, Any]) -> pa.Array:
-    """Values (T,) as a column of numbers, or (T, W) as one of lists of fixed size."""
+    """Values (T,) as a column of numbers, (T, W) as one of lists of fixed size, or (T, H, W) uint8 as one of RGB
+    pictures, PNG each.
+    """
+    if values.ndim == 3:
+        pictures = [iio.imwrite("<bytes>", np.repeat(one[..., None], 3, -1), extension=".png") for one in values]
+        return pa.array(({"bytes": one, "path": None} for one in pictures), PICTURES)
     flat = pa.array(np.ascontiguousarray(values).ravel(), _ARROW[feature["dtype"]])
     return flat if values.ndim == 1 else pa.FixedSizeListArray.from_arrays(flat, values.shape[1])
 

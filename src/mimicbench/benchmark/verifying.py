@@ -1,0 +1,34 @@
+"""Whether what a stage keeps is what it says, without making anything."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mimicbench.benchmark import keys
+from mimicbench.benchmark.graph import retargeted
+from mimicbench.benchmark.keys import Run
+from mimicbench.core.errors import BadFile
+
+
+def verify_demos(run: Run) -> dict[str, Any]:
+    """How many of a recipe's stored demonstrations fulfil K and stay, by their states, and which do not; nothing is
+    made. Raises BadFile if there are none.
+    """
+    from mimicbench.imitate.lerobot import load_demos
+    from mimicbench.imitate.stored.verify import unfulfilled
+
+    tracker = keys.tracker_folder(run)
+    stage = None if tracker is None else run.folder(keys.demo_key(run, tracker))
+    if stage is None or not keys.is_complete(stage):
+        raise BadFile(
+            f"this recipe has no demonstrations in {run.workdir}; make them with `mimicbench demos --task "
+            f"{run.recipe.task} --workdir {run.workdir}`"
+        )
+    demos = load_demos(stage / "dataset", run.recipe.robot, state=False)
+    wrong = unfulfilled(demos, retargeted(run).set)
+    return {
+        "task": run.recipe.task,
+        "demonstrations": demos.episodes,
+        "fulfilled": demos.episodes - len(wrong),
+        "wrong": wrong,
+    }

@@ -1,0 +1,1 @@
+"""The tasks for LeRobot, which finds its environment type `mimicbench` in this package."""
