@@ -77,4 +77,7 @@ def drive_clips(
     env.close()
     ends = torch.where(steps > begins, steps, 0).tolist()
     per_episode = (np.stack(kept, 1) for kept in zip(*rows, strict=True))
-    return Recording(*([values[:end] for values, end in zip(kept, ends, strict=True)] for kept in per_episode))
+    qpos, qvel, targets, applied = (
+        [values[:end] for values, end in zip(kept, ends, strict=True)] for kept in per_episode
+    )
+    return Recording(qpos, qvel, targets, applied)
