@@ -8,6 +8,7 @@ and not the imports, most of what a small stage spends its time with.
 """
 
 import argparse
+import contextlib
 import hashlib
 import os
 import random
@@ -95,8 +96,11 @@ def begun(stage: Stage, workdir: Path) -> int:
     """The process that makes a stage; what it says goes into the file `said`."""
     process = os.fork()
     if process:
+        with contextlib.suppress(PermissionError, ProcessLookupError):  # the child may have done it, and be over
+            os.setpgid(process, process)
         return process
-    os.setsid()
+    # of a group of its own, whoever of the two gets there first: it may be killed at once
+    os.setpgid(0, 0)
     said = os.open(workdir / "said", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
     os.dup2(said, 1)
     os.dup2(said, 2)

@@ -221,7 +221,7 @@ def test_files_that_make_no_policy(tmp_path):
 
 
 def test_kinds_of_checkpoints_are_a_registry(tmp_path):
-    assert LOADERS.names() == ("act", "bc", "diffusion", "hit", "online", "planner")
+    assert LOADERS.names() == ("act", "bc", "diffusion", "hit", "online", "planner", "ppo")
     for kind in LOADERS:
         assert LOADERS.get(kind).name == kind
     with pytest.raises(UnknownName, match="kind of policy 'tracker'"):

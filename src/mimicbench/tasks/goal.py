@@ -87,7 +87,7 @@ class GoalSpec:
         if self._directions:
             (x, y), (s, c) = self.where, self._directions[0]
             return rot.stack([goal[..., x], goal[..., y], goal[..., s].atan2(goal[..., c])], -1)
-        x, y = torch.stack([goal[..., list(columns[:2])] for columns in self._places]).mean(0).unbind(-1)
+        x, y = rot.stack([goal[..., list(columns[:2])] for columns in self._places]).mean(0).unbind(-1)
         return rot.stack([x, y, (-y).atan2(-x)], -1)
 
     def middle_and_spread(self) -> tuple[Tensor, Tensor]:
