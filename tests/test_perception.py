@@ -182,10 +182,13 @@ def test_the_loss_takes_the_nearest_answer():
     net = Perception(SIGHT, SIT)
     answers = SIT.goal.labels([next(chair for chair in map(make_chair, range(99)) if chair.kind == "stool")])
     assert answers.shape[1] > 1
+    other = answers[0, 0] + torch.tensor([0, 0, 0.3, 0, 0, 0])
+    off, likely = torch.full((1, 2), 0.01), torch.tensor([[0.9, 0.1], [0.5, 0.5], [0.1, 0.9]]).log()
     for right in answers[0]:
-        assert goal_loss(net, right[None], torch.tensor([0.01]), answers) < goal_loss(
-            net, right[None] + torch.tensor([0, 0, 0.3, 0, 0, 0]), torch.tensor([0.01]), answers
-        )
+        found = torch.stack([right, other])[None]
+        sure, torn, wrong = (goal_loss(net, found, off, share[None], answers) for share in likely)
+        assert sure < torn < wrong, "who is right should be likely"
+        assert sure < goal_loss(net, found + 0.1, off, likely[:1], answers)
         torch.testing.assert_close(SIT.goal.nearest(right[None], answers), right[None])
 
 

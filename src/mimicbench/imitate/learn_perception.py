@@ -161,8 +161,7 @@ def train_perception(
         heights, middle, right = turned(task.goal, view[batch], center[batch], answers[batch], quarters, bool(mirror))
         heights = torch.where(torch.rand(heights.shape, generator=g) < config.dropout, 0.0, heights)
         heights = heights + config.noise * torch.randn(heights.shape, generator=g)
-        found, uncertainty = net(heights, middle)
-        loss = goal_loss(net, found, uncertainty, right)
+        loss = goal_loss(net, *net(heights, middle), right)
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
@@ -192,13 +191,26 @@ def _windows(net: Perception, task: Task, objects: Sequence[SceneObject]) -> tup
     return torch.cat(views), torch.cat(centers), torch.cat(answers)
 
 
-def goal_loss(net: Perception, found: Tensor, uncertainty: Tensor, answers: Tensor) -> Tensor:
-    """The error of goals (N, G) against the nearest of their right answers (N, A, G), and of the uncertainties (N,)."""
-    target, spread = net.goal.nearest(found.detach(), answers), net.get_buffer("spread")
-    loss = functional.smooth_l1_loss(found / spread, target / spread, beta=0.3)
-    # the uncertainty that minimizes this is the expected distance
-    off = (found - target)[:, net.goal.where].norm(dim=-1).detach()
-    return loss + 0.02 * (off / uncertainty + uncertainty.log()).mean()
+def goal_loss(net: Perception, found: Tensor, uncertainty: Tensor, likely: Tensor, answers: Tensor) -> Tensor:
+    """The negative logarithm of how likely the mixture of H hypotheses says the nearest of the right answers (N, A, G)
+    is, for each number of the goal, and the error of the uncertainties.
+
+    Args:
+        net: Of which network.
+        found: (N, H, G) goals.
+        uncertainty: (N, H) how far off they are expected to be [m].
+        likely: (N, H) logarithms of their shares.
+        answers: (N, A, G).
+    """
+    spread = net.get_buffer("spread")
+    target = net.goal.nearest(found.detach(), answers)
+    unlike = functional.smooth_l1_loss(found / spread, target / spread, beta=0.3, reduction="none").sum(-1)
+    evidence = likely - unlike
+    total = evidence.logsumexp(-1)
+    # the uncertainty that minimizes this is the expected distance, of hypotheses that are right
+    off = (found - target)[..., net.goal.where].norm(dim=-1).detach()
+    right = (evidence - total[:, None]).exp().detach()
+    return -total.mean() / net.goal.size + 0.02 * (right * (off / uncertainty + uncertainty.log())).sum(-1).mean()
 
 
 def turned(

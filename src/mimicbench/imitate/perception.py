@@ -8,6 +8,11 @@ maps as the cameras make them, with what they cannot see left out, and from comp
 
 Part of what is to be found can be hidden. So the network also says how far off it may be, and imitate.goals,
 which looks again while the robot walks, keeps the surest look.
+
+And part of it can be in doubt: of a bed without a headboard the edges are plain, but hardly which of them is its foot.
+One answer would be a mean of several that are each possible, turned by half of a quarter and true of none. So the
+network gives several goals, and how likely each is (a mixture density network, Bishop 1994); the likeliest is what it
+sees.
 """
 
 from collections.abc import Mapping
@@ -39,6 +44,8 @@ class PerceptionConfig:
     """Channels of the three strided convolutions."""
     hidden: Positive = 128
     """Width of the layer after them."""
+    hypotheses: Positive = 4
+    """Goals that it weighs against each other, which begin with fronts that are spread evenly around the robot."""
     maps: Positive = 8000
     """Maps to learn from, before turning and mirroring."""
     seen: float = 0.7
@@ -78,6 +85,8 @@ class Perception(nn.Module):
         self.config, self.goal, self.task_name, self.cell = config, task.goal, task.name, task.map_cell
         self.window = config.window or round(task.goal.window / task.map_cell)
         """Side of the window, in cells."""
+        # one block of numbers is common to all hypotheses, or each would have to learn alone what they agree on
+        self._blocks = 1 + config.hypotheses if config.hypotheses > 1 else 1
         layers: list[nn.Module] = []
         width_in, side = 3, self.window
         for index, width in enumerate(config.widths):
@@ -88,15 +97,27 @@ class Perception(nn.Module):
             nn.Flatten(),
             nn.Linear(width_in * side * side, config.hidden),
             nn.ReLU(),
-            nn.Linear(config.hidden, task.goal.size + 1),
+            nn.Linear(config.hidden, self._blocks * (task.goal.size + 1 + (self._blocks > 1))),
         ]
         self.layers = nn.Sequential(*layers)
         middle, spread = task.goal.middle_and_spread()
+        self._spread_fronts(layers[-1].bias, spread)
         self.register_buffer("middle", middle, persistent=False)
         self.register_buffer("spread", spread, persistent=False)
 
-    def forward(self, view: Tensor, center: Tensor) -> tuple[Tensor, Tensor]:
-        """Goals (N, G), with directions of any length, and how far off (N,) [m] they are likely to be.
+    def _spread_fronts(self, bias: Tensor, spread: Tensor) -> None:
+        """Let each hypothesis begin with another front: those that begin alike would learn the same."""
+        count = self.config.hypotheses
+        if count > 1 and any(field.kind == "direction" for field in self.goal.fields):
+            angle = torch.arange(count) * (2 * torch.pi / count)
+            sine, cosine = self.goal.front
+            with torch.no_grad():
+                bias.view(1 + count, -1)[1:, sine] = angle.sin() / spread[sine]
+                bias.view(1 + count, -1)[1:, cosine] = angle.cos() / spread[cosine]
+
+    def forward(self, view: Tensor, center: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """H hypotheses: goals (N, H, G), with directions of any length, how far off (N, H) [m] each is likely to be if
+        it is the right one, and the logarithm of how likely (N, H) it is to be that.
 
         Args:
             view: (N, window, window) heights above the floor [m].
@@ -105,9 +126,12 @@ class Perception(nn.Module):
         place = (torch.arange(view.shape[1], device=view.device) - (view.shape[1] - 1) / 2) * self.cell
         x = (center[:, 0, None] + place)[:, :, None].expand_as(view)
         y = (center[:, 1, None] + place)[:, None, :].expand_as(view)
-        found = self.layers(torch.stack([view, 0.5 * x, 0.5 * y], 1))
-        goal = found[:, :-1] * self.get_buffer("spread") + self.get_buffer("middle")
-        return self.goal.shifted(goal, center), 0.03 * found[:, -1].clamp(-3, 3).exp()
+        found = self.layers(torch.stack([view, 0.5 * x, 0.5 * y], 1)).unflatten(-1, (self._blocks, -1))
+        found, size = found[:, 1:] + found[:, :1] if self._blocks > 1 else found, self.goal.size
+        goal = found[..., :size] * self.get_buffer("spread") + self.get_buffer("middle")
+        likely = found[..., size + 1] if self._blocks > 1 else torch.zeros_like(found[..., size])
+        off = 0.03 * found[..., size].clamp(-3, 3).exp()
+        return self.goal.shifted(goal, center[:, None]), off, likely.log_softmax(-1)
 
     def perceive(self, elevation: Tensor, root_height: Tensor) -> Tensor:
         """Goals (N, G) as a policy remembers them: directions have unit length.
@@ -122,8 +146,10 @@ class Perception(nn.Module):
     def look(self, elevation: Tensor, root_height: Tensor) -> tuple[Tensor, Tensor]:
         """As `perceive`, and the uncertainty (N,): how far off [m] each goal is likely to be."""
         self.eval()
-        goal, uncertainty = self(*window(elevation + root_height[:, None, None], self.window, self.cell))
-        return self.goal.normalized(goal), uncertainty
+        goals, off, likely = self(*window(elevation + root_height[:, None, None], self.window, self.cell))
+        best = likely.argmax(-1, keepdim=True)
+        goal = goals.gather(1, best[..., None].expand(-1, -1, goals.shape[-1]))[:, 0]
+        return self.goal.normalized(goal), off.gather(1, best)[:, 0]
 
 
 def window(height: Tensor, size: int, cell: float) -> tuple[Tensor, Tensor]:

@@ -232,12 +232,14 @@ class GoalSpec:
         return rot.stack(columns, -1)
 
     def nearest(self, goal: Tensor, answers: Tensor) -> Tensor:
-        """(N, G) of the right answers (N, A, G) the one that is most like each goal (N, G), weighed by spread."""
+        """(N, ..., G) the right answer (N, A, G) that is most like each goal (N, ..., G), weighed by spread."""
         import torch
 
         _, spread = self.middle_and_spread()
-        unlike = (((goal[:, None] - answers) / spread.to(goal)) ** 2).sum(-1)
-        return answers[torch.arange(len(goal), device=goal.device), unlike.argmin(-1)]
+        each = goal.flatten(1, -2) if goal.ndim > 2 else goal[:, None]
+        unlike = (((each[:, :, None] - answers[:, None]) / spread.to(goal)) ** 2).sum(-1)
+        chosen = answers[torch.arange(len(goal), device=goal.device)[:, None], unlike.argmin(-1)]
+        return chosen.reshape(goal.shape)
 
     def errors(self, goal: Tensor, truth: Tensor) -> dict[str, Tensor]:
         """How far off goals (..., G) are, by name of the field: (...) distances [m], angles [rad] of directions."""
