@@ -70,7 +70,7 @@ def test_the_shipped_network_sees_what_it_always_saw():
 @pytest.mark.parametrize("task", FOUND, ids=lambda task: task.name)
 def test_every_goal_can_be_learned(task, tmp_path):
     objects = [FAMILIES.get(task.family).make(i, 0) for i in range(3)]
-    config = replace(SIGHT, steps=100, maps=96, batch=16, learning_rate=4e-3, distance=(0.8, 1.4))
+    config = replace(SIGHT, steps=200, maps=96, batch=16, learning_rate=4e-3, distance=(0.8, 1.4))
     net = train_perception(tmp_path / "training", config, task, objects)
     errors = evaluate_perception(net, task, objects, maps=32)
     assert list(errors) == [field.name for field in task.goal.fields] and errors["middle"] < 0.3
