@@ -32,6 +32,12 @@ def test_operators_are_changed_one_at_a_time():
             compile("\n".join([*lines[: change.line - 1], change.after, *lines[change.line :]]), module, "exec")
 
 
+def test_tests_of_several_changes_are_asked_at_once():
+    several = ["tests/a.py -k one", "tests/b.py tests/a.py -k two or three", "tests/a.py -k one"]
+    assert mutate.together(several) == "tests/a.py tests/b.py -k one or two or three"
+    assert mutate.together([*several, "tests/c.py"]) == "tests/a.py tests/b.py tests/c.py"
+
+
 KILLED = """
 import random, sys
 from pathlib import Path

@@ -9,7 +9,9 @@ import torch
 import stool
 from mimicbench.core import rotations as rot
 from mimicbench.envs.metrics import PHASES, EpisodeMetrics
+from mimicbench.robots.registry import ROBOTS
 from mimicbench.sim.native import NativePhysics
+from mimicbench.sim.physics import ObjectState, RobotState
 from mimicbench.sim.rows import Rows
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.registry import TASKS
@@ -26,9 +28,9 @@ LYING = rot.from_rotvec(np.array([0.0, 1.5, 0.0]))
 class Trace:
     """One robot beside a stool, and what the metrics make of the poses that it is shown in."""
 
-    def __init__(self, envs=1, task=SIT_CHAIR, obj=None):
+    def __init__(self, envs=1, task=SIT_CHAIR, obj=None, control_dt=CONTROL_DT):
         self.physics = NativePhysics(H1, [obj or block()] * envs, workers=1)
-        self.metrics = EpisodeMetrics(task, H1, self.physics, CONTROL_DT)
+        self.metrics = EpisodeMetrics(task, H1, self.physics, control_dt)
         stool.place(self.physics, STAND, JOINTS)
         self.metrics.begin(Rows.every(envs), torch.full((envs, 2, 3), torch.nan))
 
@@ -38,6 +40,16 @@ class Trace:
             stool.put(
                 self.physics, [0], pos[None], quat[None], joints[None], root_ang_vel_b=np.array([[0.0, 0.0, turning]])
             )
+            self.metrics.update(self.physics.links())
+
+    def move(self, frames, pos, obj_pos):
+        """Some control steps in one pose beside an object that was moved to `obj_pos` [m]."""
+        still, upright = torch.zeros(1, 3), torch.tensor(rot.IDENTITY[None])
+        robot = RobotState.of(pos[None], rot.IDENTITY[None], JOINTS[None])
+        self.physics.reset(
+            Rows.every(1), robot, ObjectState(torch.tensor(np.array(obj_pos)[None]), upright, still, still)
+        )
+        for _ in range(frames):
             self.metrics.update(self.physics.links())
 
     def fall(self):
@@ -97,6 +109,8 @@ def test_who_bends_down_has_not_fallen_and_who_sinks_down_has(task, leaning):
         (dict(pos=HIGH + [0.59, 0, 0]), "acting"),
         (dict(pos=HIGH + [0.61, 0, 0]), "walking"),
         (dict(pos=HIGH + [0, -0.59, 0]), "acting"),
+        (dict(pos=HIGH + [0, -0.61, 0]), "walking"),
+        (dict(pos=HIGH + [0, 0.59, 0]), "acting"),
         (dict(pos=HIGH + [0, 0.61, 0]), "walking"),
         (dict(pos=HIGH + [0.45, 0.45, 0]), "acting"),
         (dict(pos=HIGH + [0.55, 0.55, 0]), "walking"),
@@ -113,6 +127,62 @@ def test_when_and_in_what_a_robot_fell(before, phase):
     trace.show(10, SIT, SITTING)
     trace.fall()
     assert trace.phase() == (phase, pytest.approx(41 * CONTROL_DT)), "the first fall counts"
+
+
+@pytest.mark.parametrize("moved", [False, True])
+@pytest.mark.parametrize(
+    ("x", "y", "phase"),
+    [
+        (-0.19, 0.3, "acting"),
+        (-0.21, 0.3, "walking"),
+        (0.99, 0.3, "acting"),
+        (1.01, 0.3, "walking"),
+        (0.4, -0.29, "acting"),
+        (0.4, -0.31, "walking"),
+        (0.4, 0.89, "acting"),
+        (0.4, 0.91, "walking"),
+    ],
+)
+def test_near_is_near_the_object_wherever_it_is(x, y, phase, moved):
+    """A stool around (0.4, 0.3), built there or moved there, is from 0.15 to 0.65 and 0.05 to 0.55; near is 0.35 m."""
+    there = np.array([0.4, 0.3, 0.0])
+    pos = np.array([x, y, STAND[2]])
+    if moved:
+        trace = Trace(task=TASKS.get("lift-box"), obj=replace(block(movable=True, mass=2.0), seat_height=None))
+        trace.move(40, pos, there)
+    else:
+        trace = Trace(obj=replace(block(), box_pos=block().box_pos + there))
+        trace.show(40, pos)
+    trace.fall()
+    assert trace.phase()[0] == phase
+
+
+def test_who_swings_a_leg_does_not_turn():
+    """The hips turn at 1 rad/s, the root does not."""
+    trace = Trace()
+    swing = np.zeros((1, 19))
+    swing[0, [stool.JOINT["left_hip_yaw"], stool.JOINT["right_hip_yaw"]]] = 1.0
+    stool.put(trace.physics, [0], FAR[None], rot.IDENTITY[None], JOINTS[None], joint_vel=swing)
+    assert float(trace.physics.links().ang_vel_w[0, 1, 2]) == pytest.approx(1.0)
+    for _ in range(40):
+        trace.metrics.update(trace.physics.links())
+    trace.fall()
+    assert trace.phase()[0] == "walking"
+
+
+def test_who_lifts_a_thigh_does_not_lean():
+    """The first link of a G1 after its root is a thigh, level here: 1.57 rad is more than a root may lean."""
+    g1 = ROBOTS.get("g1")
+    joints = np.zeros(len(g1.joint_names))
+    joints[0] = -np.pi / 2
+    physics = NativePhysics(g1, [block()], workers=1)
+    metrics = EpisodeMetrics(SIT_CHAIR, g1, physics, CONTROL_DT)
+    stool.place(physics, np.array([-1.0, 0.0, 0.7]), joints)
+    metrics.begin(Rows.every(1), torch.full((1, 2, 3), torch.nan))
+    thigh = physics.links().quat_w[0, 1].numpy()
+    assert rot.rotate(thigh, np.array([0.0, 0.0, 1.0]))[2] == pytest.approx(0.0, abs=1e-6)
+    metrics.update(physics.links())
+    assert not metrics.verdict().fell[0]
 
 
 @pytest.mark.parametrize(
@@ -151,14 +221,26 @@ def test_when_k_was_fulfilled_and_what_effort_counts():
     assert trace.metrics.over().all() and found.first_success.tolist() == pytest.approx([(10 + hold) * CONTROL_DT])
 
 
-def test_a_fall_began_half_a_second_before():
-    """Who walks, then turns for the last 0.3 s of its fall, fell while walking; after 0.7 s, while turning."""
-    for frames, phase in ((15, "walking"), (35, "turning")):
-        trace = Trace()
+@pytest.mark.parametrize("control_dt", [0.02, 0.05])
+def test_a_fall_began_half_a_second_before(control_dt):
+    """Who walks, then turns for the last 0.4 s before it lies, fell while walking; after 0.6 s, while turning."""
+    for seconds, phase in ((0.4, "walking"), (0.6, "turning")):
+        trace = Trace(control_dt=control_dt)
         trace.show(40, FAR)
-        trace.show(frames, FAR, turning=1.0)
+        trace.show(round(seconds / control_dt), FAR, turning=1.0)
         trace.fall()
         assert trace.phase()[0] == phase
+
+
+def test_who_holds_a_box_at_once_stays_only_after_three_tenths_of_a_second():
+    """K of lift-box asks for one frame; staying for 15 of 0.02 s. Wrists are within the box, which is 0.2 m up."""
+    trace = Trace(task=TASKS.get("lift-box"), obj=replace(block(1.8, 0.6, movable=True, mass=2.0), seat_height=None))
+    trace.move(14, FAR, [*FAR[:2], 0.21])
+    assert trace.metrics.success.all() and not trace.metrics.stays.any()
+    trace.move(1, FAR, [*FAR[:2], 0.21])
+    assert trace.metrics.stays.all()
+    trace.move(1, FAR, [*FAR[:2], 0.19])
+    assert not trace.metrics.success.any() and not trace.metrics.stays.any()
 
 
 def test_who_falls_at_once_was_walking():

@@ -237,6 +237,29 @@ def test_reward_by_hand():
     assert RESIDUAL.reward(context, moved_on(bank, context, 4), OURS)[0] == pytest.approx(expected, abs=1e-5)
 
 
+def test_our_reward_charges_for_power_by_its_logarithm():
+    """0.3 of log(1 + e / 1e6 W^2): log 2 at 1 MW^2, log 4 at 3; nothing unless it is asked for."""
+    bank = ReferenceBank([swing()], H1)
+    at = context_of(bank, 10)
+    for effort, logarithm in ((0.0, 0.0), (1e6, np.log(2.0)), (3e6, np.log(4.0))):
+        step = replace(moved_on(bank, at), effort=torch.tensor([effort]))
+        dear = RESIDUAL.reward(at, step, residual.ResidualConfig(power=0.3))[0]
+        assert dear == pytest.approx(1.4 - 0.3 * logarithm, abs=1e-5)
+        assert RESIDUAL.reward(at, step, OURS)[0] == pytest.approx(1.4, abs=1e-5)
+    assert not RESIDUAL.measures_effort(OURS) and RESIDUAL.measures_effort(residual.ResidualConfig(power=0.3))
+
+
+def test_one_arm_or_leg_that_is_off_counts_by_half():
+    """The left wrist 0.1 m off costs half of what wrists are worth less exp(-1); the right ankle, less exp(-0.5)."""
+    bank = ReferenceBank([swing()], H1)
+    at = context_of(bank, 10)
+    for name, kept in (("left_wrist", np.exp(-1.0)), ("right_ankle", np.exp(-0.5))):
+        away = torch.zeros(1, len(H1.links), 3)
+        away[0, H1.keypoints[name][0], 1] = 0.1
+        found = RESIDUAL.reward(shifted(at, away.tolist()), moved_on(bank, at), OURS)[0]
+        assert found == pytest.approx(1.4 - 0.2 * (1 - kept) / 2, abs=1e-5), name
+
+
 def papers(bank, context, **changes):
     """The paper's reward at frame 5 of a clip at rest, after a step with these differences."""
     step = moved_on(bank, context, 4)
@@ -416,6 +439,21 @@ def test_failures_draw_the_starts_to_where_they_happen():
     drawn = chances[:21] - 0.5 / PARTS
     np.testing.assert_allclose(drawn[:-1] / drawn[1:], np.full(20, REWIND), rtol=0.02)
     np.testing.assert_allclose(drawn.sum(), 0.5, rtol=0.02)
+
+
+def test_one_failure_beside_what_was_taken_as_given():
+    """A hundredth of all that is in a part has failed before anything is seen; of what was, 1/1000 is forgotten a step.
+
+    Then one robot fails at 0.1, which is in part 3, and one does not at its end, which is in part 31.
+    """
+    failures = Failures()
+    failures.update(torch.tensor([0.1, 1.0]), torch.tensor([True, False]))
+    assert failures.steps[[0, 3, 30, 31]].tolist() == pytest.approx([99.9, 100.9, 99.9, 100.9], abs=1e-4)
+    assert failures.failed[[0, 3, 30, 31]].tolist() == pytest.approx([0.999, 1.999, 0.999, 0.999], abs=1e-6)
+    hazard = np.full(PARTS, 0.01)
+    hazard[[3, 31]] = 1.999 / 100.9, 0.999 / 100.9
+    weight = [sum(hazard[later] * 0.6 ** (later - part) for later in range(part, PARTS)) for part in range(PARTS)]
+    np.testing.assert_allclose(failures.chances(1.0), weight / np.sum(weight), rtol=1e-5)
 
 
 def test_starts_follow_the_chances_of_parts():
