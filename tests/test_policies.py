@@ -91,7 +91,9 @@ def test_a_shipped_policy_in_gymnasium_gives_the_episodes_of_evaluation(name, se
     torch.set_num_threads(1)
     clips = clip_set(3, seconds)
     first, second = (load_policy(SHIPPED / name, H1, SIT_CHAIR) for _ in range(2))
-    run = run_policy(first, clips, record=[0, 1, 2], env_config=EnvConfig(workers=1))[0]
+    told = []
+    run = run_policy(first, clips, record=[0, 1, 2], tick=told.append, env_config=EnvConfig(workers=1))[0]
+    assert told == [1] * int(seconds), "a second of robots side by side after the other"
     envs, info = in_gymnasium(second, clips)
     found = envs.unwrapped.episodes.metrics.verdict()
     for key, value in vars(run.verdict).items():

@@ -53,7 +53,13 @@ def workdir(tmp_path_factory):
     writer.finish()
     reads = {"retarget": f"retarget/{clips.folder.name}"}
     (demos / "header.json").write_text(json.dumps({"reads": reads}))
-    rows = [row(motion, episode=0, success=True, first_success_time=7.25), row(motion, episode=1, fell=True)]
+    rows = [
+        row(motion, episode=0, success=True, stays=True, first_success_time=7.25),
+        row(motion, episode=1, fell=True),
+        row(motion, episode=2, success=True, first_success_time=5.0),
+        row(motion, episode=3, end_distance=0.1),
+        row(motion, episode=4, fell=True),
+    ]
     write_rows(folder / TASK.name / "evaluate" / "tracker-0.parquet", rows)
     return folder
 
@@ -85,7 +91,24 @@ def test_every_kind_is_listed(workdir):
     assert catalog.tasks() == [TASK.name]
     assert catalog.kinds(TASK.name) == ["objects", "references", "retarget", "demos", "evaluate"]
     (rows,) = catalog.sets(TASK.name, "evaluate")
-    assert rows.items == ("sit-chair-0-00000 tracker: K at 7.2 s", "sit-chair-0-00001 tracker: fell while walking")
+    assert rows.items == (
+        "sit-chair-0-00000 tracker: K at 7.2 s",
+        "sit-chair-0-00001 tracker: fell while walking",
+        "sit-chair-0-00002 tracker: K at 5.0 s, did not stay",
+        "sit-chair-0-00003 tracker: there, but not in place",
+        "sit-chair-0-00004 tracker: fell while walking",
+    )
+
+
+def test_failed_episodes_are_picked_by_what_they_failed_of(workdir):
+    (rows,) = Catalog(workdir).sets(TASK.name, "evaluate")
+    assert rows.outcomes == ["any", "failed", "fell walking", "did not stay", "there, but not in place"]
+    assert rows.matching("", "failed") == list(rows.items[1:])
+    assert rows.matching("", "fell walking") == [rows.items[1], rows.items[4]]
+    assert rows.matching("00004", "fell walking") == [rows.items[4]]
+    assert rows.matching("00000", "failed") == []
+    (clips,) = Catalog(workdir).sets(TASK.name, "retarget")
+    assert clips.outcomes == ["any", "failed"] and len(clips.matching("")) == 2
 
 
 def test_a_clip_brings_its_person_and_its_object(workdir):

@@ -38,6 +38,7 @@ COMMANDS = {
     "references stats": Command("Measure the clips beside the paper's.", "references", "stats"),
     "import": Command("Import recordings of real people.", "references", "import_"),
     "retarget": Command("Turn the human clips into robot clips.", "stages", "retarget", True),
+    "retarget draw": Command("Draw robot clips beside their people.", "retarget", "draw"),
     "retarget compare": Command("Compare the ways to retarget.", "retarget", "compare"),
     "track": Command("Train a tracker on the robot clips.", "stages", "track", True),
     "demos": Command("Let the tracker make demonstrations.", "stages", "demos", True),

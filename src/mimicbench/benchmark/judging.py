@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -198,6 +199,8 @@ def judge_tracker(run: Run, who: Who, clips: ClipSet) -> list[EpisodeRow]:
 
     _one_thread()
     tracker = load_tracker(who.folder, run.robot)
+    if not run.context.quiet:
+        run.context.say(f"evaluating {who.name}, {len(clips)} clips")
     rollout = track_clips(tracker, clips, RolloutConfig(settle=None), env_config(run))
     return tracker_rows(rollout, clips, Judged("track", who.name, tracker.spec.gains, run.recipe.seed))
 
@@ -212,15 +215,19 @@ def judge_policy(
 
     _one_thread()
     policy = load_policy(who.folder, run.robot, run.task)
-    with counter(len(clips), f"evaluating {who.name}", run.context.quiet) as tick:
-        runs = run_policy(policy, clips, Protocol(), record, tick, env_config(run))
+    protocol = Protocol()
+    seconds = math.ceil(len(clips) / protocol.batch) * int(run.task.time_limit)
+    again = " once more, to be drawn" if record else ""
+    label = f"evaluating {who.name}{again}, {len(clips)} episodes, seconds"
+    with counter(seconds, label, run.context.quiet) as tick:
+        runs = run_policy(policy, clips, protocol, record, tick, env_config(run))
     rows = policy_rows(runs, clips, Judged("imitate", who.name, policy.gains, run.recipe.seed))
     wrong = [row for row in rows if row.error]
     if wrong:
         run.context.say(f"{who.name} failed in {len(wrong)} of {len(rows)} episodes: {wrong[0].error}")
     recordings = {}
     for number, one in enumerate(runs):
-        recordings |= {number * Protocol().batch + episode: track for episode, track in one.recordings.items()}
+        recordings |= {number * protocol.batch + episode: track for episode, track in one.recordings.items()}
     return rows, recordings
 
 

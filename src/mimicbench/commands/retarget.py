@@ -1,16 +1,67 @@
-"""`mimicbench retarget compare`: the ways to retarget, beside each other."""
+"""`mimicbench retarget draw`, `retarget compare`: look at robot clips, and at the ways to make them."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from mimicbench.commands.options import WORK, Json, Seed, Source, Tasks, Workdir, Workers, recipes
+from mimicbench.commands.options import WORK, Json, Seed, Source, Task, Tasks, Workdir, Workers, recipes
 from mimicbench.commands.telling import tell
 from mimicbench.core.run import RunContext
 from mimicbench.core.settings import Count
+from mimicbench.tasks.registry import DEFAULT_TASK
+
+if TYPE_CHECKING:
+    from mimicbench.core.stage import Stage
+    from mimicbench.report.retargeting import SideBySide
+
+
+def draw(
+    out: Annotated[Path, tyro.conf.arg(help="the picture, a PNG file")],
+    clip: Annotated[tuple[str, ...], tyro.conf.arg(help="which clips; by default the first ones")] = (),
+    count: Annotated[Count, tyro.conf.arg(help="how many clips, if none are named")] = 3,
+    task: Task = DEFAULT_TASK,
+    stage: Annotated[
+        Path | None, tyro.conf.arg(help="folder of the clips; needed where a workdir has several of the task")
+    ] = None,
+    workdir: Workdir = WORK,
+    workers: Workers = 0,
+) -> None:
+    """Draw robot clips of a workdir on one sheet, each below the person that it was made of, and say which are kept."""
+    import numpy as np
+
+    from mimicbench.benchmark.finding import stage_with
+    from mimicbench.core.errors import BadMotion
+    from mimicbench.core.stage import HEADER
+    from mimicbench.report.retargeting import draw_side_by_side
+    from mimicbench.report.video import write_png
+    from mimicbench.sensors.opengl import draw_apart
+    from mimicbench.tasks.registry import TASKS
+
+    TASKS.get(task)
+    found = stage_with(workdir, task, "retarget", f"{clip[0]}.npz" if clip else HEADER, stage)
+    names = list(clip) or sorted(path.stem for path in found.folder.glob("*.npz"))[:count]
+    if not names:
+        raise BadMotion(f"{found.folder} holds no clips; run `mimicbench retarget --task {task}` again")
+    sides = [_beside_its_person(workdir / task, found, name) for name in names]
+    write_png(out, np.concatenate(draw_apart(draw_side_by_side, sides, workers, "drawing")))
+    for one in sides:
+        print(one.caption())
+    print(f"picture: {out}")
+
+
+def _beside_its_person(folder: Path, stage: Stage, name: str) -> SideBySide:
+    """A robot clip of a stage with the person that it was made of. Raises BadMotion, BadFile or BadObject."""
+    from mimicbench.core.motion import HumanMotion, RobotMotion
+    from mimicbench.objects.shape import load_object
+    from mimicbench.report.retargeting import SideBySide
+
+    motion = RobotMotion.load(stage.folder / f"{name}.npz")
+    human = HumanMotion.load(folder / stage.header["reads"]["references"] / f"{motion.reference_id}.npz")
+    obj = load_object(folder / stage.header["reads"]["objects"], motion.object_id)
+    return SideBySide(obj, human, {f"{motion.robot}, {'kept' if motion.success else 'kept out'}": motion})
 
 
 def compare(

@@ -20,6 +20,7 @@ def view(
         str | None, tyro.conf.arg(help="what to begin with: objects, references, retarget, demos or evaluate")
     ] = None,
     find: Annotated[str, tyro.conf.arg(help="begin with an item whose name has these words")] = "",
+    failed: Annotated[bool, tyro.conf.arg(help="begin with the episodes that failed")] = False,
     policy: Annotated[
         tuple[str, ...], tyro.conf.arg(help="further checkpoints, or Python files with make_policy(), that can act")
     ] = (),
@@ -29,7 +30,7 @@ def view(
 
     The page is served to this machine alone. Over SSH: `ssh -L 8080:localhost:8080 <host>`.
     """
-    from mimicbench.core.errors import UnknownName
+    from mimicbench.core.errors import MimicbenchError, UnknownName
     from mimicbench.viewer.server import check_installed
 
     if task is not None:
@@ -40,7 +41,9 @@ def view(
 
     if kind is not None and kind not in KINDS:
         raise UnknownName("kind of items", kind, list(KINDS))
-    page = Page(ViewConfig(workdir, port, task, kind, find, policy))
+    if failed and kind not in (None, "evaluate"):
+        raise MimicbenchError(f"only episodes can have failed: leave out --failed, or --kind {kind}")
+    page = Page(ViewConfig(workdir, port, task, "evaluate" if failed else kind, find, failed, policy))
     print(f"page: {page.url} (Ctrl-C ends it)", flush=True)
     try:
         while True:

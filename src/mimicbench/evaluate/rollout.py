@@ -23,6 +23,9 @@ from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.task import Task
 from mimicbench.track.rollout import Rollout
 
+SECOND = round(1 / CONTROL_DT)
+"""Control steps in a second."""
+
 
 @dataclass(frozen=True)
 class Protocol:
@@ -60,10 +63,10 @@ def run_policy(
     """One episode from the first frame of each of `clips`, beside that clip's object, to the time limit.
 
     Everything else of the clips is withheld. Runs in batches of the protocol's size; returns one PolicyRun a batch.
-    `tick(n)` is called when n more episodes are over. The policy's networks move to where the tensors of physics on the
-    device of `env_config` live. Episodes in which the policy raises, gives targets that are none, or takes too long
-    have failed, and `errors` says why; the others go on. Raises MimicbenchError if the policy observes what no robot
-    can sense.
+    `tick(1)` is called whenever another second of a batch has been simulated. The policy's networks
+    move to where the tensors of physics on the device of `env_config` live. Episodes in which the policy raises, gives
+    targets that are none, or takes too long have failed, and `errors` says why; the others go on. Raises
+    MimicbenchError if the policy observes what no robot can sense.
     """
     refuse_privileged(policy.observations, "this policy")
     protocol, env_config = protocol or Protocol(), env_config or EnvConfig()
@@ -71,15 +74,18 @@ def run_policy(
     for first in range(0, len(clips), protocol.batch):
         part = replace(clips, motions=clips.motions[first : first + protocol.batch])
         wanted = [episode - first for episode in record if first <= episode < first + len(part)]
-        runs.append(_run_batch(policy, part, wanted, env_config, protocol.patience))
-        if tick:
-            tick(len(part))
+        runs.append(_run_batch(policy, part, wanted, env_config, protocol.patience, tick or (lambda count: None)))
     return runs
 
 
 @torch.no_grad()
 def _run_batch(
-    policy: Policy, clips: ClipSet, record: Sequence[int], env_config: EnvConfig, patience: float
+    policy: Policy,
+    clips: ClipSet,
+    record: Sequence[int],
+    env_config: EnvConfig,
+    patience: float,
+    tick: Callable[[int], None],
 ) -> PolicyRun:
     task, robot = clips.task, clips.robot
     env = VecEnv(task, robot, clips.scenes, replace(env_config, physics=PhysicsConfig(gains=policy.gains)))
@@ -104,6 +110,8 @@ def _run_batch(
         running = running & ~env.metrics.over()
         for episode, track in tracks.items():
             track.append(env.physics.qpos()[episode].copy())
+        if (step + 1) % SECOND == 0:
+            tick(1)
     env.close()
     errors = guard.errors()
     found = _failed(env.metrics.verdict(), errors), start_distance.cpu().numpy(), end_distance.cpu().numpy()

@@ -20,7 +20,7 @@ from mimicbench.report.compare import Breakdown
 from mimicbench.report.curves import Curve
 
 INK, MUTED, LINE = "#1c2126", "#68727d", "#d9dee3"
-SERIES = ("#0b7285", "#c2410c", "#6741d9", "#2b8a3e", "#a61e4d", "#5c940d")
+SERIES = ("#0b7285", "#c2410c", "#6741d9", "#2b8a3e", "#a61e4d", "#5c940d", "#795548")
 """Told apart by people who do not see all colors, and on light and dark ground."""
 VARIABLES = {
     INK: "--ink",
@@ -201,6 +201,8 @@ def failures_plot(name: str, by_policy: Mapping[str, Mapping[str, Rate]]) -> str
         left = [0.0] * len(by_policy)
         for i, kind in enumerate(kinds):
             shares = [100 * failures[kind].rate if kind in failures else 0.0 for failures in by_policy.values()]
+            if not any(shares):  # the others keep their colors, whatever happens
+                continue
             axis.barh(range(len(by_policy)), shares, left=left, height=0.55, color=SERIES[i % len(SERIES)], label=kind)
             left = [a + b for a, b in zip(left, shares, strict=True)]
         for y, total in enumerate(left):

@@ -258,7 +258,9 @@ def _failures_html(rows: Sequence[EpisodeRow], tables: dict[str, Table], drawn: 
             tuple(lines),
             note=note,
         )
-        body += page.folded(f"The {len(failed)} failed episodes", page.table(listed))
+        title = "The failed episode" if len(failed) == 1 else f"The {len(failed)} failed episodes"
+        look = page.code(f"mimicbench view --task {failed[0][0].task} --failed    # in this workdir: look at them")
+        body += page.folded(title, page.table(listed) + look)
     return body
 
 

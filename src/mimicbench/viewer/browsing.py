@@ -6,7 +6,7 @@ import random
 from typing import Any
 
 from mimicbench.tasks.registry import TASKS
-from mimicbench.viewer.catalog import KINDS, Catalog, ItemSet
+from mimicbench.viewer.catalog import ANY, FAILED, KINDS, Catalog, ItemSet
 from mimicbench.viewer.opened import open_item
 from mimicbench.viewer.session import Session
 
@@ -16,7 +16,7 @@ STEPS = ("Previous", "Next", "Random")
 
 
 class BrowsePanel:
-    """Task, kind, set, words to find, item."""
+    """Task, kind, set, outcome of episodes, words to find, item."""
 
     def __init__(self, session: Session, catalog: Catalog) -> None:
         self.session, self.catalog = session, catalog
@@ -26,6 +26,7 @@ class BrowsePanel:
             self.task = gui.add_dropdown("Task", tasks)
             self.kind = gui.add_dropdown("Kind", [KINDS[kind] for kind in catalog.kinds(tasks[0])])
             self.set = gui.add_dropdown("Set", [" "])
+            self.outcome = gui.add_dropdown("Outcome", [ANY], hint="how episodes ended", visible=False)
             self.words = gui.add_text("Find", "", hint="words that the name has")
             self.item = gui.add_dropdown("Item", [" "])
             self.steps = gui.add_button_group("Go to", STEPS)
@@ -37,17 +38,20 @@ class BrowsePanel:
         self.task.on_update(on(lambda event: self._fill("kind")))
         self.kind.on_update(on(lambda event: self._fill("set")))
         self.set.on_update(on(lambda event: self._fill("item")))
+        self.outcome.on_update(on(lambda event: self._fill("item")))
         self.words.on_update(on(lambda event: self._fill("item")))
         self.item.on_update(on(lambda event: self._open()))
         self.steps.on_click(on(lambda event: self._step(str(event.target.value))))
 
-    def start(self, task: str | None, kind: str | None, words: str) -> None:
-        """Open the first item of a task and a kind, whose name has some words."""
+    def start(self, task: str | None, kind: str | None, words: str, failed: bool = False) -> None:
+        """Open the first item of a task and a kind, whose name has some words; of episodes the first that failed."""
         if task is not None:
             self._choose(self.task, self.catalog.tasks(), task)
         kinds = self.catalog.kinds(str(self.task.value))
         kind = kind if kind in kinds else "retarget" if "retarget" in kinds else kinds[0]
         self._choose(self.kind, [KINDS[one] for one in kinds], KINDS[kind])
+        if failed:
+            self._choose(self.outcome, [ANY, FAILED], FAILED)
         self._ignoring = True
         self.words.value = words
         self._ignoring = False
@@ -71,7 +75,9 @@ class BrowsePanel:
             kind = next(kind for kind, words in KINDS.items() if words == self.kind.value)
             names = [one.name for one in self.catalog.sets(task, kind)]
             self._choose(self.set, names, str(self.set.value))
-        self._found = self.current.matching(str(self.words.value))
+        self._choose(self.outcome, self.current.outcomes, str(self.outcome.value))
+        self.outcome.visible = self.current.kind == "evaluate"
+        self._found = self.current.matching(str(self.words.value), str(self.outcome.value))
         self._choose(self.item, self._found[:SHOWN] or [" "], str(self.item.value))
         self._open()
 
@@ -87,7 +93,9 @@ class BrowsePanel:
         if self._ignoring:
             return
         if item not in self._found:
-            self.facts.content = f"*nothing has {self.words.value!r} in its name*"
+            lacks = [f"is {self.outcome.value!r}"] if self.outcome.value != ANY else []
+            lacks += [f"has {self.words.value!r} in its name"] if self.words.value else []
+            self.facts.content = f"*nothing {' and '.join(lacks) or 'is here'}*"
             return
         opened = open_item(self.catalog, self.current, item)
         self.session.open(opened)

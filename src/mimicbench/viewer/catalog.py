@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -27,6 +28,8 @@ KINDS = {
 }
 """Folder of a kind of items -> what they are called."""
 ROWS = ".parquet"
+ANY, FAILED = "any", "failed"
+"""Which episodes are listed: all, those that failed, or (a word of `report.compare.FAILURES`) failed in one way."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +74,20 @@ class ItemSet:
         return read_rows(self.path)
 
     @cached_property
+    def failures(self) -> dict[str, str]:
+        """Of episodes: the items that failed, and how. Raises BadFile."""
+        from mimicbench.report.compare import failure
+
+        if self.kind != "evaluate":
+            return {}
+        return {item: how for item, row in zip(self.items, self.rows, strict=True) if (how := failure(row))}
+
+    @property
+    def outcomes(self) -> list[str]:
+        """What episodes can be picked by: `any`, `failed`, and every way in which one failed, the most usual first."""
+        return [ANY, FAILED, *(how for how, _ in Counter(self.failures.values()).most_common())]
+
+    @cached_property
     def header(self) -> dict[str, Any]:
         """Of a stage, finished or not: what is in it is whole. Raises BadFile."""
         return read_record(self.path / HEADER)
@@ -83,10 +100,15 @@ class ItemSet:
             raise BadFile(f"{self.path} has no {item!r}; make it again, or open the page anew if it was just made")
         return self.path / f"{item}{SUFFIX[self.kind]}"
 
-    def matching(self, words: str) -> list[str]:
-        """Names of the items in which all these words are, in any case."""
+    def matching(self, words: str, outcome: str = ANY) -> list[str]:
+        """Names of the items in which all these words are, in any case, and which came to an outcome."""
         wanted = words.lower().split()
-        return [name for name in self.items if all(word in name.lower() for word in wanted)]
+        picked = [
+            name
+            for name in self.items
+            if outcome == ANY or (name in self.failures and outcome in (FAILED, self.failures[name]))
+        ]
+        return [name for name in picked if all(word in name.lower() for word in wanted)]
 
 
 @dataclass(frozen=True)
@@ -151,10 +173,14 @@ class Catalog:
 
 
 def outcome(row: EpisodeRow) -> str:
-    """What an episode came to, in a few words, such as `policy: K at 7.3 s, fell after success`."""
-    told = []
+    """What an episode came to, in a few words, such as `policy: K at 7.3 s, did not stay, fell after success`."""
+    from mimicbench.report.compare import failure
+
+    told, how = [], failure(row)
     if row.success:
         told.append("K" if row.first_success_time is None else f"K at {row.first_success_time:.1f} s")
+    if how and not how.startswith("fell"):  # falls are told below, with what the robot was at
+        told.append(how)
     if row.fell:
         told.append(f"fell {'' if row.fell_phase.startswith('after') else 'while '}{row.fell_phase}")
-    return f"{row.policy}: {', '.join(told) or 'neither K nor a fall'}"
+    return f"{row.policy}: {', '.join(told)}"

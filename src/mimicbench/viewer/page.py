@@ -32,6 +32,8 @@ class ViewConfig:
     """Folder of the kind of items, such as `retarget`."""
     find: str = ""
     """Words that the first item's name has."""
+    failed: bool = False
+    """Begin with the episodes that failed."""
     policy: tuple[str, ...] = ()
     """Folders of further checkpoints and Python files that can be chosen to act."""
 
@@ -50,7 +52,7 @@ class Page:
         self.act = ActPanel(self.session, self.play, config.workdir, config.policy)
         self.show = ShowPanel(self.session, self.act)
         self.plot = PlotPanel(self.session, self.play)
-        self.browse.start(config.task, config.kind, config.find)
+        self.browse.start(config.task, config.kind, config.find, config.failed)
 
     @property
     def url(self) -> str:
