@@ -135,6 +135,10 @@ DECISIVE = {
     "-k verdict_by_hand or limits_of_solved or rates_of_a_set",
     "core/stage.py": "tests/test_stage.py",
     "envs/metrics.py": "tests/test_metrics.py tests/test_tasks.py",
+    "evaluate/rollout.py": "tests/test_episode_rows.py",
+    "track/failures.py": "tests/test_track.py -k failure",
+    "track/trackers/residual.py": "tests/test_track.py -k reward or actions_mean or next_pose or one_arm",
+    "track/trackers/hst.py": "tests/test_track.py -k reward or actions_mean or next_pose",
 }
 """Small modules on which every number rests, and their tests."""
 SLOW = (

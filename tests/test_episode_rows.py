@@ -139,26 +139,51 @@ def test_a_trackers_distances_are_those_of_its_clip(x, y, distance):
 
 
 class Stiff:
-    """Keeps all joints at zero."""
+    """Keeps all joints at zero, until it raises in the step `tired`, counted from its reset."""
 
     observations = ("proprio",)
     gains = "improved"
+
+    def __init__(self, tired=10**9):
+        self.tired = tired
 
     def to(self, device):
         """It has nothing to move."""
 
     def reset(self, ids, obs):
-        """It remembers nothing."""
+        """An episode begins."""
+        self.steps = 0
 
     def act(self, obs):
         """(N, 19) [rad]."""
+        self.steps += 1
+        if self.steps == self.tired:
+            raise RuntimeError("tired")
         return torch.zeros(obs.num_envs, 19)
+
+
+def always(body, obj):
+    """K is fulfilled by whoever is there."""
+    return torch.ones(len(body.pelvis_pos_w), dtype=torch.bool)
+
+
+def never(body, obj):
+    """K is fulfilled by nobody."""
+    return ~always(body, obj)
+
+
+def one_run(seconds, holds, policy=None):
+    """The episode of the one who falls beside the stool, under a task of that length and condition."""
+    task = replace(SIT_CHAIR, time_limit=seconds, hold_time=0.02, holds=holds)
+    (run,) = run_policy(policy or Stiff(), replace(CLIP_SET, task=task, motions=[BESIDE]), env_config=ONE_THREAD)
+    return run
 
 
 def test_episodes_run_in_batches_and_those_that_are_asked_for_are_recorded():
     """Episodes 1 and 2 of three, in batches of two: the second of the first and the first of the second."""
-    short, ticks = replace(CLIP_SET, task=replace(SIT_CHAIR, time_limit=0.04)), []
-    runs = run_policy(Stiff(), short, Protocol(batch=2), [1, 2], ticks.append, ONE_THREAD)
+    assert Protocol().batch == 128, "a part of the protocol"
+    short, ticks, policy = replace(CLIP_SET, task=replace(SIT_CHAIR, time_limit=0.04)), [], Stiff()
+    runs = run_policy(policy, short, Protocol(batch=2), [1, 2], ticks.append, ONE_THREAD)
     assert ticks == [2, 1] and [list(run.recordings) for run in runs] == [[1], [0]]
     for run, (episode, clip) in zip(runs, [(1, CLIPS[1]), (0, BESIDE)], strict=True):
         track = run.recordings[episode]
@@ -166,3 +191,20 @@ def test_episodes_run_in_batches_and_those_that_are_asked_for_are_recorded():
         np.testing.assert_allclose(track[0, :7], [*clip.root_pos_w[0], *rot.IDENTITY], atol=1e-6)
     assert [run.start_distance.tolist() for run in runs] == [pytest.approx([0.95, 0.0]), pytest.approx([0.5])]
     assert [run.verdict.steps.tolist() for run in runs] == [[2, 2], [2]]
+    assert policy.steps == 2 and not any(run.errors for run in runs), "it was reset before its first step alone"
+
+
+def test_the_distance_at_the_end_is_that_at_the_fulfilment_of_k():
+    """Whoever fulfils K in the first step is as far away as if the episode were over then; who never does, goes on."""
+    first, last = (float(one_run(seconds, never).end_distance[0]) for seconds in (0.02, 0.2))
+    assert abs(first - last) > 1e-4
+    assert float(one_run(0.2, always).end_distance[0]) == first
+
+
+def test_nothing_that_an_error_ended_was_done():
+    """After 19 of 20 steps, K is fulfilled, holds, and has held for 0.3 s; the error takes all of it back."""
+    done, failed = one_run(0.4, always).verdict, one_run(0.4, always, Stiff(20))
+    names = ("success", "success_at_end", "stays")
+    assert all(getattr(done, name).all() for name in names)
+    assert not any(getattr(failed.verdict, name).any() for name in names)
+    assert failed.verdict.steps.tolist() == [19] and list(failed.errors) == [0]
