@@ -93,15 +93,11 @@ class Perception(nn.Module):
             kernel = 5 if index == 0 else 3
             layers += [nn.Conv2d(width_in, width, kernel, 2, kernel // 2, bias=False), nn.BatchNorm2d(width), nn.ReLU()]
             width_in, side = width, (side + 1) // 2
-        layers += [
-            nn.Flatten(),
-            nn.Linear(width_in * side * side, config.hidden),
-            nn.ReLU(),
-            nn.Linear(config.hidden, self._blocks * (task.goal.size + 1 + (self._blocks > 1))),
-        ]
-        self.layers = nn.Sequential(*layers)
+        layers += [nn.Flatten(), nn.Linear(width_in * side * side, config.hidden), nn.ReLU()]
+        said = nn.Linear(config.hidden, self._blocks * (task.goal.size + 1 + (self._blocks > 1)))
+        self.layers = nn.Sequential(*layers, said)
         middle, spread = task.goal.middle_and_spread()
-        self._spread_fronts(layers[-1].bias, spread)
+        self._spread_fronts(said.bias, spread)
         self.register_buffer("middle", middle, persistent=False)
         self.register_buffer("spread", spread, persistent=False)
 
