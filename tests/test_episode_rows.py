@@ -131,7 +131,8 @@ def test_falls_are_told_in_the_words_of_the_task():
 def test_a_trackers_distances_are_those_of_its_clip(x, y, distance):
     """From the rectangle of the stool, 0.5 m wide, of the first frame and of the last; not of the robot's height."""
     clip = still((np.array([x, y, 0.9]), np.zeros(19)), "there")
-    clip = replace(clip, root_pos_w=np.concatenate([clip.root_pos_w[:-1], [[0.75, 0.0, 0.3]]]))
+    elsewhere = np.tile([9.0, 9.0, 0.9], (clip.frames - 2, 1))
+    clip = replace(clip, root_pos_w=np.concatenate([clip.root_pos_w[:1], elsewhere, [[0.75, 0.0, 0.3]]]))
     rollout = Rollout(part(verdict(), 0, 1), np.array([9]), Recording([], [], [], []))
     (row,) = tracker_rows(rollout, replace(CLIP_SET, motions=[clip]), replace(WHO, stage="track"))
     assert (row.stage, row.reference_id, row.episode, row.error) == ("track", "there", 0, "")
@@ -191,6 +192,8 @@ def test_episodes_run_in_batches_and_those_that_are_asked_for_are_recorded():
         np.testing.assert_allclose(track[0, :7], [*clip.root_pos_w[0], *rot.IDENTITY], atol=1e-6)
     assert [run.start_distance.tolist() for run in runs] == [pytest.approx([0.95, 0.0]), pytest.approx([0.5])]
     assert [run.verdict.steps.tolist() for run in runs] == [[2, 2], [2]]
+    (together,) = run_policy(Stiff(), short)
+    assert together.verdict.steps.tolist() == [2, 2, 2], "all in one batch, unless it is told otherwise"
     assert policy.steps == 2 and not any(run.errors for run in runs), "it was reset before its first step alone"
 
 
