@@ -183,18 +183,18 @@ def one_run(seconds, holds, policy=None):
 def test_episodes_run_in_batches_and_those_that_are_asked_for_are_recorded():
     """Episodes 1 and 2 of three, in batches of two: the second of the first and the first of the second."""
     assert Protocol().batch == 128, "a part of the protocol"
-    short, ticks, policy = replace(CLIP_SET, task=replace(SIT_CHAIR, time_limit=0.04)), [], Stiff()
+    short, ticks, policy = replace(CLIP_SET, task=replace(SIT_CHAIR, time_limit=1.0)), [], Stiff()
     runs = run_policy(policy, short, Protocol(batch=2), [1, 2], ticks.append, ONE_THREAD)
-    assert ticks == [2, 1] and [list(run.recordings) for run in runs] == [[1], [0]]
+    assert ticks == [1, 1] and [list(run.recordings) for run in runs] == [[1], [0]]
     for run, (episode, clip) in zip(runs, [(1, CLIPS[1]), (0, BESIDE)], strict=True):
         track = run.recordings[episode]
-        assert track.shape[0] == 3, "the start and two steps"
+        assert track.shape[0] == 51, "the start and a second of steps"
         np.testing.assert_allclose(track[0, :7], [*clip.root_pos_w[0], *rot.IDENTITY], atol=1e-6)
     assert [run.start_distance.tolist() for run in runs] == [pytest.approx([0.95, 0.0]), pytest.approx([0.5])]
-    assert [run.verdict.steps.tolist() for run in runs] == [[2, 2], [2]]
+    assert [run.verdict.steps.tolist() for run in runs] == [[50, 50], [50]]
     (together,) = run_policy(Stiff(), short)
-    assert together.verdict.steps.tolist() == [2, 2, 2], "all in one batch, unless it is told otherwise"
-    assert policy.steps == 2 and not any(run.errors for run in runs), "it was reset before its first step alone"
+    assert together.verdict.steps.tolist() == [50, 50, 50], "all in one batch, unless it is told otherwise"
+    assert policy.steps == 50 and not any(run.errors for run in runs), "it was reset before its first step alone"
 
 
 def test_the_distance_at_the_end_is_that_at_the_fulfilment_of_k():

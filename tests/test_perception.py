@@ -70,7 +70,7 @@ def test_the_shipped_network_sees_what_it_always_saw():
 @pytest.mark.parametrize("task", FOUND, ids=lambda task: task.name)
 def test_every_goal_can_be_learned(task, tmp_path):
     objects = [FAMILIES.get(task.family).make(i, 0) for i in range(3)]
-    config = replace(SIGHT, steps=200, maps=96, batch=16, learning_rate=4e-3, distance=(0.8, 1.4))
+    config = replace(SIGHT, steps=100, maps=96, batch=16, learning_rate=4e-3, distance=(0.8, 1.4), hypotheses=1)
     net = train_perception(tmp_path / "training", config, task, objects)
     errors = evaluate_perception(net, task, objects, maps=32)
     assert list(errors) == [field.name for field in task.goal.fields] and errors["middle"] < 0.3
@@ -190,6 +190,25 @@ def test_the_loss_takes_the_nearest_answer():
         assert sure < torn < wrong, "who is right should be likely"
         assert sure < goal_loss(net, found + 0.1, off, likely[:1], answers)
         torch.testing.assert_close(SIT.goal.nearest(right[None], answers), right[None])
+
+
+@pytest.mark.parametrize(("hypotheses", "off"), [(1, (0.6, 1.0)), (4, (0.0, 0.1))])
+def test_of_two_fronts_one_is_seen_and_not_their_mean(hypotheses, off):
+    """The same map, whose front is ahead as often as to the left: the mean is pi / 4 from both."""
+    torch.manual_seed(0)
+    net = Perception(replace(SIGHT, hypotheses=hypotheses), SIT)
+    fronts = SIT.goal.labels([make_chair(0)])[0, :1].repeat(16, 1)
+    fronts[:, list(SIT.goal.front)] = torch.tensor([[0.0, 1.0], [1.0, 0.0]]).repeat(8, 1)
+    view, optimizer = torch.rand(1, net.window, net.window).repeat(16, 1, 1), torch.optim.Adam(net.parameters(), 1e-2)
+    for _ in range(150):
+        found, uncertainty, likely = net(view, torch.zeros(16, 2))
+        optimizer.zero_grad()
+        goal_loss(net, found, uncertainty, likely, fronts[:, None]).backward()
+        optimizer.step()
+    best = net.goal.normalized(found)[0, likely[0].argmax()]
+    nearest = min(float(net.goal.errors(best, right)["front"]) for right in fronts[:2])
+    assert off[0] <= nearest < off[1]
+    assert float(likely[0].exp().max()) == pytest.approx(1.0 if hypotheses == 1 else 0.5, abs=0.2)
 
 
 @pytest.mark.parametrize("task", FOUND, ids=lambda task: task.name)

@@ -9,7 +9,7 @@ maps as the cameras make them, with what they cannot see left out, and from comp
 Part of what is to be found can be hidden. So the network also says how far off it may be, and imitate.goals,
 which looks again while the robot walks, keeps the surest look.
 
-And part of it can be in doubt: of a bed without a headboard the edges are plain, but hardly which of them is its foot.
+And part of it can be in doubt: of a block without a back the edges are plain, but hardly which of them is its front.
 One answer would be a mean of several that are each possible, turned by half of a quarter and true of none. So the
 network gives several goals, and how likely each is (a mixture density network, Bishop 1994); the likeliest is what it
 sees.
