@@ -14,6 +14,8 @@ LOW, STILL = 0.03, 0.25
 """A sole bears when its heel or toe is lower than LOW [m] and slower than STILL [m/s]."""
 NEAR = 0.03
 """Skin nearer to the object than this [m], and moving with it, bears."""
+RECLINED = 55.0
+"""A trunk that leans farther than this [degrees] does not lean back against something, it lies down on it."""
 SHORTEST = 0.1
 """[s]; shorter contacts and shorter gaps between contacts are noise."""
 
@@ -72,7 +74,7 @@ def detect_bearing(motion: HumanMotion, obj: SceneObject) -> np.ndarray:
         feet[:, 0],
         feet[:, 1],
         _part_rests(motion, obj, body, pos, quat, "pelvis"),
-        _part_rests(motion, obj, body, pos, quat, "trunk"),
+        _back_rests(motion, obj, body, pos, quat),
     ]
     for arm in body.arms:
         palm = pos[:, arm.end] + rot.rotate(quat[:, arm.end], np.array([0.0, 0.0, -body.hand]))
@@ -81,13 +83,30 @@ def detect_bearing(motion: HumanMotion, obj: SceneObject) -> np.ndarray:
 
 
 def _part_rests(
-    motion: HumanMotion, obj: SceneObject, body: Body, pos: np.ndarray, quat: np.ndarray, role: str
+    motion: HumanMotion,
+    obj: SceneObject,
+    body: Body,
+    pos: np.ndarray,
+    quat: np.ndarray,
+    role: str,
+    along: tuple[float, ...] = (0.0, 0.5, 1.0),
 ) -> np.ndarray:
-    """(T,) whether the body part of a role rests on the object anywhere along its axis."""
+    """(T,) whether the body part of a role rests on the object, at any of the shares `along` its axis."""
     part = next(part for part in body.parts if part.role == role)
-    samples = np.linspace(part.start, part.end, 3)
+    samples = np.array(part.start) + np.outer(along, np.subtract(part.end, part.start))
     points = pos[:, part.joint, None] + rot.rotate(quat[:, part.joint, None], samples)
-    return _rests(motion, obj, points, np.full(3, part.radius))
+    return _rests(motion, obj, points, np.full(len(along), part.radius))
+
+
+def _back_rests(motion: HumanMotion, obj: SceneObject, body: Body, pos: np.ndarray, quat: np.ndarray) -> np.ndarray:
+    """(T,) whether the back rests on the object: of who sits any part of it, of who lies down its upper end.
+
+    Who is propped up on the elbows touches a bed with the loins only, and lies on pelvis and arms.
+    """
+    trunk = pos[:, [arm.root for arm in body.arms]].mean(1) - pos[:, [leg.root for leg in body.legs]].mean(1)
+    reclined = trunk[:, 2] < np.cos(np.radians(RECLINED)) * np.linalg.norm(trunk, axis=-1)
+    shoulders = _part_rests(motion, obj, body, pos, quat, "trunk", (1.0,))
+    return np.where(reclined, shoulders, _part_rests(motion, obj, body, pos, quat, "trunk"))
 
 
 def _rests(motion: HumanMotion, obj: SceneObject, points: np.ndarray, radii: np.ndarray) -> np.ndarray:
