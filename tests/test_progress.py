@@ -61,10 +61,22 @@ def test_a_log_gets_lines_and_no_bar(capsys, monkeypatch):
         tick(1)
         tick(2, "loss 0.5")
     told = capsys.readouterr().err.splitlines()
-    assert told == ["clips: 1/3, 0:00 left", "clips: 3/3, 0:00 left, loss 0.5", "clips: 3/3 in 0:00, loss 0.5"]
+    assert told == ["clips: 1/3", "clips: 3/3, 0:00 left, loss 0.5", "clips: 3/3 in 0:00, loss 0.5"]
     with progress.counter(3, "clips", quiet=True) as tick:
         tick(3)
     assert capsys.readouterr().err == ""
+
+
+def test_time_left_counts_neither_the_first_item_nor_what_an_earlier_run_did(capsys, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    with progress.counter(1000, "batches") as tick:
+        for seconds, count in ((60.0, 900), (10.0, 10), (10.0, 10)):
+            now[0] += seconds
+            tick(count)
+    told = capsys.readouterr().err.splitlines()
+    # ten items in ten seconds since the first call, eighty to go
+    assert told[:3] == ["batches: 900/1000", "batches: 910/1000, 1:30 left", "batches: 920/1000, 1:20 left"]
 
 
 SCRIPT = """

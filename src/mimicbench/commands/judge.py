@@ -25,10 +25,12 @@ def evaluate(argv: Sequence[str]) -> None:
     from mimicbench.benchmark.judging import judge, who_of
 
     runs = [start(recipe, call.options.workdir, call.options.context()) for recipe in call.recipes]
-    wanted = [(run, name) for run in runs for name in run.recipe.evaluate.policy]
-    for run, name in wanted:
-        who_of(run, name)  # whether there is one, before any work
-    tell_rates([judge(run, name) for run, name in wanted], call.options.json)
+    # who there is, before any work; `best` and another name may well mean the same
+    wanted: dict[tuple[int, Path], str] = {}
+    for at, run in enumerate(runs):
+        for name in run.recipe.evaluate.policy:
+            wanted.setdefault((at, who_of(run, name).folder), name)
+    tell_rates([judge(runs[at], name) for (at, _), name in wanted.items()], call.options.json)
 
 
 @dataclass(frozen=True)

@@ -75,9 +75,12 @@ class _Lines:
     def __init__(self, total: int, label: str) -> None:
         self._total, self._label, self._done, self._remark = total, label, 0, ""
         self._pulse, self._begun = Pulse(to_stderr), time.monotonic()
+        # the first item pays for what is made once, and what an earlier run did comes in no time
+        self._first: tuple[float, int] | None = None
 
     def __call__(self, count: int, remark: str = "") -> None:
         self._done, self._remark = self._done + count, remark or self._remark
+        self._first = self._first or (time.monotonic(), self._done)
         self._pulse(self._line)
 
     def end(self) -> None:
@@ -89,8 +92,12 @@ class _Lines:
         return f", {self._remark}" if self._remark else ""
 
     def _line(self) -> str:
-        left = (time.monotonic() - self._begun) * (self._total - self._done) / max(self._done, 1)
-        return f"{self._label}: {self._done}/{self._total}, {_words(left)} left{self._said}"
+        assert self._first is not None, "something was told"
+        since, before = self._first
+        done = self._done - before
+        left = (time.monotonic() - since) * (self._total - self._done) / done if done else None
+        told = "" if left is None else f", {_words(left)} left"
+        return f"{self._label}: {self._done}/{self._total}{told}{self._said}"
 
 
 def _words(seconds: float) -> str:
