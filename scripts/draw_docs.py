@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from doc_pictures import objects, people, policies, real, robots, senses
+from doc_pictures import objects, people, policies, real, results, robots, senses
 from doc_pictures.picture import DocPicture, Fingerprint, fingerprint, same
 from mimicbench.core.files import read_json, write_atomic
 
@@ -46,7 +46,7 @@ def main() -> None:
 
 def catalog(recordings: Path | None) -> Iterator[DocPicture]:
     """All pictures; those of recorded people only where their folder is."""
-    for module in (objects, people, senses, robots, policies):
+    for module in (objects, people, senses, robots, policies, results):
         yield from module.pictures()
     if recordings is not None:
         yield from real.pictures(recordings)

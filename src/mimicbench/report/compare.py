@@ -12,6 +12,8 @@ from mimicbench.evaluate.rows import ENERGY_LIMITS, EpisodeRow, Summary, group, 
 from mimicbench.report.paper_tables import CITATION, COUNTERPARTS, TASKS, PaperRate, methods
 from mimicbench.report.tables import Cell, Reported, Table
 
+MAX_FAILURES = 60
+"""Failed episodes that a page lists; the file of episodes has all."""
 NEAR = 0.15
 """[m] Who ends farther than this from the object was still on the way, or had lost it."""
 
@@ -219,6 +221,25 @@ def failures_table(rows: Sequence[EpisodeRow]) -> Table:
     parts = [(label(policy, preset), of_one) for (_, _, policy, preset), of_one in group(rows).items()]
     body = [(name, *failures(of_one).values()) for name, of_one in parts]
     return Table("failures", "How episodes fail", ("Policy", *FAILURES), tuple(body), note="Shares of all episodes.")
+
+
+def failed_table(failed: Sequence[EpisodeRow]) -> Table:
+    """Episodes that failed, one by one, as many as a page bears."""
+    columns = ("Policy", "Episode", "Object", "Kind", "Reference", "How", "From the object at the end [m]")
+    body = [
+        (
+            label(row.policy, row.preset),
+            row.id,
+            row.object_id,
+            row.object_kind,
+            row.reference_id or None,
+            failure(row),
+            round(row.end_distance, 2),
+        )
+        for row in failed[:MAX_FAILURES]
+    ]
+    first = f"The first {MAX_FAILURES} of {len(failed)}; episodes.parquet has all."
+    return Table("failed", "", columns, tuple(body), note=first if len(failed) > MAX_FAILURES else "")
 
 
 def breakdown_table(rows: Sequence[EpisodeRow]) -> Table:

@@ -42,6 +42,7 @@ def report(run: Run, rows: Sequence[EpisodeRow], policy: str) -> Path:
             run.recipe.task,
             tuple(rows),
             _provenance(run, clips),
+            clips.set.objects,
             _curves(run, policy),
             showcase(run, of_policy, clips, policy),
         )

@@ -1,8 +1,8 @@
 """The report of one task: a page that stands alone, and beside it the same tables and plots as files."""
 
 import json
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
 
@@ -11,7 +11,8 @@ from markupsafe import Markup
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.files import write_atomic
 from mimicbench.evaluate.rows import EpisodeRow, Summary, group, write_rows
-from mimicbench.report import compare, page, plots
+from mimicbench.objects.shape import SceneObject
+from mimicbench.report import compare, page, plots, sizes
 from mimicbench.report.curves import Curve
 from mimicbench.report.paper_tables import CITATION, methods
 from mimicbench.report.provenance import Provenance
@@ -19,9 +20,6 @@ from mimicbench.report.showcase import Showcase, ShowConfig, Shown, draw
 from mimicbench.report.tables import Table, to_csv, to_latex, to_markdown
 from mimicbench.sensors.opengl import NoPictures
 from mimicbench.tasks.registry import TASKS
-
-MAX_FAILURES = 60
-"""Failed episodes that the page lists; the file of episodes has all."""
 
 COMPARED = 3
 """Policies whose rates over parts of the episodes are plotted; the table has all."""
@@ -36,6 +34,8 @@ class ReportInputs:
     rows: tuple[EpisodeRow, ...]
     """Of all trackers and policies, in any order."""
     provenance: Provenance
+    objects: Mapping[str, SceneObject] = field(default_factory=dict)
+    """Those of the episodes by id, if success by their size shall be told."""
     curves: tuple[Curve, ...] = ()
     """Of the trainings, if there were any."""
     showcase: Showcase | None = None
@@ -66,8 +66,12 @@ def write_report(
         for row in inputs.rows
         if (row.stage, row.policy, row.preset) == (s.stage, s.policy, s.preset)
     ]
-    tables = (*headline_tables(inputs.task, found), compare.failures_table(ordered), compare.breakdown_table(ordered))
+    of_sizes = _of_sizes(found, ordered, inputs.objects)
+    tables = [*headline_tables(inputs.task, found), compare.failures_table(ordered), compare.breakdown_table(ordered)]
     drawn = draw_plots(inputs.task, found, ordered, inputs.curves)
+    if of_sizes:
+        tables.append(sizes.size_table(of_sizes))
+        drawn["sizes"] = sizes.size_plot("sizes", next(iter(of_sizes.values())))
     for data in tables:
         for suffix, write in (("md", to_markdown), ("tex", to_latex), ("csv", to_csv)):
             _write(folder / "tables" / f"{data.name}.{suffix}", write(data))
@@ -109,6 +113,18 @@ def draw_plots(
     if any(parts.values()):
         drawn["breakdown"] = plots.breakdown_plot("breakdown", parts)
     return drawn
+
+
+def _of_sizes(
+    found: Sequence[Summary], rows: Sequence[EpisodeRow], objects: Mapping[str, SceneObject]
+) -> dict[str, dict[str, list[sizes.Part]]]:
+    """Rates over sizes of every policy, the best first, all of whose objects are known."""
+    told = {}
+    for s in (s for s in found if s.stage == "imitate"):
+        mine = [row for row in rows if (row.stage, row.policy, row.preset) == (s.stage, s.policy, s.preset)]
+        if all(row.object_id in objects for row in mine) and (parts := sizes.by_size(mine, objects)):
+            told[compare.label(s.policy, s.preset)] = parts
+    return told
 
 
 def _lines(task: str, found: Sequence[Summary], energy: bool) -> list[tuple[str, plots.Mark]]:
@@ -223,7 +239,7 @@ def _pictures_html(inputs: ReportInputs, pictures: list[Shown] | str) -> Markup:
 
 
 def _failures_html(rows: Sequence[EpisodeRow], tables: dict[str, Table], drawn: dict[str, str]) -> Markup:
-    failed = [(row, kind) for row in rows if (kind := compare.failure(row))]
+    failed = [row for row in rows if compare.failure(row)]
     body = page.plot(drawn["failures"]) if "failures" in drawn else page.paragraph("No episode failed.")
     body += page.folded("How episodes fail, in numbers", page.table(tables["failures"]))
     if "breakdown" in drawn:
@@ -233,34 +249,13 @@ def _failures_html(rows: Sequence[EpisodeRow], tables: dict[str, Table], drawn: 
             "and the best tracker.",
         )
         body += page.folded("The same in numbers", page.table(tables["breakdown"]))
+    if "sizes" in drawn:
+        body += page.plot(drawn["sizes"], "The best policy's success over the size of objects, a fifth at a time.")
+        body += page.folded("The same of all policies, in numbers", page.table(tables["sizes"]))
     if failed:
-        lines = [
-            (
-                compare.label(row.policy, row.preset),
-                row.id,
-                row.object_id,
-                row.object_kind,
-                row.reference_id or None,
-                kind,
-                round(row.end_distance, 2),
-            )
-            for row, kind in failed[:MAX_FAILURES]
-        ]
-        note = (
-            f"The first {MAX_FAILURES} of {len(failed)}; episodes.parquet has all."
-            if len(failed) > MAX_FAILURES
-            else ""
-        )
-        listed = Table(
-            "failed",
-            "",
-            ("Policy", "Episode", "Object", "Kind", "Reference", "How", "From the object at the end [m]"),
-            tuple(lines),
-            note=note,
-        )
         title = "The failed episode" if len(failed) == 1 else f"The {len(failed)} failed episodes"
-        look = page.code(f"mimicbench view --task {failed[0][0].task} --failed    # in this workdir: look at them")
-        body += page.folded(title, page.table(listed) + look)
+        look = page.code(f"mimicbench view --task {failed[0].task} --failed    # in this workdir: look at them")
+        body += page.folded(title, page.table(compare.failed_table(failed)) + look)
     return body
 
 
