@@ -19,36 +19,55 @@ from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.task import BodyPoints
 
 
+class Laid(NamedTuple):
+    """A clip at the control rate."""
+
+    id: str
+    object_id: str
+    robot: np.ndarray
+    """(T', 25 + 2 J) pose, velocity, wrists and ankles."""
+    bears: np.ndarray
+    """(T', B) which parts bear."""
+    wrist_goal_w: np.ndarray
+    """(2, 3) where left and right wrist are to go [m]; NaN without such a goal."""
+    objects: np.ndarray
+    """(T', 13) pose and velocities of the object; one row if it stays where it is."""
+
+
+def lay(motion: RobotMotion, robot: Robot) -> Laid:
+    """Resample a clip to the control rate by cubic splines, whose derivatives are the velocities."""
+    rows = _robot_rows(motion, robot)
+    goal = motion.wrist_goal_w if len(motion.wrist_goal_w) else np.full((2, 3), np.nan)
+    bears, objects = _bearing_rows(motion, len(rows)), _object_rows(motion, len(rows))
+    return Laid(motion.id, motion.object_id, rows, bears, goal, objects)
+
+
 class ReferenceBank:
     """C clips in tables of frames. A clip that is over stays at its last frame, at rest."""
 
-    def __init__(self, motions: Sequence[RobotMotion], robot: Robot, device: str = "cpu") -> None:
-        """Resample to the control rate by cubic splines, whose derivatives are the velocities.
+    def __init__(self, clips: Sequence[RobotMotion | Laid], robot: Robot, device: str = "cpu") -> None:
+        """Lay clips that are not laid yet, end to end.
 
         `device` is where the tables and all their frames live.
         """
-        if not motions:
+        if not clips:
             raise BadMotion("no clips to track; run `mimicbench retarget` first, or see why it kept none")
-        rows = [_robot_rows(motion, robot) for motion in motions]
-        self.ids = [motion.id for motion in motions]
-        self.object_ids = [motion.object_id for motion in motions]
-        self.lengths = torch.tensor([len(row) for row in rows], device=device)
+        laid = [clip if isinstance(clip, Laid) else lay(clip, robot) for clip in clips]
+        self.ids = [clip.id for clip in laid]
+        self.object_ids = [clip.object_id for clip in laid]
+        self.lengths = torch.tensor([len(clip.robot) for clip in laid], device=device)
         """(C,) frames of each clip."""
         self.starts = torch.cumsum(self.lengths, 0) - self.lengths
         """(C,) row of each clip's first frame."""
-        self._table = torch.from_numpy(np.concatenate(rows).astype(np.float32)).to(device)
+        self._table = _joined([clip.robot for clip in laid], device)
         self._joints = len(robot.joints)
-        self._bears = torch.from_numpy(
-            np.concatenate([_bearing_rows(motion, len(row)) for motion, row in zip(motions, rows, strict=True)])
-        ).to(device)
-        goals = [motion.wrist_goal_w if len(motion.wrist_goal_w) else np.full((2, 3), np.nan) for motion in motions]
-        self.wrist_goal_w = torch.from_numpy(np.array(goals, np.float32)).to(device)
+        self._bears = _joined([clip.bears for clip in laid], device)
+        self.wrist_goal_w = _joined([clip.wrist_goal_w[None] for clip in laid], device)
         """(C, 2, 3) where left and right wrist are to go [m]; NaN without such a goal."""
         # objects that stay where they are need one row for the whole clip
-        objects = [_object_rows(motion, len(row)) for motion, row in zip(motions, rows, strict=True)]
-        self._object_last = torch.tensor([len(part) - 1 for part in objects], device=device)
+        self._object_last = torch.tensor([len(clip.objects) - 1 for clip in laid], device=device)
         self._object_first = torch.cumsum(self._object_last + 1, 0) - self._object_last - 1
-        self._objects = torch.from_numpy(np.concatenate(objects).astype(np.float32)).to(device)
+        self._objects = _joined([clip.objects for clip in laid], device)
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -73,6 +92,10 @@ class ReferenceBank:
             self.wrist_goal_w[clip],
             self._bears[place],
         )
+
+
+def _joined(parts: Sequence[np.ndarray], device: str) -> Tensor:
+    return torch.from_numpy(np.concatenate(parts).astype(np.float32)).to(device)
 
 
 class _Curve(NamedTuple):
@@ -103,7 +126,7 @@ def _pose_curve(times: np.ndarray, at: np.ndarray, pos: np.ndarray, quat: np.nda
 
 
 def _robot_rows(motion: RobotMotion, robot: Robot) -> np.ndarray:
-    """(T', 25 + 2 J) rows of pose, velocity, wrists and ankles at the control rate."""
+    """(T', 25 + 2 J) pose, velocity, wrists and ankles."""
     if motion.joint_names != robot.joint_names:
         raise BadMotion(
             f"clip {motion.id} is for {motion.robot!r} with other joints than {robot.name!r}; retarget it again"
@@ -132,7 +155,7 @@ def _bearing_rows(motion: RobotMotion, frames: int) -> np.ndarray:
 
 
 def _object_rows(motion: RobotMotion, frames: int) -> np.ndarray:
-    """(T', 13) pose and velocities of the object, angular ones in its own frame; one row if it stays at the origin."""
+    """(T', 13) pose and velocities of the object, angular ones in its own frame; one row if it stays where it is."""
     if not len(motion.object_pos_w):
         return np.array([[0.0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0]])
     times, at = _at_control_rate(motion)

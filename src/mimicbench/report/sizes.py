@@ -53,7 +53,7 @@ def by_size(rows: Sequence[EpisodeRow], objects: Mapping[str, SceneObject]) -> d
         edges = np.unique(np.quantile(values, np.linspace(0, 1, PARTS + 1)[1:-1])) if len(values) else values
         part = np.searchsorted(edges, values, side="left")
         parts = [np.flatnonzero(part == i) for i in range(len(edges) + 1)]
-        told = [_part(values[of], [rows[i] for i in of]) for of in parts if len(of)]
+        told = [_part(values[of], [rows[i] for i in of.tolist()]) for of in parts if len(of)]
         if len(told) > 1:
             found[name] = told
     return found

@@ -8,8 +8,7 @@ from torch import Tensor, nn
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.checkpoint import beside, load_checkpoint, save_checkpoint
-from mimicbench.core.motion import RobotMotion
-from mimicbench.envs.reference import ReferenceBank
+from mimicbench.envs.reference import Laid, ReferenceBank, lay
 from mimicbench.imitate.goals import KnownGoal, known_goal
 from mimicbench.imitate.online.planning import OnlineConfig, Planning, standing
 from mimicbench.imitate.online.reckoning import in_hands, reckoned, rooms_of, seen_from
@@ -39,7 +38,7 @@ class OnlinePolicy:
         self._forget(0)
 
     def _forget(self, robots: int) -> None:
-        self._motions: list[RobotMotion | None] = [None] * robots
+        self._plans: list[Laid | None] = [None] * robots
         self._place = torch.zeros(robots, 3, device=self._device)
         """(N, 3) where each plan is: x, y [m] and yaw [rad] in the heading frame of the start."""
         self._last_action = torch.zeros(robots, len(self._robot.joints), device=self._device)
@@ -60,7 +59,7 @@ class OnlinePolicy:
     @torch.no_grad()
     def reset(self, ids: Tensor, obs: Observations) -> None:
         """Find out about the goal, and plan."""
-        if len(self._motions) != obs.num_envs:
+        if len(self._plans) != obs.num_envs:
             self._forget(obs.num_envs)
         self._goal.begin(ids, obs)
         spec, place = self._task.goal, self._wanted()
@@ -71,10 +70,10 @@ class OnlinePolicy:
         joint_pos = here.joint_pos.double().cpu().numpy()
         for room, i in zip(rooms, ids.tolist(), strict=True):
             planned = self._planning.plan(own[i], room, stands[i], joint_pos[i], self._begun)
-            self._motions[i] = planned or standing(self._robot, self._task, here, i)
+            self._plans[i] = lay(planned or standing(self._robot, self._task, here, i), self._robot)
             self._begun += 1
-        known = next(motion for motion in self._motions if motion is not None)
-        self._bank = ReferenceBank([motion or known for motion in self._motions], self._robot, self._device)
+        known = next(plan for plan in self._plans if plan is not None)
+        self._bank = ReferenceBank([plan or known for plan in self._plans], self._robot, self._device)
         self._place = self._place.index_copy(0, ids, place[ids])
         self._last_action = self._last_action.index_fill(0, ids, 0.0)
         self._follower.history.begin(Rows.of(ids, obs.num_envs, self._device))
