@@ -75,6 +75,18 @@ def test_an_amount_that_is_raised_goes_on_and_a_smaller_one_is_a_part_of_it(tmp_
     assert read_stage(folder).header == more.header, "and the folder stays what it is"
 
 
+def test_less_of_what_was_stopped_on_its_way_to_more_is_finished(tmp_path):
+    folder = tmp_path / "x"
+    with opened(folder, key(amounts={"count": 5})):
+        pass  # stopped
+    with opened(folder, key()) as less:
+        assert not less.complete and not less.ahead
+        less.finish(made=3)
+    assert read_stage(folder).summary == {"made": 3} and read_stage(folder).fingerprint == key().fingerprint
+    with opened(folder, key(amounts={"count": 5})) as more:
+        assert not more.complete and not more.ahead
+
+
 def test_a_training_cannot_be_had_smaller_and_one_that_was_raised_is_another(tmp_path):
     folder = tmp_path / "x"
     with opened(folder, key(amounts={"samples": 10}), trained=True) as stage:

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from mimicbench.core.stage import Stage
     from mimicbench.report.retargeting import SideBySide
 
+BETWEEN_CLIPS = 24
+"""[pixels] Enough to see where one clip ends and the next begins."""
+
 
 def draw(
     out: Annotated[Path, tyro.conf.arg(help="the picture, a PNG file")],
@@ -30,13 +33,11 @@ def draw(
     workers: Workers = 0,
 ) -> None:
     """Draw robot clips of a workdir on one sheet, each below the person that it was made of, and say which are kept."""
-    import numpy as np
-
     from mimicbench.benchmark.finding import stage_with
     from mimicbench.core.errors import BadMotion
     from mimicbench.core.stage import HEADER
     from mimicbench.report.retargeting import draw_side_by_side
-    from mimicbench.report.video import write_png
+    from mimicbench.report.video import stacked, write_png
     from mimicbench.sensors.opengl import draw_apart
     from mimicbench.tasks.registry import TASKS
 
@@ -46,7 +47,7 @@ def draw(
     if not names:
         raise BadMotion(f"{found.folder} holds no clips; run `mimicbench retarget --task {task}` again")
     sides = [_beside_its_person(workdir / task, found, name) for name in names]
-    write_png(out, np.concatenate(draw_apart(draw_side_by_side, sides, workers, "drawing")))
+    write_png(out, stacked(draw_apart(draw_side_by_side, sides, workers, "drawing"), BETWEEN_CLIPS))
     for one in sides:
         print(one.caption())
     print(f"picture: {out}")

@@ -190,7 +190,8 @@ def _take_up(folder: Path, key: StageKey, recipe: Mapping[str, Any] | None, trai
                 f"{folder} has been trained for {_told(have)}, more than the {_told(want)} that are asked for; ask for "
                 "as much, or use another --workdir"
             )
-        return Stage(folder, wanted, ahead=True)
+        # of what was stopped on its way to more, less may be finished
+        return Stage(folder, wanted, ahead=bool(found["complete"]))
     if trained:
         wanted["raised_from"] = [*found["raised_from"], have]
     return Stage(folder, wanted)

@@ -19,7 +19,7 @@ from mimicbench.report.paper_tables import CITATION, RANKING, TABLES
 from mimicbench.report.render import Picture, frame_all, human_frames, robot_frames
 from mimicbench.report.showcase import moments, positions
 from mimicbench.report.tables import Cell, Reported, Table, to_csv, to_markdown
-from mimicbench.report.video import strip, write_jpeg
+from mimicbench.report.video import stacked, strip, write_jpeg
 from mimicbench.retarget.registry import METHODS
 from mimicbench.robots.registry import ROBOTS
 from mimicbench.sim.scene import build_model
@@ -240,8 +240,7 @@ def draw_side_by_side(sides: SideBySide, count: int = MOMENTS, still: Picture = 
         index = np.clip(np.round(times * motion.fps).astype(int), 0, motion.frames - 1)
         drawn = list(robot_frames(model, positions(motion, model)[index], camera, still, motion.wrist_goal_w))
         rows.append(strip(drawn, [title, *[""] * (count - 1)]))
-    gap = np.full((4, rows[0].shape[1], 3), 255, np.uint8)
-    return np.concatenate([part for row in rows for part in (row, gap)][:-1])
+    return stacked(rows)
 
 
 def write_comparison(folder: Path, found: Comparison, pictures: Mapping[str, tuple[str, np.ndarray]]) -> Path:

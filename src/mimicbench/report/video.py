@@ -42,6 +42,12 @@ def strip(frames: Sequence[np.ndarray], captions: Sequence[str] = (), gap: int =
     return np.concatenate(tiles[:-1], 1)
 
 
+def stacked(rows: Sequence[np.ndarray], gap: int = 4) -> np.ndarray:
+    """Pictures (H, W, 3) of one width below each other, with white pixels between them."""
+    between = np.full((gap, rows[0].shape[1], 3), 255, np.uint8)
+    return np.concatenate([part for row in rows for part in (row, between)][:-1])
+
+
 def _captioned(frame: np.ndarray, text: str) -> np.ndarray:
     image = Image.fromarray(frame)
     size = max(11, frame.shape[0] // 15)
