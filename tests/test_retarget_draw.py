@@ -4,7 +4,7 @@ import imageio.v3 as iio
 import pytest
 
 from making import make, small
-from mimicbench.commands.retarget import draw
+from mimicbench.commands.retarget import BETWEEN_CLIPS, draw
 from mimicbench.core.errors import BadFile, MimicbenchError
 
 
@@ -14,7 +14,8 @@ def test_clips_are_drawn_below_their_people(tmp_path, capsys):
     draw(tmp_path / "one.png", (names[1],), workdir=tmp_path, workers=1)
     draw(tmp_path / "all.png", workdir=tmp_path, workers=1)
     one, both = (iio.imread(tmp_path / name) for name in ("one.png", "all.png"))
-    assert both.shape == (2 * one.shape[0], *one.shape[1:]) and (both[one.shape[0] :] == one).all()
+    assert both.shape == (2 * len(one) + BETWEEN_CLIPS, *one.shape[1:]) and (both[-len(one) :] == one).all()
+    assert (both[len(one) : -len(one)] == 255).all()
     told = capsys.readouterr().out
     assert told.count(names[1]) == 2 and told.count(names[0]) == 1 and "from the top the human, h1, kept" in told
 
