@@ -106,13 +106,13 @@ GUARDS = (
         "track/tracking.py",
         "dropped = ref.root_pos_w[:, 2] - state.root_pos_w[:, 2] > ends.max_drop",
         "dropped = torch.zeros_like(far)",
-        "tests/test_track.py -k sinks",
+        "tests/test_tracking_env.py -k sinks",
     ),
     Change(
         "track/tracking.py",
         "return failed | time_out, time_out & ~failed",
         "return failed | time_out, time_out",
-        "tests/test_track.py -k who_fails",
+        "tests/test_tracking_env.py -k who_fails",
     ),
     Change(
         "references/checks/quality.py",
@@ -136,9 +136,9 @@ DECISIVE = {
     "core/stage.py": "tests/test_stage.py",
     "envs/metrics.py": "tests/test_metrics.py tests/test_tasks.py",
     "evaluate/rollout.py": "tests/test_episode_rows.py",
-    "track/failures.py": "tests/test_track.py -k failure",
-    "track/trackers/residual.py": "tests/test_track.py -k reward or actions_mean or next_pose or one_arm",
-    "track/trackers/hst.py": "tests/test_track.py -k reward or actions_mean or next_pose",
+    "track/failures.py": "tests/test_tracking_env.py -k failure",
+    "track/trackers/residual.py": "tests/test_tracker_rewards.py -k reward or actions_mean or next_pose or one_arm",
+    "track/trackers/hst.py": "tests/test_tracker_rewards.py -k reward or actions_mean or next_pose",
 }
 """Small modules on which every number rests, and their tests."""
 SLOW = (

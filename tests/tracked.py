@@ -17,7 +17,9 @@ from mimicbench.sensors.reference import reference_links
 from mimicbench.sim.physics import RobotState
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.ppo import PPOConfig
+from mimicbench.track.registry import TRACKERS
 from mimicbench.track.spec import Layout, flat
+from mimicbench.track.trackers import hst, residual
 from mimicbench.track.tracking import TrackingConfig
 from mimicbench.track.train import TrackConfig
 from stool import H1, block, seated, standing
@@ -29,6 +31,10 @@ CALM = TrackingConfig(ClipStartConfig(1.0, 0.0, 0.0, 0.0), push=0.0, hold=0.0)
 ONE_THREAD = EnvConfig(workers=1)
 TINY = PPOConfig(hidden=(16,), steps=8, epochs=1, minibatches=2)
 RATES = np.linspace(-0.4, 0.4, 19)
+RESIDUAL, HST, PHC = (TRACKERS.get(name) for name in ("residual", "hst", "phc"))
+OURS, PAPERS = residual.ResidualConfig(), hst.HSTConfig()
+LAYOUT = Layout.of(RESIDUAL, H1, [SIT_CHAIR])
+"""What our tracker sees at sit-chair."""
 
 
 def swing(name="swing", frames=41, fps=30.0):
