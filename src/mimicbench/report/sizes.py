@@ -105,6 +105,7 @@ def draw_sizes(axis: Axes, size: str, parts: Sequence[Part]) -> None:
                 solid_capstyle="butt",
             )
             axis.plot([middle] * 2, [100 * rate.low, 100 * rate.high], color=color, linewidth=1.6, alpha=0.45)
+            axis.plot([middle], [100 * rate.rate], "o", color=color, markersize=4)  # objects of one size have no line
     axis.set_xlabel(f"{size} [m]")
     axis.xaxis.set_major_locator(MaxNLocator(4))
     axis.set_ylim(-2, 104)
