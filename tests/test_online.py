@@ -14,10 +14,10 @@ from mimicbench.benchmark.keys import SHIPPED
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.envs.clips import ClipSet
-from mimicbench.envs.reference import ReferenceBank
+from mimicbench.envs.reference import ReferenceBank, lay
 from mimicbench.evaluate.rollout import run_policy
 from mimicbench.imitate.goals import goals_of
-from mimicbench.imitate.online.planning import OnlineConfig, Planning
+from mimicbench.imitate.online.planning import OnlineConfig, Planning, from_plan, from_standing
 from mimicbench.imitate.online.policy import OnlinePolicy, load_online, save_online
 from mimicbench.imitate.online.reckoning import in_hands, reckoned, rooms_of, seen_from
 from mimicbench.imitate.perception import Perception, PerceptionConfig, save_perception
@@ -168,10 +168,65 @@ def test_plans_do_the_task_from_where_the_robot_stands(task):
     own, (x, y, yaw) = in_own_frame(spec, seen), spec.place(seen).tolist()
     xy = rot.rotate(rot.from_yaw(np.array(-yaw)), np.array([-x, -y, 0.0]))[:2]
     root = np.array([*xy, -yaw])
-    planned = Planning(ROBOT, task, OnlineConfig()).plan(own, NO_ROOM, root, motion.joint_pos[0], 0)
+    begin = from_standing(ROBOT, root, motion.joint_pos[0])
+    planned = Planning(ROBOT, task, OnlineConfig()).plan(own, NO_ROOM, begin, 0).motion
     assert task.fulfilled(planned, task.goal.stand_ins(own, NO_ROOM)[0], ROBOT)
     assert np.linalg.norm(planned.root_pos_w[0, :2] - xy) < 0.08
     assert abs(rot.wrap_angle(rot.yaw_of(planned.root_quat_w[0]) - root[2])) < 0.15
+
+
+@pytest.mark.parametrize("task", SEEN, ids=lambda task: task.name)
+def test_a_plan_made_anew_goes_on_from_the_one_before(task):
+    """Two seconds on the way the goal turns out to be turned by 0.6 rad: what the robot follows moves on by
+    no more than a few centimeters."""
+    spec, planning = task.goal, Planning(ROBOT, task, OnlineConfig())
+    own = in_own_frame(spec, torch.from_numpy(spec.describe(FAMILIES.get(task.family).make(0, 0))))
+    begin = from_standing(ROBOT, np.array([2.6, 0.5, math.pi - 0.1]), np.array(ROBOT.rest_pose))
+    before = planning.plan(own, NO_ROOM, begin, 0)
+    moved = np.array([0.1, -0.05, -0.6])
+    anew = planning.plan(own, NO_ROOM, from_plan(before, 2.0, moved), 0)
+    (old, new), at = (lay(plan.motion, ROBOT).robot for plan in (before, anew)), 2 * 50
+    turn = rot.from_yaw(np.array(moved[2]))
+    expected = rot.rotate(turn, old[at, :3]) + [*moved[:2], 0.0]
+    np.testing.assert_allclose(new[0, :3], expected, atol=0.06)
+    assert rot.angle_between(new[0, 3:7], rot.multiply(turn, old[at, 3:7])) < 0.08
+    joints = slice(7, 7 + len(ROBOT.joints))
+    assert np.abs(new[0, joints] - old[at, joints]).max() < 0.35
+
+
+class ToldWrongAtFirst(Told):
+    """Perfect eyes after some seconds; until then the goal seems to be elsewhere, and turned."""
+
+    def __init__(self, clips, seconds, by, turn):
+        super().__init__(clips)
+        self._true, self._seconds = self.goal.clone(), seconds
+        spec = clips.task.goal
+        place = spec.place(self.goal)
+        own = spec.to_root(self.goal, place[:, :2], place[:, 2])
+        self.goal = spec.from_root(own, place[:, :2] + torch.tensor(by), place[:, 2] + turn)
+
+    def recall(self, obs):
+        if float(obs["time"][0, 0]) > self._seconds:
+            self.goal = self._true
+
+
+def test_who_sees_that_the_goal_is_elsewhere_plans_anew():
+    """Four chairs seem to be half a meter beside and turned by half a radian, for two seconds; three of four sit down
+    all the same, and who may not plan anew does not.
+    """
+    task = TASKS.get("sit-chair")
+    several = [clip_of(task, index) for index in range(4)]
+    objects = {key: obj for clips in several for key, obj in clips.objects.items()}
+    clips = ClipSet(task, ROBOT, [clips.motions[0] for clips in several], objects)
+    stay = []
+    for anew in (0.35, 0.0):
+        told = ToldWrongAtFirst(clips, 2.0, [0.2, 0.45], 0.5)
+        taught = load_tracker(SHIPPED / "sit-chair" / "tracker", ROBOT)
+        policy = OnlinePolicy(ROBOT, task, taught, told, OnlineConfig(anew=anew))
+        (run,) = run_policy(policy, clips, env_config=ONE)
+        assert not run.errors
+        stay.append(int(run.verdict.stays.sum()))
+    assert stay[0] >= 3 > stay[1]
 
 
 def test_an_object_goes_with_the_hands_once_it_is_lifted():

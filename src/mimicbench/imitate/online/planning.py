@@ -1,5 +1,6 @@
 """What a robot plans with a goal: a person does the task on a stand-in, and the robot as that person."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +11,13 @@ from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.core.settings import Positive, Seed
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body.body import Body
-from mimicbench.references.locomotion.states import BodyState, FootPoints, RigidState, state_of_points
+from mimicbench.references.locomotion.states import (
+    BodyState,
+    FootPoints,
+    RigidState,
+    state_of_motion,
+    state_of_points,
+)
 from mimicbench.references.synthesis.planning import plan_on
 from mimicbench.references.synthesis.registry import courses, synthesize
 from mimicbench.retarget.acceptance import unsolved
@@ -32,8 +39,25 @@ class OnlineConfig:
     """Styles that are tried until a plan is kept as a clip on the stand-in would be."""
     pace: float = 0.15
     """How fast a plan moves to where its goal is by now [m/s]; twice that in radians."""
+    anew: float = 0.0
+    """A plan is made anew where what is known of the goal by now differs by more than that from what it was made for
+    [m], [rad]; 0 for never."""
     seed: Seed = 0
     """Of the styles."""
+
+
+Begin = Callable[[Body], BodyState]
+"""Where a plan begins: what a body does there."""
+
+
+@dataclass(frozen=True)
+class Planned:
+    """What a robot is going to do."""
+
+    human: HumanMotion
+    """Of the person in its mind, in the goal's frame."""
+    motion: RobotMotion
+    """Of the robot as that person."""
 
 
 class Planning:
@@ -49,17 +73,14 @@ class Planning:
         self._robot, self._task, self._config = robot, task, config
         self._stand_ins, self._method = task.goal.stand_ins, METHODS.get(config.method)
 
-    def plan(
-        self, goal: np.ndarray, room: np.ndarray, root: np.ndarray, joint_pos: np.ndarray, number: int
-    ) -> RobotMotion | None:
+    def plan(self, goal: np.ndarray, room: np.ndarray, begin: Begin, number: int) -> Planned | None:
         """The first of some plans that fulfils K on the stand-in; the last one if none does, None if nothing can be
         planned with what was seen.
 
         Args:
             goal: (G,) in its own frame.
             room: (2, 2) lowest and highest x, y of what rises from the floor around it [m].
-            root: (3,) place [m] and heading [rad] of the robot's root there.
-            joint_pos: (J,) its joints [rad].
+            begin: Where the plan begins, there.
             number: Of the plan, which decides its styles.
         """
         try:
@@ -68,47 +89,68 @@ class Planning:
             return None
         for obj in stand_ins:
             try:
-                return self._planned(obj, root, joint_pos, number)
+                return self._planned(obj, begin, number)
             except (BadObject, BadMotion):  # or that nobody could do it there
                 continue
         return None
 
-    def _planned(self, obj: SceneObject, root: np.ndarray, joint_pos: np.ndarray, number: int) -> RobotMotion:
+    def _planned(self, obj: SceneObject, begin: Begin, number: int) -> Planned:
         """The first of some plans that is kept as a clip for learning would be: K holds, and the robot rests where the
         person does. If none is, the first that fulfils K, or else the first. Raises BadObject or BadMotion.
         """
-        best: tuple[int, RobotMotion] | None = None
+        best: tuple[int, Planned] | None = None
         for attempt in range(self._config.tries * number, self._config.tries * (number + 1)):
             example = synthesize(self._task.name, attempt, obj, self._config.seed)
             wrists = example.wrist_goal_w if len(example.wrist_goal_w) else None
             ways = courses(self._task.name, obj, example.style, wrists)
-            human = plan_on(ways, self._state(root, joint_pos, ways[0].body), f"plan-{number}")
+            human = plan_on(ways, begin(ways[0].body), f"plan-{number}")
             motion = self._retargeted(human, obj)
             worth = 0
             if self._task.fulfilled(motion, obj, self._robot):
                 worth = 1 if unsolved(motion.measures, self._method.limits) else 2
             if best is None or worth > best[0]:
-                best = worth, motion
+                best = worth, Planned(human, motion)
             if worth == 2:
                 break
         assert best is not None, "there is at least one try"
-        return self._task.trimmed(best[1], obj, self._robot)
+        return replace(best[1], motion=self._task.trimmed(best[1].motion, obj, self._robot))
 
     def _retargeted(self, human: HumanMotion, obj: SceneObject) -> RobotMotion:
         human = replace(human, object_id=obj.id)
         return self._method.retarget(Clip(human, obj, self._robot), self._method.preset(None))
 
-    def _state(self, root: np.ndarray, joint_pos: np.ndarray, body: Body) -> BodyState:
-        """Somebody who stands where the robot stands, with the feet where its feet are."""
+
+def from_standing(robot: Robot, root: np.ndarray, joint_pos: np.ndarray) -> Begin:
+    """Where a robot stands, with its root at (3,) x, y [m] and heading [rad] and its joints at (J,) [rad]: somebody who
+    stands there, with the feet where its feet are.
+    """
+
+    def begin(body: Body) -> BodyState:
         turn = rot.from_yaw(np.array(root[2]))
-        links = self._robot.forward_kinematics(np.zeros(3), rot.IDENTITY, joint_pos)
-        ankles = BodyPoints.of(self._robot, *(part[None] for part in links)).ankle_pos_w[0]
+        links = robot.forward_kinematics(np.zeros(3), rot.IDENTITY, joint_pos)
+        ankles = BodyPoints.of(robot, *(part[None] for part in links)).ankle_pos_w[0]
         feet = rot.rotate(turn, ankles * [1, 1, 0]) + [*root[:2], body.sole]
         still = np.zeros(3)
         upright = RigidState(np.array([*root[:2], body.standing_height]), turn, still, still)
-        return state_of_points(
-            body, upright, FootPoints(feet, np.zeros((2, 3)), np.tile(turn, (2, 1)), np.ones(2, bool))
-        )
+        points = FootPoints(feet, np.zeros((2, 3)), np.tile(turn, (2, 1)), np.ones(2, bool))
+        return state_of_points(body, upright, points)
+
+    return begin
+
+
+def from_plan(before: Planned, seconds: float, moved: np.ndarray) -> Begin:
+    """What the person in mind does so many seconds after a plan began, for a plan in another frame.
+
+    Args:
+        before: The plan that is followed until now.
+        seconds: Since its begin.
+        moved: (3,) x, y [m] and yaw [rad] of its frame in that of the new plan.
+    """
+    frame = min(round(seconds * before.human.fps), before.human.frames - 2)
+    state = state_of_motion(before.human, frame)
+    place = rot.rotate(rot.from_yaw(np.array(moved[2])), np.append(state.place, 0.0))[:2] + moved[:2]
+    there = state.moved(place, state.yaw + float(moved[2]))
+    return lambda _: there
 
 
 def standing(robot: Robot, task: Task, state: RobotState, row: int) -> RobotMotion:

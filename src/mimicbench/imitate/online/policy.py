@@ -10,7 +10,15 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.checkpoint import beside, load_checkpoint, save_checkpoint
 from mimicbench.envs.reference import Laid, ReferenceBank, lay
 from mimicbench.imitate.goals import KnownGoal, known_goal
-from mimicbench.imitate.online.planning import OnlineConfig, Planning, standing
+from mimicbench.imitate.online.planning import (
+    Begin,
+    OnlineConfig,
+    Planned,
+    Planning,
+    from_plan,
+    from_standing,
+    standing,
+)
 from mimicbench.imitate.online.reckoning import in_hands, reckoned, rooms_of, seen_from
 from mimicbench.imitate.plan import Imagined
 from mimicbench.imitate.planner import own_terms
@@ -26,7 +34,11 @@ from mimicbench.track.spec import Tracker
 
 
 class OnlinePolicy:
-    """Plans once, at the start; from then on the tracker follows, and the plan goes where the goal is."""
+    """Plans at the start; from then on the tracker follows, and the plan goes where the goal is.
+
+    Who may plan anew does so when it comes nearer and sees that the goal is not what the plan was made for: from what
+    the person in mind does at that moment, so that feet go on as they were going.
+    """
 
     def __init__(self, robot: Robot, task: Task, tracker: Tracker, goal: KnownGoal, config: OnlineConfig) -> None:
         self._robot, self._task, self._tracker, self._goal, self._config = robot, task, tracker, goal, config
@@ -39,6 +51,12 @@ class OnlinePolicy:
 
     def _forget(self, robots: int) -> None:
         self._plans: list[Laid | None] = [None] * robots
+        self._minds: list[Planned | None] = [None] * robots
+        """The people in mind; None for who has no plan."""
+        self._numbers, self._begins = [0] * robots, torch.zeros(robots, dtype=torch.long, device=self._device)
+        """Number of each plan's styles, and (N,) the control step at which it began."""
+        self._planned_for = torch.zeros(robots, self._task.goal.size, device=self._device)
+        """(N, G) the goals that plans were made for."""
         self._place = torch.zeros(robots, 3, device=self._device)
         """(N, 3) where each plan is: x, y [m] and yaw [rad] in the heading frame of the start."""
         self._last_action = torch.zeros(robots, len(self._robot.joints), device=self._device)
@@ -62,30 +80,31 @@ class OnlinePolicy:
         if len(self._plans) != obs.num_envs:
             self._forget(obs.num_envs)
         self._goal.begin(ids, obs)
-        spec, place = self._task.goal, self._wanted()
-        own = spec.to_root(self._goal.goal, place[:, :2], place[:, 2]).double().cpu().numpy()
-        rooms = rooms_of(obs.of("elevation", ids), obs["proprio"][ids, 3], place[ids], self._task.map_cell)
-        here = seen_from(reckoned(obs["proprio"], obs["odometry"]), place)
+        here = seen_from(reckoned(obs["proprio"], obs["odometry"]), self._wanted())
         stands = torch.cat([here.root_pos_w[:, :2], rot.yaw_of(here.root_quat_w)[:, None]], -1).double().cpu().numpy()
         joint_pos = here.joint_pos.double().cpu().numpy()
-        for room, i in zip(rooms, ids.tolist(), strict=True):
-            planned = self._planning.plan(own[i], room, stands[i], joint_pos[i], self._begun)
-            self._plans[i] = lay(planned or standing(self._robot, self._task, here, i), self._robot)
-            self._begun += 1
-        known = next(plan for plan in self._plans if plan is not None)
-        self._bank = ReferenceBank([plan or known for plan in self._plans], self._robot, self._device)
-        self._place = self._place.index_copy(0, ids, place[ids])
+        begins = {i: from_standing(self._robot, stands[i], joint_pos[i]) for i in ids.tolist()}
+        for i in begins:
+            self._plans[i], self._minds[i] = lay(standing(self._robot, self._task, here, i), self._robot), None
+            self._numbers[i], self._begun = self._begun, self._begun + 1
+        self._plan(begins, obs)
+        # who could plan nothing does not try again at every step
+        self._planned_for = self._planned_for.index_copy(0, ids, self._goal.goal[ids])
+        self._place = self._place.index_copy(0, ids, self._wanted()[ids])
+        self._begins = self._begins.index_fill(0, ids, 0)
         self._last_action = self._last_action.index_fill(0, ids, 0.0)
         self._follower.history.begin(Rows.of(ids, obs.num_envs, self._device))
 
     @torch.no_grad()
     def act(self, obs: Observations) -> Tensor:
         """Joint position targets (N, J) [rad]."""
-        bank, robots = self._bank, torch.arange(obs.num_envs, device=self._device)
-        assert bank is not None, "reset it first"
+        robots = torch.arange(obs.num_envs, device=self._device)
         self._goal.recall(obs)
+        step = (obs["time"][:, 0] / CONTROL_DT).round().long()
+        self._plan_anew(step, obs)
         self._go_along()
-        index = (obs["time"][:, 0] / CONTROL_DT).round().long()
+        bank, index = self._bank, step - self._begins
+        assert bank is not None, "reset it first"
         state = seen_from(reckoned(obs["proprio"], obs["odometry"]), self._place)
         context = Imagined.of(self._robot, self._task, state, lambda ahead: bank.frame(robots, index + ahead))
         if self._task.moves_object:
@@ -94,6 +113,46 @@ class OnlinePolicy:
         terms = {**{name: obs[name] for name in self._own}, "last_action": self._last_action, **told}
         self._last_action = self._follower.action(terms)
         return self._tracker.target(self._robot, terms, self._last_action)
+
+    def _plan(self, begins: Mapping[int, Begin], obs: Observations) -> list[int]:
+        """Robots plan with what they know of their goals; who succeeded."""
+        spec, ids = self._task.goal, torch.tensor(list(begins), device=self._device)
+        wanted, odometry = self._wanted(), obs["odometry"][ids]
+        own = spec.to_root(self._goal.goal, wanted[:, :2], wanted[:, 2]).double().cpu().numpy()
+        near = spec.place(spec.to_root(self._goal.goal[ids], odometry[:, :2], odometry[:, 2]))
+        rooms = rooms_of(obs.of("elevation", ids), obs["proprio"][ids, 3], near, self._task.map_cell)
+        done = []
+        for room, (i, begin) in zip(rooms, begins.items(), strict=True):
+            planned = self._planning.plan(own[i], room, begin, self._numbers[i])
+            if planned is not None:
+                self._plans[i], self._minds[i] = lay(planned.motion, self._robot), planned
+                done.append(i)
+        known = next(plan for plan in self._plans if plan is not None)
+        self._bank = ReferenceBank([plan or known for plan in self._plans], self._robot, self._device)
+        return done
+
+    def _plan_anew(self, step: Tensor, obs: Observations) -> None:
+        """Who knows by now that the goal is not what the plan was made for makes another one."""
+        if not self._config.anew:
+            return
+        spec, goal = self._task.goal, self._goal.goal
+        off = torch.stack(list(spec.errors(goal, self._planned_for).values())).amax(0)
+        due = [i for i in (off > self._config.anew).nonzero()[:, 0].tolist() if self._minds[i] is not None]
+        if not due:
+            return
+        wanted, begins = self._wanted(), {}
+        turn = self._place[:, 2] - wanted[:, 2]
+        away = rot.rotate(rot.from_yaw(-wanted[:, 2]), self._place - wanted)
+        moved = torch.cat([away[:, :2], turn[:, None]], -1).double().cpu().numpy()
+        for i in due:
+            before = self._minds[i]
+            assert before is not None
+            begins[i] = from_plan(before, float(step[i] - self._begins[i]) * CONTROL_DT, moved[i])
+        done = torch.tensor(self._plan(begins, obs), dtype=torch.long, device=self._device)
+        tried = torch.tensor(due, device=self._device)
+        self._planned_for = self._planned_for.index_copy(0, tried, goal[tried])
+        self._place = self._place.index_copy(0, done, wanted[done])
+        self._begins = self._begins.index_copy(0, done, step[done])
 
     def _wanted(self) -> Tensor:
         """(N, 3) x, y [m] and yaw [rad] of the goals as they are known."""
