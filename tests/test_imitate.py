@@ -38,6 +38,7 @@ INPUTS = {
     "paper": InputConfig(),
     "timed": InputConfig.timed(),
     "blind": InputConfig(body="state", clock=True, memory=True, elevation=False),
+    "history": InputConfig(history=3),
 }
 SMALL = {
     "act": {"hidden": 32, "feedforward": 32, "heads": 2, "chunk": 5, "latent": 4, "dropout": 0.0},
@@ -56,7 +57,7 @@ def kinds():
 def tiny(kind, inputs):
     """The network of a learner for the H1 at sit-chair, as small as can be."""
     network = LEARNERS.get(kind).config().network
-    inputs = replace(inputs, history=network.inputs.history)
+    inputs = replace(inputs, history=max(inputs.history, network.inputs.history))
     return replace(network, inputs=inputs, encoder=TINY, **SMALL[kind]).of(H1, SIT_CHAIR)
 
 

@@ -120,17 +120,15 @@ class DemoFrames:
         steps, last = self._steps(frames)
         seen = self._history(frames)
         vector = self.vector(seen.flatten(), generator)
-        elevation = self.elevation(seen.flatten(), generator) if self.inputs.elevation else None
         if self.inputs.history > 1:
             vector = vector.unflatten(0, seen.shape)
-            elevation = None if elevation is None else elevation.unflatten(0, seen.shape)
-        ahead = torch.minimum(steps[:, -1] + 1, last[:, 0])
+        ahead = self._history(torch.minimum(steps[:, -1] + 1, last[:, 0]))
         return Batch(
             vector,
-            elevation,
+            self._maps_of(seen, generator) if self.inputs.elevation else None,
             self._actions(frames, steps, last),
             steps > last,
-            self.elevation(ahead, generator) if self.window.looks_ahead and self.inputs.elevation else None,
+            self._maps_of(ahead, generator) if self.window.looks_ahead and self.inputs.elevation else None,
         )
 
     def samples(self, frames: Tensor) -> Tensor:
@@ -168,6 +166,11 @@ class DemoFrames:
             )
         state = self.proprio[frames] if self.state is None else self.state[frames]
         return self.inputs.vector(state, self.proprio[frames], self.time[frames], memory)
+
+    def _maps_of(self, frames: Tensor, generator: torch.Generator | None) -> Tensor:
+        """The maps of frames (B, history), as Batch.elevation has them."""
+        maps = self.elevation(frames.flatten(), generator)
+        return maps.unflatten(0, frames.shape) if self.inputs.history > 1 else maps
 
     def elevation(self, frames: Tensor, generator: torch.Generator | None = None) -> Tensor:
         """The maps (B, channels, 128, 128) of frames (B,)."""

@@ -77,6 +77,16 @@ class InputConfig:
             body = self.last_action_place.stop + 3 - (0 if self.copies else self.joints)
         return body + (CLOCK_SIZE if self.clock else 0) + (self.memory_size if self.memory else 0)
 
+    @property
+    def seen_size(self) -> int:
+        """Length of the input vectors of all frames that are seen."""
+        return self.history * self.size
+
+    @property
+    def seen_channels(self) -> int:
+        """Of the maps of all frames that are seen."""
+        return self.history * self.channels
+
     def vector(self, state: Tensor, proprio: Tensor, time: Tensor, memory: Tensor | None) -> Tensor:
         """The input vector (N, size).
 
@@ -126,7 +136,7 @@ class Batch:
     pad: Tensor
     """(B, chunk) true after the end of the episode."""
     ahead: Tensor | None = None
-    """(B, channels, 128, 128) maps of the frame after the chunk [m], for who looks ahead."""
+    """(B, channels, 128, 128) maps of the frame after the chunk [m], or (B, history, ...), for who looks ahead."""
 
 
 @dataclass(frozen=True)
@@ -189,16 +199,20 @@ class Learner(nn.Module):
             getattr(self, f"{name}_std").copy_(values.std(0).clamp(min=1e-2))
 
     def normalized_input(self, vector: Tensor) -> Tensor:
-        """Input vectors (..., size) with mean 0 and deviation 1, limited to 10 deviations."""
-        return ((vector - self.input_mean) / self.input_std).clamp(-10, 10)
+        """(N, history * size) input vectors (N, [history,] size), side by side, with mean 0 and deviation 1, limited to
+        10 deviations.
+        """
+        return ((vector - self.input_mean) / self.input_std).clamp(-10, 10).flatten(1)
 
     def normalized_actions(self, actions: Tensor) -> Tensor:
         """Actions (..., *shape) with mean 0 and deviation 1."""
         return (actions - self.action_mean) / self.action_std
 
     def normalized_map(self, elevation: Tensor) -> Tensor:
-        """Maps with the floor near 0, as the padding of the convolutions."""
-        return elevation + 1.0
+        """(N, history * channels, cells, cells) maps (N, [history,] channels, ...) with the floor near 0, as padding of
+        the convolutions.
+        """
+        return elevation.flatten(1, -3) + 1.0
 
     def loss(self, batch: Batch, generator: torch.Generator | None = None) -> dict[str, Tensor]:
         """The parts of the loss by name; `loss` is what to minimize."""

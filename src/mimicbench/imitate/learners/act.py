@@ -108,17 +108,17 @@ class ACT(Learner):
         width = config.hidden
         # variational encoder: only in training
         self.cls = nn.Parameter(torch.randn(1, 1, width))
-        self.state_to_posterior = nn.Linear(config.inputs.size, width)
+        self.state_to_posterior = nn.Linear(config.inputs.seen_size, width)
         self.action_to_posterior = nn.Linear(config.action_size, width)
         self.posterior_layers = nn.ModuleList(_EncoderLayer(config) for _ in range(config.posterior_layers))
         self.posterior = nn.Linear(width, 2 * config.latent)
         self.register_buffer("posterior_positions", _sine_positions(config.chunk + 2, width), persistent=False)
         # policy
         self.latent_to_token = nn.Linear(config.latent, width)
-        self.state_to_token = nn.Linear(config.inputs.size, width)
+        self.state_to_token = nn.Linear(config.inputs.seen_size, width)
         self.token_positions = nn.Parameter(torch.randn(1, 2, width))
         if config.inputs.elevation:
-            self.map_encoder = Encoder(replace(config.encoder, channels=config.inputs.channels))
+            self.map_encoder = Encoder(replace(config.encoder, channels=config.inputs.seen_channels))
             self.map_to_token = nn.Conv2d(config.encoder.widths[-1], width, 1)
             self.register_buffer("map_positions", sine_positions_2d(config.encoder.side, width), persistent=False)
         self.encoder_layers = nn.ModuleList(_EncoderLayer(config) for _ in range(config.encoder_layers))

@@ -52,9 +52,9 @@ class BC(Learner):
     def __init__(self, config: BCConfig) -> None:
         super().__init__(config.inputs, (config.action_size,))
         self.config = config
-        size = config.inputs.size
+        size = config.inputs.seen_size
         if config.inputs.elevation:
-            self.map_encoder = Encoder(replace(config.encoder, channels=config.inputs.channels))
+            self.map_encoder = Encoder(replace(config.encoder, channels=config.inputs.seen_channels))
             widths = (config.encoder.widths[-1], *config.reduce)
             self.reduce = nn.Sequential(
                 *(nn.Conv2d(a, b, 5, padding=2) for a, b in zip(widths[:-1], widths[1:], strict=True))

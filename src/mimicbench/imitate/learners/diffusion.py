@@ -138,7 +138,7 @@ class Diffusion(Learner):
 
     def _seen(self, vector: Tensor, elevation: Tensor | None) -> Tensor:
         """(N, history * features) of vectors (N, [history,] size) and maps (N, [history,] channels, cells, cells)."""
-        parts = [self.normalized_input(vector).flatten(1)]
+        parts = [self.normalized_input(vector)]
         if self.inputs.elevation:
             if elevation is None:
                 raise ValueError("this learner sees elevation maps; give it some")

@@ -104,10 +104,10 @@ class HIT(Learner):
         super().__init__(config.inputs, (config.chunk, config.action_size))
         self.config = config
         width = config.hidden
-        self.state_to_token = nn.Linear(config.inputs.size, width)
+        self.state_to_token = nn.Linear(config.inputs.seen_size, width)
         self.state_position = nn.Parameter(torch.randn(1, 1, width) * 0.02)
         if config.inputs.elevation:
-            self.map_encoder = Encoder(replace(config.encoder, channels=config.inputs.channels))
+            self.map_encoder = Encoder(replace(config.encoder, channels=config.inputs.seen_channels))
             self.map_to_token = nn.Conv2d(config.encoder.widths[-1], width, 1)
             self.register_buffer("map_positions", sine_positions_2d(config.encoder.side, width), persistent=False)
         self.queries = nn.Parameter(torch.randn(1, config.chunk, width) * 0.02)

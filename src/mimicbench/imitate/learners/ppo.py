@@ -118,10 +118,10 @@ class PPONetworkConfig(NetworkConfig):
     @property
     def blueprint(self) -> Blueprint:
         """What actor and critic are built by."""
-        channels = self.inputs.history * self.inputs.channels if self.inputs.elevation else 0
+        channels = self.inputs.seen_channels if self.inputs.elevation else 0
         encoder = replace(self.encoder, channels=channels, cells=self.encoder.cells // self.encoder.pool, pool=1)
         sight = SightConfig(encoder, self.convolves, self.features, self.hidden)
-        return Blueprint(sight, self.inputs.history * self.inputs.size + sight.cells)
+        return Blueprint(sight, self.inputs.seen_size + sight.cells)
 
     def build(self) -> "Explorer":
         """A new network, with weights from torch's random numbers."""

@@ -39,7 +39,7 @@ class OnlineConfig:
     """Styles that are tried until a plan is kept as a clip on the stand-in would be."""
     pace: float = 0.15
     """How fast a plan moves to where its goal is by now [m/s]; twice that in radians."""
-    anew: float = 0.0
+    anew: float = 0.35
     """A plan is made anew where what is known of the goal by now differs by more than that from what it was made for
     [m], [rad]; 0 for never."""
     seed: Seed = 0
