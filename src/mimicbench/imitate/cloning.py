@@ -14,7 +14,7 @@ from mimicbench.core.errors import BadFile, MimicbenchError
 from mimicbench.core.seeds import digest
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.vec_env import EnvConfig
-from mimicbench.imitate.dataset import DemoFrames, EpisodeGoals, MapMaker, Plans
+from mimicbench.imitate.dataset import DemoFrames, EpisodeGoals, MapMaker, Plans, RelativeTargets
 from mimicbench.imitate.demos import DaggerConfig, make_driven
 from mimicbench.imitate.goals import goals_of, known_goal
 from mimicbench.imitate.inputs import InputConfig, NetworkConfig
@@ -52,7 +52,7 @@ class CloneImitation(ImitateConfig):
 
     def plans(self, demos: Demos, clips: ClipSet) -> Plans | None:
         """What it learns to say instead of the joint targets of demonstrations, whose clips these are."""
-        return None
+        return RelativeTargets(demos) if self.network.relative else None
 
 
 def cloner(name: str, config: type[CloneImitation]) -> LearnerSpec:

@@ -46,6 +46,19 @@ class Plans(Protocol):
         ...
 
 
+class RelativeTargets:
+    """Joint targets as differences from the joint angles of the frame in which they are chosen."""
+
+    def __init__(self, demos: Demos) -> None:
+        joints = slice(7, 7 + len(demos.joint_names))
+        self._action = torch.from_numpy(demos.action.astype(np.float32))
+        self._joint_pos = torch.from_numpy(demos.qpos[:, joints].astype(np.float32))
+
+    def of(self, frames: Tensor, steps: Tensor) -> Tensor:
+        """(B, chunk, J) [rad], see Plans."""
+        return self._action[steps] - self._joint_pos[frames][:, None]
+
+
 class DemoFrames:
     """The frames of demonstrations as a learner with the given inputs sees them.
 

@@ -147,6 +147,8 @@ class NetworkConfig:
     """What it sees."""
     action_size: int = 0
     """Joints of the robot, which decides."""
+    relative: ClassVar[bool] = False
+    """Whether joint targets are said as differences from the joint angles of the frame in which they are chosen."""
 
     def of(self, robot: Robot, task: Task) -> Self:
         """The same for a robot at a task."""
@@ -179,6 +181,8 @@ class Learner(nn.Module):
     """What it was built from."""
     executes: int = 1
     """Frames for which one prediction is carried out before the next one."""
+    ensembles: bool = False
+    """Whether what is carried out is a mean of all predictions of a frame (policy.Ensemble)."""
 
     def __init__(self, inputs: InputConfig, action_shape: tuple[int, ...]) -> None:
         """`action_shape` is that of the statistics: (A,), or (chunk, A) where frames of a chunk differ."""

@@ -8,8 +8,8 @@ learned query per frame of the chunk into actions:
 
     loss = L1(actions) + kl_weight * KL(q(z | state, actions) || N(0, 1))
 
-At inference z = 0 and only the first action of the chunk is executed, in every frame: no open-loop chunk, no
-ensembling.
+At inference z = 0 and only the first action of the chunk is executed, in every frame: no open-loop chunk, and no
+ensembling unless it is asked for.
 
 Two things differ from the original program on purpose. It declares seven decoder layers but reads the output of the
 first, so six of them are never trained; here the last layer's output is read. And its image network starts from
@@ -56,6 +56,11 @@ class ACTConfig(NetworkConfig):
     """Share of activations that are dropped in training."""
     kl_weight: float = 10.0
     """Weight of the divergence in the loss."""
+    relative: bool = False
+    """Say joint targets as differences from the joint angles of the frame in which they are chosen."""
+    ensembles: bool = False
+    """Carry out the mean of what all chunks so far say of a frame, as the original can, instead of the first action of
+    the newest."""
 
     @property
     def window(self) -> Window:
@@ -103,8 +108,9 @@ class ACT(Learner):
     kind = "act"
 
     def __init__(self, config: ACTConfig) -> None:
-        super().__init__(config.inputs, (config.action_size,))
-        self.config = config
+        # what is said of a later frame differs more from the present one
+        super().__init__(config.inputs, (*([config.chunk] if config.relative else []), config.action_size))
+        self.config, self.ensembles = config, config.ensembles
         width = config.hidden
         # variational encoder: only in training
         self.cls = nn.Parameter(torch.randn(1, 1, width))
@@ -142,7 +148,7 @@ class ACT(Learner):
         return {"loss": l1 + self.config.kl_weight * kl, "l1": l1, "kl": kl}
 
     def plan(self, vector: Tensor, elevation: Tensor | None) -> Tensor:
-        """The actions (N, chunk, A) [rad] for z = 0, of which the first is carried out."""
+        """The actions (N, chunk, A) [rad] for z = 0."""
         state = self.normalized_input(vector)
         chunk = self._decode(state.new_zeros(len(state), self.config.latent), state, elevation)
         return chunk * self.action_std + self.action_mean

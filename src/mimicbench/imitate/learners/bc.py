@@ -28,6 +28,8 @@ class BCConfig(NetworkConfig):
     """Channels of the convolutions after the encoder."""
     hidden: Positive = 1024
     """Width of the MLP's two hidden layers."""
+    relative: bool = False
+    """Say joint targets as differences from the joint angles of the frame in which they are chosen."""
 
     @property
     def layers(self) -> tuple[int, ...]:
@@ -50,7 +52,7 @@ class BC(Learner):
     kind = "bc"
 
     def __init__(self, config: BCConfig) -> None:
-        super().__init__(config.inputs, (config.action_size,))
+        super().__init__(config.inputs, (*([1] if config.relative else []), config.action_size))
         self.config = config
         size = config.inputs.seen_size
         if config.inputs.elevation:
