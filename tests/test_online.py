@@ -169,7 +169,7 @@ def test_plans_do_the_task_from_where_the_robot_stands(task):
     xy = rot.rotate(rot.from_yaw(np.array(-yaw)), np.array([-x, -y, 0.0]))[:2]
     root = np.array([*xy, -yaw])
     begin = from_standing(ROBOT, root, motion.joint_pos[0])
-    planned = Planning(ROBOT, task, OnlineConfig()).plan(own, NO_ROOM, begin, 0).motion
+    planned = Planning(ROBOT, task, OnlineConfig()).plans(own, NO_ROOM, begin, 0)[0].motion
     assert task.fulfilled(planned, task.goal.stand_ins(own, NO_ROOM)[0], ROBOT)
     assert np.linalg.norm(planned.root_pos_w[0, :2] - xy) < 0.08
     assert abs(rot.wrap_angle(rot.yaw_of(planned.root_quat_w[0]) - root[2])) < 0.15
@@ -182,9 +182,9 @@ def test_a_plan_made_anew_goes_on_from_the_one_before(task):
     spec, planning = task.goal, Planning(ROBOT, task, OnlineConfig())
     own = in_own_frame(spec, torch.from_numpy(spec.describe(FAMILIES.get(task.family).make(0, 0))))
     begin = from_standing(ROBOT, np.array([2.6, 0.5, math.pi - 0.1]), np.array(ROBOT.rest_pose))
-    before = planning.plan(own, NO_ROOM, begin, 0)
+    before = planning.plans(own, NO_ROOM, begin, 0)[0]
     moved = np.array([0.1, -0.05, -0.6])
-    anew = planning.plan(own, NO_ROOM, from_plan(before, 2.0, moved), 0)
+    anew = planning.plans(own, NO_ROOM, from_plan(before, 2.0, moved), 0)[0]
     (old, new), at = (lay(plan.motion, ROBOT).robot for plan in (before, anew)), 2 * 50
     turn = rot.from_yaw(np.array(moved[2]))
     expected = rot.rotate(turn, old[at, :3]) + [*moved[:2], 0.0]

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Literal, Self
 import torch
 from torch import Tensor, nn
 
-from mimicbench.core.settings import Positive
+from mimicbench.core.settings import BadSetting, Positive
 from mimicbench.imitate.clock import SIZE as CLOCK_SIZE
 from mimicbench.imitate.clock import clock_features
 from mimicbench.robots.description import Robot
@@ -147,8 +147,15 @@ class NetworkConfig:
     """What it sees."""
     action_size: int = 0
     """Joints of the robot, which decides."""
-    relative: ClassVar[bool] = False
-    """Whether joint targets are said as differences from the joint angles of the frame in which they are chosen."""
+    relative: bool = False
+    """Say joint targets as differences from the joint angles of the frame in which they are chosen."""
+
+    may_be_relative: ClassVar[bool] = False
+    """Whether such a network can."""
+
+    def __post_init__(self) -> None:
+        if self.relative and not self.may_be_relative:
+            raise BadSetting("network.relative is for learners that regress joint targets, such as act and bc")
 
     def of(self, robot: Robot, task: Task) -> Self:
         """The same for a robot at a task."""

@@ -18,6 +18,7 @@ weights learned on photographs and keeps them almost as they are; here it is lea
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -33,6 +34,8 @@ from mimicbench.imitate.train import TrainConfig
 @dataclass(frozen=True)
 class ACTConfig(NetworkConfig):
     """The network. The defaults are the original's and the paper's."""
+
+    may_be_relative: ClassVar[bool] = True
 
     encoder: EncoderConfig = field(default_factory=EncoderConfig)
     """The network that reads the map."""
@@ -56,8 +59,6 @@ class ACTConfig(NetworkConfig):
     """Share of activations that are dropped in training."""
     kl_weight: float = 10.0
     """Weight of the divergence in the loss."""
-    relative: bool = False
-    """Say joint targets as differences from the joint angles of the frame in which they are chosen."""
     ensembles: bool = False
     """Carry out the mean of what all chunks so far say of a frame, as the original can, instead of the first action of
     the newest."""

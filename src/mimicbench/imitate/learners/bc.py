@@ -6,6 +6,7 @@ needs a photograph's size; here they keep the 4 x 4 grid of a 128 x 128 map.
 """
 
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -22,14 +23,14 @@ from mimicbench.imitate.train import TrainConfig
 class BCConfig(NetworkConfig):
     """The network. The defaults are the original's."""
 
+    may_be_relative: ClassVar[bool] = True
+
     encoder: EncoderConfig = field(default_factory=EncoderConfig)
     """The network that reads the map."""
     reduce: Sizes = (128, 64, 32)
     """Channels of the convolutions after the encoder."""
     hidden: Positive = 1024
     """Width of the MLP's two hidden layers."""
-    relative: bool = False
-    """Say joint targets as differences from the joint angles of the frame in which they are chosen."""
 
     @property
     def layers(self) -> tuple[int, ...]:

@@ -2,13 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion, BadObject, MimicbenchError
 from mimicbench.core.motion import HumanMotion, RobotMotion
-from mimicbench.core.settings import Positive, Seed
+from mimicbench.core.settings import Positive, Seed, Within
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body.body import Body
 from mimicbench.references.locomotion.states import (
@@ -37,6 +38,8 @@ class OnlineConfig:
     """How plans are retargeted."""
     tries: Positive = 4
     """Styles that are tried until a plan is kept as a clip on the stand-in would be."""
+    rehearsals: Annotated[int, Within(0, 64)] = 0
+    """So many plans that are kept are rehearsed (imitate.online.rehearsal), and the best is followed; 0: the first."""
     pace: float = 0.15
     """How fast a plan moves to where its goal is by now [m/s]; twice that in radians."""
     anew: float = 0.35
@@ -45,6 +48,9 @@ class OnlineConfig:
     seed: Seed = 0
     """Of the styles."""
 
+
+_KEPT = 2
+"""What a plan is worth that is kept."""
 
 Begin = Callable[[Body], BodyState]
 """Where a plan begins: what a body does there."""
@@ -58,6 +64,8 @@ class Planned:
     """Of the person in its mind, in the goal's frame."""
     motion: RobotMotion
     """Of the robot as that person."""
+    stand_in: SceneObject
+    """Beside which it is planned."""
 
 
 class Planning:
@@ -73,9 +81,10 @@ class Planning:
         self._robot, self._task, self._config = robot, task, config
         self._stand_ins, self._method = task.goal.stand_ins, METHODS.get(config.method)
 
-    def plan(self, goal: np.ndarray, room: np.ndarray, begin: Begin, number: int) -> Planned | None:
-        """The first of some plans that fulfils K on the stand-in; the last one if none does, None if nothing can be
-        planned with what was seen.
+    def plans(self, goal: np.ndarray, room: np.ndarray, begin: Begin, number: int) -> list[Planned]:
+        """The first of some plans that is kept as a clip for learning would be, or as many as are to be rehearsed; if
+        none is, the first that fulfils K on the stand-in, or else the first. None if nothing can be planned with what
+        was seen.
 
         Args:
             goal: (G,) in its own frame.
@@ -86,19 +95,19 @@ class Planning:
         try:
             stand_ins = self._stand_ins(goal, room)
         except BadObject:  # eyes can be so wrong that nothing could look like that
-            return None
+            return []
         for obj in stand_ins:
             try:
-                return self._planned(obj, begin, number)
+                return self._plans(obj, begin, number)
             except (BadObject, BadMotion):  # or that nobody could do it there
                 continue
-        return None
+        return []
 
-    def _planned(self, obj: SceneObject, begin: Begin, number: int) -> Planned:
-        """The first of some plans that is kept as a clip for learning would be: K holds, and the robot rests where the
-        person does. If none is, the first that fulfils K, or else the first. Raises BadObject or BadMotion.
+    def _plans(self, obj: SceneObject, begin: Begin, number: int) -> list[Planned]:
+        """Those on one stand-in: kept are plans in which K holds, and the robot rests where the person does. Raises
+        BadObject or BadMotion.
         """
-        best: tuple[int, Planned] | None = None
+        found: list[tuple[int, Planned]] = []
         for attempt in range(self._config.tries * number, self._config.tries * (number + 1)):
             example = synthesize(self._task.name, attempt, obj, self._config.seed)
             wrists = example.wrist_goal_w if len(example.wrist_goal_w) else None
@@ -107,13 +116,13 @@ class Planning:
             motion = self._retargeted(human, obj)
             worth = 0
             if self._task.fulfilled(motion, obj, self._robot):
-                worth = 1 if unsolved(motion.measures, self._method.limits) else 2
-            if best is None or worth > best[0]:
-                best = worth, Planned(human, motion)
-            if worth == 2:
+                worth = 1 if unsolved(motion.measures, self._method.limits) else _KEPT
+            found.append((worth, Planned(human, self._task.trimmed(motion, obj, self._robot), obj)))
+            if sum(each == _KEPT for each, _ in found) == max(1, self._config.rehearsals):
                 break
-        assert best is not None, "there is at least one try"
-        return replace(best[1], motion=self._task.trimmed(best[1].motion, obj, self._robot))
+        best = max(worth for worth, _ in found)
+        some = [plan for worth, plan in found if worth == best]
+        return some if best == _KEPT else some[:1]
 
     def _retargeted(self, human: HumanMotion, obj: SceneObject) -> RobotMotion:
         human = replace(human, object_id=obj.id)

@@ -1,0 +1,50 @@
+"""Plans tried out in the mind: the tracker follows each beside the stand-in, in physics of its own."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mimicbench.core.motion import RobotMotion
+from mimicbench.envs.clips import ClipSet
+from mimicbench.envs.vec_env import EnvConfig
+from mimicbench.imitate.online.planning import Planned
+from mimicbench.robots.description import Robot
+from mimicbench.tasks.task import BodyPoints, Task
+from mimicbench.track.rollout import RolloutConfig, track_clips
+from mimicbench.track.spec import Tracker
+
+ASTRAY = 0.2
+"""[m] Who ends farther from the plan with pelvis or an ankle does not do what was planned, though K may hold beside
+the stand-in: a leg that has slid off a sofa is still above half of a block's height, but not of that of a back."""
+
+
+def rehearse(
+    tracker: Tracker, robot: Robot, task: Task, plans: Sequence[Planned], device: str = "cpu"
+) -> list[tuple[bool, bool, float]]:
+    """Follow every plan to the time limit.
+
+    Returns:
+        For each what speaks for it, to be compared as it is: whether the robot stays, near to where the plan ends;
+        whether it fulfils K; and the negative peak of effort that P limits [W^2].
+    """
+    objects = [replace(plan.stand_in, id=f"stand-in-{i}") for i, plan in enumerate(plans)]
+    motions = [replace(plan.motion, object_id=obj.id) for plan, obj in zip(plans, objects, strict=True)]
+    clips = ClipSet(task, robot, motions, {obj.id: obj for obj in objects})
+    config = RolloutConfig(record=True, settle=None, leave_fallen=True)
+    rollout = track_clips(tracker, clips, config, EnvConfig(device))
+    verdict, ends = rollout.verdict, np.stack([qpos[-1] for qpos in rollout.recording.qpos])
+    there = np.array([_strayed(robot, motion, qpos) for motion, qpos in zip(motions, ends, strict=True)]) < ASTRAY
+    stays = verdict.stays.cpu().numpy() & there
+    effort = verdict.effort.cpu().numpy()
+    return [(bool(stays[i]), bool(verdict.success[i]), -float(effort[i])) for i in range(len(plans))]
+
+
+def _strayed(robot: Robot, motion: RobotMotion, qpos: np.ndarray) -> float:
+    """How far pelvis and ankles are from where a plan ends [m], at the most, with the robot at (nq,) qpos."""
+    joints = len(robot.joints)
+    now = robot.forward_kinematics(qpos[:3], qpos[3:7], qpos[7 : 7 + joints])
+    then = robot.forward_kinematics(motion.root_pos_w[-1], motion.root_quat_w[-1], motion.joint_pos[-1])
+    here, planned = (BodyPoints.of(robot, *(part[None] for part in links)) for links in (now, then))
+    ankles = np.linalg.norm(here.ankle_pos_w - planned.ankle_pos_w, axis=-1).max()
+    return max(float(ankles), float(np.linalg.norm(here.pelvis_pos_w - planned.pelvis_pos_w)))
