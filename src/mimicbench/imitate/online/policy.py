@@ -20,7 +20,7 @@ from mimicbench.imitate.online.planning import (
     standing,
 )
 from mimicbench.imitate.online.reckoning import in_hands, reckoned, rooms_of, seen_from
-from mimicbench.imitate.online.rehearsal import rehearse
+from mimicbench.imitate.online.rehearsal import choose
 from mimicbench.imitate.plan import Imagined
 from mimicbench.imitate.planner import own_terms
 from mimicbench.imitate.policy import BODY
@@ -126,21 +126,12 @@ class OnlinePolicy:
         for room, (i, begin) in zip(rooms, begins.items(), strict=True):
             found[i] = self._planning.plans(own[i], room, begin, self._numbers[i])
         done = [i for i, plans in found.items() if plans]
-        for i, planned in zip(done, self._chosen([found[i] for i in done]), strict=True):
+        chosen = choose(self._tracker, self._robot, self._task, [found[i] for i in done], self._device)
+        for i, planned in zip(done, chosen, strict=True):
             self._plans[i], self._minds[i] = lay(planned.motion, self._robot), planned
         known = next(plan for plan in self._plans if plan is not None)
         self._bank = ReferenceBank([plan or known for plan in self._plans], self._robot, self._device)
         return done
-
-    def _chosen(self, found: list[list[Planned]]) -> list[Planned]:
-        """Of each robot's plans the one that goes best in the mind, or the only one."""
-        tried = [plan for plans in found if len(plans) > 1 for plan in plans]
-        worth = iter(rehearse(self._tracker, self._robot, self._task, tried, self._device) if tried else ())
-        chosen = []
-        for plans in found:
-            scores = [next(worth) for _ in plans] if len(plans) > 1 else [(False, False, 0.0)]
-            chosen.append(plans[scores.index(max(scores))])
-        return chosen
 
     def _plan_anew(self, step: Tensor, obs: Observations) -> None:
         """Who knows by now that the goal is not what the plan was made for makes another one."""

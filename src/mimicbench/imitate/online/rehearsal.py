@@ -19,6 +19,19 @@ ASTRAY = 0.2
 the stand-in: a leg that has slid off a sofa is still above half of a block's height, but not of that of a back."""
 
 
+def choose(
+    tracker: Tracker, robot: Robot, task: Task, found: Sequence[Sequence[Planned]], device: str = "cpu"
+) -> list[Planned]:
+    """Of each robot's plans the one that goes best in the mind, or the only one."""
+    tried = [plan for plans in found if len(plans) > 1 for plan in plans]
+    worth = iter(rehearse(tracker, robot, task, tried, device) if tried else ())
+    chosen = []
+    for plans in found:
+        scores = [next(worth) for _ in plans] if len(plans) > 1 else [(False, False, 0.0)]
+        chosen.append(plans[scores.index(max(scores))])
+    return chosen
+
+
 def rehearse(
     tracker: Tracker, robot: Robot, task: Task, plans: Sequence[Planned], device: str = "cpu"
 ) -> list[tuple[bool, bool, float]]:
@@ -34,13 +47,13 @@ def rehearse(
     config = RolloutConfig(record=True, settle=None, leave_fallen=True)
     rollout = track_clips(tracker, clips, config, EnvConfig(device))
     verdict, ends = rollout.verdict, np.stack([qpos[-1] for qpos in rollout.recording.qpos])
-    there = np.array([_strayed(robot, motion, qpos) for motion, qpos in zip(motions, ends, strict=True)]) < ASTRAY
+    there = np.array([strayed(robot, motion, qpos) for motion, qpos in zip(motions, ends, strict=True)]) < ASTRAY
     stays = verdict.stays.cpu().numpy() & there
     effort = verdict.effort.cpu().numpy()
     return [(bool(stays[i]), bool(verdict.success[i]), -float(effort[i])) for i in range(len(plans))]
 
 
-def _strayed(robot: Robot, motion: RobotMotion, qpos: np.ndarray) -> float:
+def strayed(robot: Robot, motion: RobotMotion, qpos: np.ndarray) -> float:
     """How far pelvis and ankles are from where a plan ends [m], at the most, with the robot at (nq,) qpos."""
     joints = len(robot.joints)
     now = robot.forward_kinematics(qpos[:3], qpos[3:7], qpos[7 : 7 + joints])
