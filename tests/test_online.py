@@ -19,7 +19,7 @@ from mimicbench.evaluate.rollout import run_policy
 from mimicbench.imitate.goals import goals_of
 from mimicbench.imitate.online.planning import OnlineConfig, Planning, from_plan, from_standing
 from mimicbench.imitate.online.policy import OnlinePolicy, load_online, save_online
-from mimicbench.imitate.online.reckoning import in_hands, reckoned, rooms_of, seen_from
+from mimicbench.imitate.online.reckoning import in_hands, reckoned, risen, seen_from
 from mimicbench.imitate.perception import Perception, PerceptionConfig, save_perception
 from mimicbench.imitate.plan import Imagined
 from mimicbench.objects.registry import FAMILIES
@@ -28,11 +28,12 @@ from mimicbench.policies.loading import load_policy
 from mimicbench.sensors.heightmap import CELLS
 from mimicbench.sensors.proprioception import body_state
 from mimicbench.sim.physics import RobotState
+from mimicbench.tasks.goal import extent
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.checkpoint import load_tracker, save_tracker
 
 PLANNED = [task for task in TASKS.all() if task.goal.stand_ins is not None]
-NO_ROOM = np.zeros((2, 2))
+NOTHING = np.zeros((0, 3))
 
 
 def untaught(task):
@@ -78,24 +79,24 @@ def test_a_stand_in_has_the_goal_that_it_stands_for(task):
     spec = task.goal
     for index in range(6):
         own = in_own_frame(spec, torch.from_numpy(spec.describe(FAMILIES.get(task.family).make(index, 0))))
-        again = spec.describe(spec.stand_ins(own, NO_ROOM)[0])
+        again = spec.describe(spec.stand_ins(own, NOTHING)[0])
         np.testing.assert_allclose(again, own, atol=1e-9)
 
 
 @pytest.mark.parametrize("task", TOLD, ids=lambda task: task.name)
 def test_a_stand_in_can_be_touched_where_the_wrists_are_told_to_go(task):
-    room = np.array([[-0.4, -0.3], [0.3, 0.5]])
+    around = np.array([[-0.4, -0.3, 0.5], [0.3, 0.5, 0.5]])
     for index in range(6):
         obj = FAMILIES.get(task.family).make(index, 0)
         wrists = np.stack(touch_pair(obj, np.random.default_rng(index)))
         # who stands in front of it, and a little aside, sees it so
         start = torch.tensor([1.2, 0.1], dtype=torch.float64), torch.tensor(math.pi, dtype=torch.float64)
         own = in_own_frame(task.goal, task.goal.to_root(torch.from_numpy(wrists.ravel()), *start))
-        for block in task.goal.stand_ins(own, room):
+        for block in task.goal.stand_ins(own, around):
             told = block.touch_points + WRIST_OFF * block.touch_normals
             assert np.abs(told.ravel() - own).max() < 0.06, "far within what counts as there"
             assert block.bounds()[1][2] <= own[[2, 5]].min()
-        assert task.goal.stand_ins(own, room)[0].bounds()[1][0] >= 0.299, "the room is taken"
+        assert task.goal.stand_ins(own, around)[0].bounds()[1][0] >= 0.299, "the room is taken"
 
 
 def test_a_goal_without_a_front_faces_who_comes():
@@ -109,17 +110,36 @@ def test_a_goal_without_a_front_faces_who_comes():
 def test_a_berth_has_what_is_around_it_and_lower():
     """2 m long and 1 m wide, 0.5 m high; the head is to the left."""
     goal = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.5, 2.0, 1.0])
-    room = np.array([[-0.3, -1.1], [0.6, 3.0]])
-    obj = TASKS.get("lie-bed").goal.stand_ins(goal, room)[0]
+    around = np.array([[-0.3, -1.1, 0.3], [0.6, 3.0, 0.3]])
+    obj = TASKS.get("lie-bed").goal.stand_ins(goal, around)[0]
     np.testing.assert_allclose(obj.box_half[0], [0.5, 1.0, 0.25])
     low, high = obj.box_pos[1] - obj.box_half[1], obj.box_pos[1] + obj.box_half[1]
     np.testing.assert_allclose(low, [-0.5, -1.1, 0.0], atol=1e-12)
     np.testing.assert_allclose(high, [0.6, 1.15, 0.3], err_msg="of what is far away only 15 cm", atol=1e-12)
 
 
+def test_a_berth_has_the_back_and_the_arms_that_rise_beside_it():
+    """2 m long to the left, where the head is, 0.8 m deep; a back 0.9 m high, an arm of 0.65 m, two posts in front."""
+    goal = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.45, 2.0, 0.8])
+    line = np.arange(-0.98, 1.0, 0.04)
+    back = [[x, y, 0.9] for x in (-0.46, -0.42) for y in line]
+    arm = [[x, 1.04, 0.65] for x in np.arange(-0.38, 0.4, 0.04)]
+    posts = [[0.42, y, 1.5] for y in (-0.98, 0.98)]
+    seat = [[x, y, 0.45] for x in np.arange(-0.38, 0.4, 0.04) for y in line]
+    obj = TASKS.get("lie-sofa").goal.stand_ins(goal, np.array([*back, *arm, *posts, *seat]))[0]
+    assert len(obj.box_pos) == 4
+    (arm_low, arm_high), (back_low, back_high) = (
+        (obj.box_pos[i] - obj.box_half[i], obj.box_pos[i] + obj.box_half[i]) for i in (2, 3)
+    )
+    np.testing.assert_allclose(arm_low, [-0.38, 1.04, 0.0], atol=1e-9)
+    np.testing.assert_allclose(arm_high, [0.38, 1.19, 0.65], atol=0.03)
+    np.testing.assert_allclose(back_low, [-0.57, -0.98, 0.0], atol=1e-9)
+    np.testing.assert_allclose(back_high, [-0.42, 0.98, 0.9], atol=0.03)
+
+
 def test_a_seat_takes_up_the_room_but_for_the_feet():
-    room = np.array([[-0.6, -0.9], [0.8, 0.7]])
-    obj = TASKS.get("sit-sofa").goal.stand_ins(np.array([0, 0, 0, 1, 0.44, 0.5]), room)[0]
+    around = np.array([[-0.6, -0.9, 0.8], [0.8, 0.7, 0.5]])
+    obj = TASKS.get("sit-sofa").goal.stand_ins(np.array([0, 0, 0, 1, 0.44, 0.5]), around)[0]
     low, high = obj.bounds()
     np.testing.assert_allclose(low, [-0.6, -0.9, 0.0], atol=1e-12)
     np.testing.assert_allclose(high, [0.25, 0.7, 0.44], atol=1e-12)
@@ -147,16 +167,19 @@ def test_robots_know_where_they_are(yaw, pitch, roll, pos, start):
     torch.testing.assert_close(back, found.root_pos_w, atol=1e-4, rtol=0)
 
 
-def test_rooms_by_hand():
+def test_what_rises_from_the_floor_by_hand():
     """A block in front and to the left; seen from a place to its right that faces it."""
     maps = torch.full((1, CELLS, CELLS), -1.0)
     cells = slice(CELLS // 2 + 25, CELLS // 2 + 35)  # 1.00 to 1.40 m ahead
     maps[0, cells, CELLS // 2 : CELLS // 2 + 5] = -0.5  # 0 to 0.20 m to the left
     place = torch.tensor([[1.2, -0.5, math.pi / 2]])
-    ((low, high),) = rooms_of(maps, torch.tensor([1.0]), place, 0.04)
+    (points,) = risen(maps, torch.tensor([1.0]), place, 0.04)
+    low, high = extent(points)
     np.testing.assert_allclose(low, [0.0, -0.18], atol=1e-6)
     np.testing.assert_allclose(high, [0.68, 0.18], atol=1e-6)
-    assert (rooms_of(maps, torch.tensor([1.0]), place + 5.0, 0.04) == 0).all(), "far away it is none of its business"
+    np.testing.assert_allclose(points[:, 2], 0.5)
+    assert len(points) == 10 * 5
+    assert not len(risen(maps, torch.tensor([1.0]), place + 5.0, 0.04)[0]), "far away it is none of its business"
 
 
 @pytest.mark.parametrize("task", PLANNED, ids=lambda task: task.name)
@@ -169,8 +192,8 @@ def test_plans_do_the_task_from_where_the_robot_stands(task):
     xy = rot.rotate(rot.from_yaw(np.array(-yaw)), np.array([-x, -y, 0.0]))[:2]
     root = np.array([*xy, -yaw])
     begin = from_standing(ROBOT, root, motion.joint_pos[0])
-    planned = Planning(ROBOT, task, OnlineConfig()).plans(own, NO_ROOM, begin, 0)[0].motion
-    assert task.fulfilled(planned, task.goal.stand_ins(own, NO_ROOM)[0], ROBOT)
+    planned = Planning(ROBOT, task, OnlineConfig()).plans(own, NOTHING, begin, 0)[0].motion
+    assert task.fulfilled(planned, task.goal.stand_ins(own, NOTHING)[0], ROBOT)
     assert np.linalg.norm(planned.root_pos_w[0, :2] - xy) < 0.08
     assert abs(rot.wrap_angle(rot.yaw_of(planned.root_quat_w[0]) - root[2])) < 0.15
 
@@ -182,9 +205,9 @@ def test_a_plan_made_anew_goes_on_from_the_one_before(task):
     spec, planning = task.goal, Planning(ROBOT, task, OnlineConfig())
     own = in_own_frame(spec, torch.from_numpy(spec.describe(FAMILIES.get(task.family).make(0, 0))))
     begin = from_standing(ROBOT, np.array([2.6, 0.5, math.pi - 0.1]), np.array(ROBOT.rest_pose))
-    before = planning.plans(own, NO_ROOM, begin, 0)[0]
+    before = planning.plans(own, NOTHING, begin, 0)[0]
     moved = np.array([0.1, -0.05, -0.6])
-    anew = planning.plans(own, NO_ROOM, from_plan(before, 2.0, moved), 0)[0]
+    anew = planning.plans(own, NOTHING, from_plan(before, 2.0, moved), 0)[0]
     (old, new), at = (lay(plan.motion, ROBOT).robot for plan in (before, anew)), 2 * 50
     turn = rot.from_yaw(np.array(moved[2]))
     expected = rot.rotate(turn, old[at, :3]) + [*moved[:2], 0.0]

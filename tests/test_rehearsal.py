@@ -14,7 +14,7 @@ from mimicbench.tasks.registry import TASKS
 from mimicbench.track.checkpoint import load_tracker
 
 TASK = TASKS.get("sit-chair")
-NO_ROOM = np.zeros((2, 2))
+NOTHING = np.zeros((0, 3))
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,7 @@ def plans():
     goal = TASK.goal.describe(FAMILIES.get("chair").make(0, 0))
     goal[:2] = 0.0
     begin = from_standing(ROBOT, np.array([2.0, 0.3, np.pi]), np.array(ROBOT.rest_pose))
-    return Planning(ROBOT, TASK, OnlineConfig(tries=8, rehearsals=2)).plans(goal, NO_ROOM, begin, 0)
+    return Planning(ROBOT, TASK, OnlineConfig(tries=8, rehearsals=2)).plans(goal, NOTHING, begin, 0)
 
 
 def beside(plan):

@@ -16,10 +16,11 @@ from mimicbench.envs.policy import Policy
 from mimicbench.sensors.observations import Observations
 
 T = TypeVar("T")
-PATIENCE = 60.0
-"""[s] that a policy may take to decide for all robots of a batch."""
+PATIENCE = 300.0
+"""[s] that a policy may take to decide for all robots of a batch: where twenty of 128 plan anew at a time, each for
+some seconds, on a busy machine, that is not too slow."""
 BEFOREHAND = 10.0
-"""So many times as long it may take to reset them: who plans for a second before each episode is not too slow."""
+"""So many times as long it may take to reset them, for before an episode everybody plans."""
 
 
 class TooSlow(BaseException):

@@ -5,7 +5,7 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadObject
 from mimicbench.objects.shape import SceneObject
-from mimicbench.tasks.goal import Field, GoalSpec
+from mimicbench.tasks.goal import Field, GoalSpec, extent
 
 HEAD_ROOM = 0.24
 """[m] Between the head's middle and the end where it goes, where nothing is known of a pillow."""
@@ -34,34 +34,58 @@ def describe_berth(obj: SceneObject) -> np.ndarray:
     return np.array([*middle, 0.0, 1.0, head[1], head[0], height, sides[along], sides[1 - along]])
 
 
-def berth_like(goal: np.ndarray, room: np.ndarray) -> tuple[SceneObject]:
-    """A block with such a place to lie on, and around it, lower, what else is taken of a room (2, 2) [m]: the rim of a
-    platform, the arms of a sofa.
+WALL = 0.15
+"""[m] What rises higher above what one lies on stands in the way of who lies; and how thick that is taken to be."""
+
+
+def berth_like(goal: np.ndarray, around: np.ndarray) -> tuple[SceneObject]:
+    """A block with such a place to lie on, and of what rises around it (M, 3) [m]: lower, the rim of a platform; above,
+    the back and the arms of a sofa, the boards of a bed.
     """
-    head, (height, length, width) = goal[[5, 4]], goal[6:9]
+    room, head, (height, length, width) = extent(around), goal[[5, 4]], goal[6:9]
     along = int(np.argmax(np.abs(head)))
     half = np.array([length, width])[[along, 1 - along]] / 2
     polygon = half * [[1, -1], [1, 1], [-1, 1], [-1, -1]]
     towards = np.sign(head[along]) * np.eye(2)[along]
     low, high = np.clip(room[0], -half - RIM, -half), np.clip(room[1], half, half + RIM)
     top = max(height - MATTRESS, 0.05)
-    middles = np.array([[0.0, 0.0, height / 2], [*(low + high) / 2, top / 2]])
-    halves = np.array([[*half, height / 2], [*(high - low) / 2, top / 2]])
-    grey = np.full((2, 3), 0.6)
+    walls = _walls(half, along, height, around)
+    lows = np.array([[*-half, 0.0], [*low, 0.0], *(wall[0] for wall in walls)])
+    highs = np.array([[*half, height], [*high, top], *(wall[1] for wall in walls)])
     return (
         SceneObject(
             "stand-in",
             "stand-in",
             "berth",
-            middles,
-            np.tile(rot.IDENTITY, (2, 1)),
-            halves,
-            grey,
+            (lows + highs) / 2,
+            np.tile(rot.IDENTITY, (len(lows), 1)),
+            (highs - lows) / 2,
+            np.full((len(lows), 3), 0.6),
             height,
             polygon,
             towards * (half[along] - HEAD_ROOM),
         ),
     )
+
+
+def _walls(half: np.ndarray, along: int, height: float, around: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Lowest and highest corners (3,) of what stands at the edges of a place to lie on, of half the size (2,), at both
+    of its ends and behind it. A side is closed where half of what lies between its first and its last point is.
+    """
+    walls = []
+    for axis, sign in ((along, 1.0), (along, -1.0), *([(0, -1.0)] if along else [])):
+        beyond, beside = sign * around[:, axis] - half[axis], around[:, 1 - axis]
+        stands = (np.abs(beyond - 0.1) < 0.25) & (np.abs(beside) < half[1 - axis]) & (around[:, 2] > height + WALL)
+        taken = np.unique(np.round(beside[stands] / 0.05))  # no cell of a map is larger
+        if len(taken) < 4 or len(taken) < 0.5 * (taken[-1] - taken[0] + 1):
+            continue
+        first = half[axis] + np.clip(np.percentile(beyond[stands], 10), 0.0, WALL)
+        low, high = np.zeros(3), np.zeros(3)
+        low[axis], high[axis] = np.sort(sign * np.array([first, first + WALL]))
+        low[1 - axis], high[1 - axis] = beside[stands].min(), beside[stands].max()
+        high[2] = np.percentile(around[stands, 2], 80)
+        walls.append((low, high))
+    return walls
 
 
 def berth(window: float, near: float) -> GoalSpec:

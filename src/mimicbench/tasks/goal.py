@@ -28,6 +28,12 @@ _ALIKE = 0.01
 """Right answers that differ by less in every number are the same."""
 
 
+def extent(around: np.ndarray) -> np.ndarray:
+    """(2, 2) lowest and highest x, y [m] of points (M, 3) and the origin."""
+    places = np.concatenate([around[:, :2], np.zeros((1, 2))])
+    return np.stack([places.min(0), places.max(0)])
+
+
 @dataclass(frozen=True)
 class GoalSpec:
     """What the goals of a task consist of."""
@@ -42,9 +48,9 @@ class GoalSpec:
     near: float = 0.0
     """[m] Who is no farther from the goal's middle is at the object, may have moved it, and does not look any more."""
     stand_ins: Callable[[np.ndarray, np.ndarray], Sequence[SceneObject]] | None = None
-    """Objects with a goal (G,) in its own frame, where its middle is the origin and its front is +x, that take up the
-    room between lowest and highest x and y (2, 2) [m]: what somebody plans with who knows no more than that; with the
-    first, or the next where nothing can be planned with that."""
+    """Objects with a goal (G,) in its own frame, where its middle is the origin and its front is +x, amid what rises
+    from the floor there: points (M, 3), x, y and height above the floor [m]. What somebody plans with who knows no more
+    than that; with the first, or the next where nothing can be planned with that."""
 
     @property
     def given(self) -> bool:

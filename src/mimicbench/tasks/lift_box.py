@@ -27,7 +27,7 @@ def describe_box(obj: SceneObject) -> np.ndarray:
     return np.array([*(low + high)[:2] / 2, 0.0, 1.0, *(high - low) / 2])
 
 
-def box_like(goal: np.ndarray, room: np.ndarray) -> tuple[SceneObject]:
+def box_like(goal: np.ndarray, around: np.ndarray) -> tuple[SceneObject]:
     """A box of such sizes and of the usual weight."""
     half = goal[4:7]
     pos, quat, grey = np.array([[0.0, 0.0, half[2]]]), rot.IDENTITY[None], np.full((1, 3), 0.6)

@@ -5,7 +5,7 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadObject
 from mimicbench.objects.shape import SceneObject
-from mimicbench.tasks.goal import Field, GoalSpec
+from mimicbench.tasks.goal import Field, GoalSpec, extent
 
 HALF_WIDTH = 0.25
 """[m] Of a seat that nothing is known of but where its middle is."""
@@ -20,8 +20,9 @@ def describe_seat(obj: SceneObject) -> np.ndarray:
     return np.array([*(low + high) / 2, 0.0, 1.0, height, high[0] - low[0]])
 
 
-def seat_like(goal: np.ndarray, room: np.ndarray) -> tuple[SceneObject]:
-    """A block with such a seat, for one, in the middle of a room (2, 2) [m] that is taken."""
+def seat_like(goal: np.ndarray, around: np.ndarray) -> tuple[SceneObject]:
+    """A block with such a seat, for one, as large as what rises around it (M, 3) [m]."""
+    room = extent(around)
     height, depth = goal[4], goal[5]
     half = np.array([depth / 2, HALF_WIDTH])
     low, high = np.minimum(room[0], -half), np.maximum(room[1], half)

@@ -10,7 +10,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.touch import WRIST_OFF
 from mimicbench.robots.rigs import HEAD_RIG
-from mimicbench.tasks.goal import Field, GoalSpec
+from mimicbench.tasks.goal import Field, GoalSpec, extent
 from mimicbench.tasks.task import Array, BodyPoints, ObjectInfo, Shortfall, Task
 
 REACHED = 0.1
@@ -38,10 +38,11 @@ def _away(side: int, body: BodyPoints, obj: ObjectInfo) -> np.ndarray:
     return np.linalg.norm(body.wrist_pos_w[:, side] - obj.wrist_goal_w[:, side], axis=-1) - REACHED
 
 
-def touchable(goal: np.ndarray, room: np.ndarray) -> tuple[SceneObject, ...]:
-    """Blocks up to below both places (6,): a wide one in the room (2, 2) [m] that is taken, on which hands come down;
+def touchable(goal: np.ndarray, around: np.ndarray) -> tuple[SceneObject, ...]:
+    """Blocks up to below both places (6,): one as wide as what rises around them (M, 3) [m], on which hands come down;
     a narrow one between them; and one that leaves free what is before them, where it would be too far to reach.
     """
+    room = extent(around)
     wrists = _within_reach(goal.reshape(2, 3))
     low, high = np.minimum(room[0], wrists[:, :2].min(0) - WIDE), np.maximum(room[1], wrists[:, :2].max(0) + WIDE)
     front = float(wrists[:, 0].max())

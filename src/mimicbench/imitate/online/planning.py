@@ -81,19 +81,19 @@ class Planning:
         self._robot, self._task, self._config = robot, task, config
         self._stand_ins, self._method = task.goal.stand_ins, METHODS.get(config.method)
 
-    def plans(self, goal: np.ndarray, room: np.ndarray, begin: Begin, number: int) -> list[Planned]:
+    def plans(self, goal: np.ndarray, around: np.ndarray, begin: Begin, number: int) -> list[Planned]:
         """The first of some plans that is kept as a clip for learning would be, or as many as are to be rehearsed; if
         none is, the first that fulfils K on the stand-in, or else the first. None if nothing can be planned with what
         was seen.
 
         Args:
             goal: (G,) in its own frame.
-            room: (2, 2) lowest and highest x, y of what rises from the floor around it [m].
+            around: (M, 3) what rises from the floor there: x, y and height above the floor [m].
             begin: Where the plan begins, there.
             number: Of the plan, which decides its styles.
         """
         try:
-            stand_ins = self._stand_ins(goal, room)
+            stand_ins = self._stand_ins(goal, around)
         except BadObject:  # eyes can be so wrong that nothing could look like that
             return []
         for obj in stand_ins:

@@ -19,7 +19,7 @@ from mimicbench.imitate.online.planning import (
     from_standing,
     standing,
 )
-from mimicbench.imitate.online.reckoning import in_hands, reckoned, rooms_of, seen_from
+from mimicbench.imitate.online.reckoning import in_hands, reckoned, risen, seen_from
 from mimicbench.imitate.online.rehearsal import choose
 from mimicbench.imitate.plan import Imagined
 from mimicbench.imitate.planner import own_terms
@@ -121,10 +121,10 @@ class OnlinePolicy:
         wanted, odometry = self._wanted(), obs["odometry"][ids]
         own = spec.to_root(self._goal.goal, wanted[:, :2], wanted[:, 2]).double().cpu().numpy()
         near = spec.place(spec.to_root(self._goal.goal[ids], odometry[:, :2], odometry[:, 2]))
-        rooms = rooms_of(obs.of("elevation", ids), obs["proprio"][ids, 3], near, self._task.map_cell)
+        around = risen(obs.of("elevation", ids), obs["proprio"][ids, 3], near, self._task.map_cell)
         found: dict[int, list[Planned]] = {}
-        for room, (i, begin) in zip(rooms, begins.items(), strict=True):
-            found[i] = self._planning.plans(own[i], room, begin, self._numbers[i])
+        for near_it, (i, begin) in zip(around, begins.items(), strict=True):
+            found[i] = self._planning.plans(own[i], near_it, begin, self._numbers[i])
         done = [i for i, plans in found.items() if plans]
         chosen = choose(self._tracker, self._robot, self._task, [found[i] for i in done], self._device)
         for i, planned in zip(done, chosen, strict=True):

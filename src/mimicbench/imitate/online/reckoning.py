@@ -67,8 +67,9 @@ def in_hands(context: StepContext) -> ObjectState:
     return ObjectState(*(torch.where(lifted, hand, floor) for hand, floor in pairs))
 
 
-def rooms_of(elevation: Tensor, root_height: Tensor, place: Tensor, cell: float) -> np.ndarray:
-    """(M, 2, 2) lowest and highest x, y [m] of what rises from the floor near places (M, 3), in the frames of these.
+def risen(elevation: Tensor, root_height: Tensor, place: Tensor, cell: float) -> list[np.ndarray]:
+    """What rises from the floor near each of places (M, 3), in the frames of these: (P, 3) x, y and height above the
+    floor [m].
 
     Args:
         elevation: (M, 128, 128) heights relative to the roots [m].
@@ -80,10 +81,10 @@ def rooms_of(elevation: Tensor, root_height: Tensor, place: Tensor, cell: float)
     x, y = (part - place[:, i, None, None] for i, part in enumerate((line[:, None], line[None, :])))
     cos, sin = (part[:, None, None] for part in (place[:, 2].cos(), place[:, 2].sin()))
     own = torch.stack(torch.broadcast_tensors(cos * x + sin * y, cos * y - sin * x), -1)
-    taken = (elevation + root_height[:, None, None] > RAISED) & (own.norm(dim=-1) < REACH)
-    low = torch.where(taken[..., None], own, torch.inf).amin((1, 2)).clamp(max=0.0)
-    high = torch.where(taken[..., None], own, -torch.inf).amax((1, 2)).clamp(min=0.0)
-    return torch.stack([low, high], 1).double().cpu().numpy()
+    height = elevation + root_height[:, None, None]
+    taken = (height > RAISED) & (own.norm(dim=-1) < REACH)
+    points = torch.cat([own, height[..., None]], -1)
+    return [each[here].double().cpu().numpy() for each, here in zip(points, taken, strict=True)]
 
 
 def _flat(place: Tensor) -> Tensor:
