@@ -28,7 +28,7 @@ from mimicbench.policies.loading import load_policy
 from mimicbench.sensors.heightmap import CELLS
 from mimicbench.sensors.proprioception import body_state
 from mimicbench.sim.physics import RobotState
-from mimicbench.tasks.goal import extent
+from mimicbench.tasks.around import extent
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.checkpoint import load_tracker, save_tracker
 

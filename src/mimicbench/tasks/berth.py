@@ -5,7 +5,8 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadObject
 from mimicbench.objects.shape import SceneObject
-from mimicbench.tasks.goal import Field, GoalSpec, extent
+from mimicbench.tasks.around import extent
+from mimicbench.tasks.goal import Field, GoalSpec
 
 HEAD_ROOM = 0.24
 """[m] Between the head's middle and the end where it goes, where nothing is known of a pillow."""

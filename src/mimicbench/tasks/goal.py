@@ -28,12 +28,6 @@ _ALIKE = 0.01
 """Right answers that differ by less in every number are the same."""
 
 
-def extent(around: np.ndarray) -> np.ndarray:
-    """(2, 2) lowest and highest x, y [m] of points (M, 3) and the origin."""
-    places = np.concatenate([around[:, :2], np.zeros((1, 2))])
-    return np.stack([places.min(0), places.max(0)])
-
-
 @dataclass(frozen=True)
 class GoalSpec:
     """What the goals of a task consist of."""

@@ -5,7 +5,8 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadObject
 from mimicbench.objects.shape import SceneObject
-from mimicbench.tasks.goal import Field, GoalSpec, extent
+from mimicbench.tasks.around import extent
+from mimicbench.tasks.goal import Field, GoalSpec
 
 HALF_WIDTH = 0.25
 """[m] Of a seat that nothing is known of but where its middle is."""

@@ -10,7 +10,8 @@ from mimicbench.core import rotations as rot
 from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.touch import WRIST_OFF
 from mimicbench.robots.rigs import HEAD_RIG
-from mimicbench.tasks.goal import Field, GoalSpec, extent
+from mimicbench.tasks.around import extent
+from mimicbench.tasks.goal import Field, GoalSpec
 from mimicbench.tasks.task import Array, BodyPoints, ObjectInfo, Shortfall, Task
 
 REACHED = 0.1
