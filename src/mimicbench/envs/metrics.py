@@ -149,7 +149,7 @@ class EpisodeMetrics:
         own.effort_at_success[...] = xp.where(new, own.max_effort, own.effort_at_success)
         own.held[...] = xp.where(alive, held, own.held)
         own.ever |= new
-        fallen = self._lies_low(pos_w[:, 0], quat_w[:, 0]) & alive & ~own.fell
+        fallen = self._is_down(pos_w[:, 0], quat_w[:, 0]) & alive & ~own.fell
         self._place = (self._place + 1) % len(own._phases)  # the oldest is overwritten after it was read
         began = own._phases[self._place]
         own.fell_phase[...] = xp.where(fallen, began.clip(_WALKING), own.fell_phase)
@@ -165,7 +165,7 @@ class EpisodeMetrics:
         """What was seen, to be written in place."""
         return SimpleNamespace(**{name: self._own(getattr(self, name)) for name in _SEEN})
 
-    def _lies_low(self, root_pos_w: Any, root_quat_w: Any) -> Any:
+    def _is_down(self, root_pos_w: Any, root_quat_w: Any) -> Any:
         """(N,) who is as low, or leans as far, as who has fallen, from roots (N, 3) and (N, 4)."""
         low = root_pos_w[:, 2] < self._own(self._lowest)
         if not self.task.upright:
