@@ -88,7 +88,7 @@ def test_their_tasks_are_environments(installed):
 @pytest.mark.parametrize("name", ALONE)
 def test_each_of_them_needs_no_other(name, tmp_path):
     alone = environment(tmp_path, [PACKAGES / name])
-    (told,) = json.loads(call(alone, "-m", "mimicbench.cli", *ALONE[name], "--workdir", str(tmp_path / "work")))
+    told = json.loads(call(alone, "-m", "mimicbench.cli", *ALONE[name], "--workdir", str(tmp_path / "work")))
     header = json.loads((Path(told["folder"]) / "header.json").read_text())
     assert header["stage"] == ALONE[name][0] and {"standing": "stand-by"}.get(name, name) in json.dumps(header)
 
