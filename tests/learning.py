@@ -16,20 +16,20 @@ from mimicbench.track.spec import Layout, Tracker
 ROBOT, ONE = ROBOTS.get("h1"), EnvConfig(workers=1)
 
 
-def clip_of(task, index=0):
+def clip_of(task, index=0, robot=ROBOT):
     """One clip beside its object."""
     obj = FAMILIES.get(task.family).make(index, 0)
-    motion = optimize(Clip(synthesize(task.name, index, obj, 0), obj, ROBOT))
-    return ClipSet(task, ROBOT, [task.trimmed(motion, obj, ROBOT)], {obj.id: obj})
+    motion = optimize(Clip(synthesize(task.name, index, obj, 0), obj, robot))
+    return ClipSet(task, robot, [task.trimmed(motion, obj, robot)], {obj.id: obj})
 
 
-def shape_of(name, *tasks):
+def shape_of(name, *tasks, robot=ROBOT):
     """What a small tracker of a design is made of that serves all of the tasks."""
-    layout = Layout.of(TRACKERS.get(name), ROBOT, tasks)
-    return TrackerConfig(name, layout.names, layout.widths, 19, (16,), frames=layout.frames)
+    layout = Layout.of(TRACKERS.get(name), robot, tasks)
+    return TrackerConfig(name, layout.names, layout.widths, len(robot.joints), (16,), frames=layout.frames)
 
 
 def tracker(shape) -> Tracker:
     """It has learned nothing, but always the same."""
     torch.manual_seed(0)
-    return build_tracker(shape, shape.blueprint().network(19).tensors())
+    return build_tracker(shape, shape.blueprint().network(shape.actions).tensors())

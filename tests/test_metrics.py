@@ -9,6 +9,7 @@ import torch
 import stool
 from mimicbench.core import rotations as rot
 from mimicbench.envs.metrics import PHASES, EpisodeMetrics
+from mimicbench.objects.registry import FAMILIES
 from mimicbench.robots.registry import ROBOTS
 from mimicbench.sim.native import NativePhysics
 from mimicbench.sim.physics import ObjectState, RobotState
@@ -264,3 +265,36 @@ def test_another_episode_forgets_the_last_one():
     assert torch.isnan(found.fell_time[0]) and found.fell_phase[0] == 0
     trace.fall()
     assert trace.phase() == ("walking", pytest.approx(CONTROL_DT)), "nothing of the last episode's phases is left"
+
+
+class Awaited(NativePhysics):
+    """Physics as on a GPU, whose tensors stay tensors."""
+
+    asynchronous = True
+
+
+@pytest.mark.parametrize("task", TASKS.names())
+def test_arrays_and_tensors_come_to_the_same(task):
+    """On the CPU NumPy works it out, on a GPU torch: to the last bit, whoever falls, goes on or begins anew."""
+    task, random = TASKS.get(task), np.random.default_rng(0)
+    objects = [FAMILIES.get(task.family).make(index, 0) for index in range(6)]
+    both = [kind(H1, objects, workers=1) for kind in (NativePhysics, Awaited)]
+    judges = [EpisodeMetrics(task, H1, physics, CONTROL_DT) for physics in both]
+    goals = torch.from_numpy(random.normal([-0.7, 0.0, 1.0], 0.3, (6, 2, 3)))
+    goals[0] = torch.nan
+    for step in range(60):
+        some = torch.from_numpy(random.random(6) < (1.0 if step == 0 else 0.05))
+        pos = random.normal([-0.5, 0.0, 0.9], [0.5, 0.3, 0.2], (6, 3))
+        quat, joints = rot.from_rotvec(random.normal(0.0, 0.3, (6, 3))), random.normal(JOINTS, 0.2, (6, 19))
+        active = None if step % 3 == 0 else torch.from_numpy(random.random(6) < 0.9)
+        for physics, judge in zip(both, judges, strict=True):
+            rows = Rows.where(some, physics.asynchronous)
+            if some.any():
+                stool.put(physics, some.nonzero()[:, 0].tolist(), *(part[some.numpy()] for part in (pos, quat, joints)))
+                judge.begin(rows, goals[rows.ids])
+            physics.step(torch.from_numpy(joints.astype(np.float32)), True)
+            judge.update(physics.links(), active)
+        arrays, tensors = (judge.state_tensors() for judge in judges)
+        for name, value in tensors.items():
+            torch.testing.assert_close(arrays[name], value, rtol=0, atol=0, equal_nan=True, msg=name)
+        assert judges[0].stays.tolist() == judges[1].stays.tolist()

@@ -15,11 +15,30 @@ PACKAGES = Path(__file__).with_name("packages")
 OURS = "sys, mimicbench.{}.registry as r; print(*r.{}.names()); assert not {{'numpy', {!r}}} & set(sys.modules)"
 
 
-@pytest.fixture(scope="module")
-def installed(tmp_path_factory):
-    """Environment variables of a process in which the packages are installed as pip would do it."""
-    site = tmp_path_factory.mktemp("site")
-    for folder in PACKAGES.iterdir():
+SMALL = ("--objects.count", "4", "--references.count", "4", "--workers", "1", "--json")
+TRACKED = ("--track.samples", "256", "--track.num-envs", "16", "--track.ppo.steps", "8", "--track.evaluate-clips", "1")
+ALONE = {
+    "standing": ("retarget", "--task", "stand-by", *SMALL),
+    "scout": ("retarget", "--task", "touch-points", "--robot", "scout", *SMALL),
+    "follow": ("track", "--task", "touch-points", "--track.tracker", "follow", *SMALL, *TRACKED),
+    "still": (
+        "imitate",
+        "--task",
+        "touch-points",
+        "--imitate.learner",
+        "still",
+        "--imitate.last",
+        "5",
+        *SMALL,
+        *TRACKED,
+    ),
+}
+"""Commands that need one package and are ours otherwise."""
+
+
+def environment(site, folders):
+    """Environment variables of a process in which packages are installed as pip would do it."""
+    for folder in folders:
         project = tomllib.loads((folder / "pyproject.toml").read_text())["project"]
         name, version = project["name"], project["version"]
         (site / f"{name}.py").write_bytes((folder / f"{name}.py").read_bytes())
@@ -31,6 +50,11 @@ def installed(tmp_path_factory):
         (info / "entry_points.txt").write_text("".join(lines))
     paths = os.pathsep.join([str(site), *filter(None, [os.environ.get("PYTHONPATH")])])
     return {**os.environ, "PYTHONPATH": paths, "MUJOCO_GL": "disabled"}  # drawing would take most of the time
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    return environment(tmp_path_factory.mktemp("site"), PACKAGES.iterdir())
 
 
 def call(environment, *arguments):
@@ -59,6 +83,14 @@ def test_their_tasks_are_environments(installed):
         "import gymnasium, mimicbench; env = gymnasium.make('mimicbench/StandBy-v0', split='all'); env.reset(seed=0)"
     )
     assert call(installed, "-c", script + "; print(env.unwrapped.spec.kwargs['task'])").strip() == "stand-by"
+
+
+@pytest.mark.parametrize("name", ALONE)
+def test_each_of_them_needs_no_other(name, tmp_path):
+    alone = environment(tmp_path, [PACKAGES / name])
+    told = json.loads(call(alone, "-m", "mimicbench.cli", *ALONE[name], "--workdir", str(tmp_path / "work")))
+    header = json.loads((Path(told["folder"]) / "header.json").read_text())
+    assert header["stage"] == ALONE[name][0] and {"standing": "stand-by"}.get(name, name) in json.dumps(header)
 
 
 def test_all_of_them_run_through_everything(installed, tmp_path):

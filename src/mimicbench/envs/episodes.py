@@ -210,7 +210,7 @@ class Episodes:
 
     def success(self) -> np.ndarray:
         """(N,) whether K is fulfilled: at some time, or for lift-box now."""
-        return (self.metrics.success & ~self.metrics.diverged).cpu().numpy()
+        return self.metrics.success.cpu().numpy() & ~self.metrics.diverged.cpu().numpy()
 
     def qpos(self) -> np.ndarray:
         """(N, nq) the simulator's positions now."""

@@ -1,7 +1,10 @@
 """What N running episodes come to: K as the task defines it, P by mechanical effort, falls, and who stays."""
 
 from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -31,6 +34,11 @@ _LOWERED = 0.92
 """Whose root is below this share of its height at the start acts, too, if near; it has begun to go down."""
 _TURN_RATE = 0.6
 """[rad/s] Who turns faster than this on the spot is turning."""
+_SEEN = (
+    *("run", "steps", "held", "ever", "fell", "diverged"),
+    *("first_success", "fell_time", "max_effort", "effort_at_success", "fell_phase", "_phases"),
+)
+"""What metrics keep of every episode, by the names of their tensors."""
 _UPRIGHT = float(torch.cos(torch.tensor(FALLEN_TILT, dtype=torch.float64)))
 
 
@@ -68,9 +76,12 @@ class EpisodeMetrics:
         self.task, self.robot, self.control_dt = task, robot, control_dt
         n, device = physics.num_envs, physics.device
         self._physics, self._hold_frames = physics, task.hold_frames(1 / control_dt)
+        # on the CPU, calls of NumPy cost a fraction of torch's
+        self._xp: Any = torch if physics.asynchronous else np
         self._catalog = ObjectInfo.of(physics.catalog).map(lambda array: torch.from_numpy(array).to(device))
         self.info = self._catalog.map(lambda array: array[physics.object_index].clone())
         """What K needs to know of each scene's object and goal."""
+        self._info = self.info.map(self._own)
         zeros = {"dtype": torch.long, "device": device}
         self.run, self.steps = torch.zeros(n, **zeros), torch.zeros(n, **zeros)
         """(N,) frames in a row that the condition holds now; control steps seen."""
@@ -84,8 +95,10 @@ class EpisodeMetrics:
         )
         self.fell_phase = torch.zeros(n, **zeros)
         self._phases = torch.zeros(max(1, round(_LOOK_BACK / control_dt)), n, dtype=torch.uint8, device=device)
+        """(_, N) what they were at over the last half a second, a ring in which `_place` is the latest."""
         self._place = 0
         self._lowest = _lowest(self.info, self.start_height)
+        """(N,) below what height of the root a robot has fallen [m]."""
 
     def begin(self, rows: Rows, wrist_goal_w: Tensor) -> None:
         """Episodes `rows` begin anew, with the objects that their scenes have now and goals (n, 2, 3)."""
@@ -102,8 +115,7 @@ class EpisodeMetrics:
         height = self._physics.state().root_pos_w[rows.ids, 2].double()
         rows.put(self.start_height, height)
         rows.put(self._lowest, _lowest(fresh, height))
-        for phases in self._phases:
-            rows.put(phases, 0)
+        rows.put(self._phases.T, 0)
 
     def _learn_new_objects(self) -> None:
         known, catalog = len(self._catalog.seat_height), self._physics.catalog
@@ -117,50 +129,60 @@ class EpisodeMetrics:
 
         `links` are where the robots' links are now.
         """
-        physics = self._physics
-        active = torch.ones_like(self.fell) if active is None else active
-        self.diverged |= physics.diverged & active
-        active = active & ~self.diverged
-        self.steps += active
-        info = self.info
-        if physics.catalog[0].movable:
-            obj = physics.object_state()
-            info = info.moved(obj.pos_w.double(), obj.quat_w.double())
-        holds = self.task.holds(BodyPoints.of(self.robot, links.pos_w, links.quat_w), info)
-        self.run = torch.where(active, (self.run + 1) * torch.as_tensor(holds), self.run)
-        self.max_effort = torch.where(active, torch.maximum(self.max_effort, physics.effort), self.max_effort)
-        held = self.run >= self._hold_frames
-        new = held & active & ~self.ever
-        self.first_success = torch.where(new, self.steps.double() * self.control_dt, self.first_success)
-        self.effort_at_success = torch.where(new, self.max_effort, self.effort_at_success)
-        self.held = torch.where(active, held, self.held)
-        self.ever |= new
-        self._watch_falls(links, info, active)
+        xp, own, info = self._xp, self._arrays(), self._info
+        broke, effort = self._own(self._physics.diverged), self._own(self._physics.effort)
+        looked_at = True if active is None else self._own(active)
+        own.diverged |= broke & looked_at
+        alive = ~own.diverged & looked_at
+        own.steps += alive
+        now = xp.asarray(own.steps, dtype=xp.float64) * self.control_dt
+        if self._physics.catalog[0].movable:
+            obj = self._physics.object_state()
+            info = info.moved(self._own(obj.pos_w.double()), self._own(obj.quat_w.double()))
+        pos_w, quat_w = self._own(links.pos_w), self._own(links.quat_w)
+        holds = self.task.holds(BodyPoints.of(self.robot, pos_w, quat_w), info)
+        own.run[...] = xp.where(alive, (own.run + 1) * holds, own.run)
+        own.max_effort[...] = xp.where(alive, xp.maximum(own.max_effort, effort), own.max_effort)
+        held = own.run >= self._hold_frames
+        new = held & alive & ~own.ever
+        own.first_success[...] = xp.where(new, now, own.first_success)
+        own.effort_at_success[...] = xp.where(new, own.max_effort, own.effort_at_success)
+        own.held[...] = xp.where(alive, held, own.held)
+        own.ever |= new
+        fallen = self._is_down(pos_w[:, 0], quat_w[:, 0]) & alive & ~own.fell
+        self._place = (self._place + 1) % len(own._phases)  # the oldest is overwritten after it was read
+        began = own._phases[self._place]
+        own.fell_phase[...] = xp.where(fallen, began.clip(_WALKING), own.fell_phase)
+        own.fell_time[...] = xp.where(fallen, now, own.fell_time)
+        own.fell |= fallen
+        own._phases[self._place] = self._phase(pos_w[:, 0], self._own(links.ang_vel_w)[:, 0, 2], info)
 
-    def _watch_falls(self, links: LinkState, info: ObjectInfo, active: Tensor) -> None:
-        root, quat = links.pos_w[:, 0], links.quat_w[:, 0]
-        fallen = root[:, 2] < self._lowest
-        if self.task.upright:
-            x, y = quat[:, 1], quat[:, 2]
-            fallen |= 1 - 2 * (x * x + y * y) < _UPRIGHT  # how much of the root's own z axis points upwards
-        fallen &= active & ~self.fell
-        self._place = (self._place + 1) % len(self._phases)  # the oldest is overwritten after it was read
-        began = self._phases[self._place]
-        self.fell_phase = torch.where(fallen, began.long().clamp(min=_WALKING), self.fell_phase)
-        self.fell_time = torch.where(fallen, self.steps.double() * self.control_dt, self.fell_time)
-        self.fell |= fallen
-        self._phases[self._place] = self._phase(links, info)
+    def _own(self, tensor: Tensor) -> Any:
+        """A tensor as an array of the library that works things out here, of the same memory."""
+        return tensor if self._xp is torch else tensor.numpy()
 
-    def _phase(self, links: LinkState, info: ObjectInfo) -> Tensor:
-        """(N,) what each robot is at now, a place in PHASES."""
-        root, turn = links.pos_w[:, 0], links.ang_vel_w[:, 0, 2].abs()
-        away = info.pos_w[:, :2] - root[:, :2]
-        beyond = torch.maximum(torch.maximum(info.low[:, :2] + away, -away - info.high[:, :2]), torch.zeros_like(away))
+    def _arrays(self) -> SimpleNamespace:
+        """What was seen, to be written in place."""
+        return SimpleNamespace(**{name: self._own(getattr(self, name)) for name in _SEEN})
+
+    def _is_down(self, root_pos_w: Any, root_quat_w: Any) -> Any:
+        """(N,) who is as low, or leans as far, as who has fallen, from roots (N, 3) and (N, 4)."""
+        low = root_pos_w[:, 2] < self._own(self._lowest)
+        if not self.task.upright:
+            return low
+        x, y = root_quat_w[:, 1], root_quat_w[:, 2]
+        return low | (1 - 2 * (x * x + y * y) < _UPRIGHT)  # how much of the root's own z axis points upwards
+
+    def _phase(self, root_pos_w: Any, turning: Any, info: ObjectInfo) -> Any:
+        """(N,) what each robot is at now, a place in PHASES, from roots (N, 3) that turn about z (N,) [rad/s]."""
+        xp, own = self._xp, self._own
+        away = info.pos_w[:, :2] - root_pos_w[:, :2]
+        beyond = xp.maximum(info.low[:, :2] + away, -away - info.high[:, :2]).clip(0.0)
         near = (beyond * beyond).sum(-1) <= _NEAR**2
-        lowered = root[:, 2] < _LOWERED * self.start_height
-        phase = torch.where(near, _ACTING, _WALKING)
-        phase = torch.where((turn > _TURN_RATE) & ~(near & lowered), _TURNING, phase)
-        return torch.where(self.ever, _AFTER, phase).to(torch.uint8)
+        lowered = root_pos_w[:, 2] < _LOWERED * own(self.start_height)
+        phase = xp.where(near, _ACTING, _WALKING)
+        phase = xp.where((abs(turning) > _TURN_RATE) & ~(near & lowered), _TURNING, phase)
+        return xp.where(own(self.ever), _AFTER, phase)
 
     @property
     def success(self) -> Tensor:
@@ -171,7 +193,8 @@ class EpisodeMetrics:
     def stays(self) -> Tensor:
         """(N,) the condition has held over the last 0.3 s and the robot has not fallen: asked at the time limit."""
         frames = max(self._hold_frames, round(STAY / self.control_dt))
-        return (self.run >= frames) & ~self.fell & ~self.diverged
+        run, fell, diverged = self._own(self.run), self._own(self.fell), self._own(self.diverged)
+        return torch.as_tensor((run >= frames) & ~fell & ~diverged)
 
     def over(self) -> Tensor:
         """(N,) whether the benchmark's episode is over: K has been fulfilled, or the physics broke down."""
@@ -203,36 +226,19 @@ class EpisodeMetrics:
 
     def state_tensors(self) -> dict[str, Tensor]:
         """All that it has seen."""
-        names = (
-            "run",
-            "steps",
-            "held",
-            "ever",
-            "fell",
-            "diverged",
-            "first_success",
-            "fell_time",
-            "max_effort",
-            "effort_at_success",
-            "start_height",
-            "fell_phase",
-            "_phases",
-            "_lowest",
-        )
-        found = {name: getattr(self, name).clone() for name in names}
+        found = {name: getattr(self, name).clone() for name in (*_SEEN, "start_height", "_lowest")}
         found |= {f"info/{name}": value.clone() for name, value in vars(self.info).items()}
         return {**found, "_place": torch.tensor(self._place)}
 
     def load_state_tensors(self, tensors: dict[str, Tensor]) -> None:
         """The inverse of `state_tensors`."""
-        device = self._physics.device
         for name, value in tensors.items():
-            if name.startswith("info/"):
-                getattr(self.info, name.removeprefix("info/")).copy_(value)
-            elif name == "_place":
+            if name == "_place":
                 self._place = int(value)
+            elif name.startswith("info/"):
+                getattr(self.info, name.removeprefix("info/")).copy_(value)
             else:
-                setattr(self, name, value.to(device))
+                getattr(self, name).copy_(value)
 
 
 def _lowest(info: ObjectInfo, start_height: Tensor) -> Tensor:

@@ -29,7 +29,7 @@ from mimicbench.sensors.observations import LazyObservations, Observations, Term
 from mimicbench.sensors.pictures import CameraPictures
 from mimicbench.sensors.proprioception import Odometry
 from mimicbench.sim.backends import make_physics
-from mimicbench.sim.physics import PhysicsConfig
+from mimicbench.sim.physics import PhysicsConfig, RobotState
 from mimicbench.sim.rows import Rows
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.sim.threads import one_torch_thread
@@ -129,8 +129,9 @@ class VecEnv:
             hook.begin(self.physics, rows, self.random)
         if self.metrics is not None:
             self.metrics.begin(rows, states.wrist_goal_w)
-        self.odometry.reset(rows, self.physics.state())
-        self._context = self._look()
+        state = self.physics.state()
+        self.odometry.reset(rows, state)
+        self._context = self._look(state)
 
     @one_torch_thread()
     def step(self, target: Tensor, action: Tensor | None = None, running: Tensor | None = None) -> Transition:
@@ -154,7 +155,9 @@ class VecEnv:
             self.last_target = torch.where(running[:, None], target, self.last_target)
             self.last_action = torch.where(running[:, None], action, self.last_action)
             self.index, self.steps = self.index + running, self.steps + running
-        self._context = self._look(CONTROL_DT)
+        state = self.physics.state()
+        self.odometry.update(state, CONTROL_DT)
+        self._context = self._look(state)
         if self.metrics is not None:
             self.metrics.update(self._context.links, running)
         self._stepped += 1
@@ -163,16 +166,13 @@ class VecEnv:
         effort = self.physics.effort.float() if measured else torch.zeros(self.num_envs, device=self.device)
         return Transition(action, before, effort)
 
-    def _look(self, elapsed: float = 0.0) -> StepContext:
-        """Everything about now, `elapsed` [s] after the last look."""
-        state = self.physics.state()
-        if elapsed:
-            self.odometry.update(state, elapsed)
+    def _look(self, state: RobotState | None = None) -> StepContext:
+        """Everything about now; `state` is that of the physics, if it is at hand."""
         return StepContext(
             robot=self.robot,
             task=self.task,
             physics=self.physics,
-            state=state,
+            state=self.physics.state() if state is None else state,
             time=(self.steps.double() * CONTROL_DT).float(),
             odometry_pos=self.odometry.pos.clone(),
             odometry_yaw=self.odometry.yaw.clone(),

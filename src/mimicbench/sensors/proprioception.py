@@ -32,17 +32,9 @@ def root_turn(state: RobotState) -> torch.Tensor:
     """
     xp, (quat,) = _own(state.root_quat_w)
     q = _rows(xp, quat)
-    twice = (q + q)[:, None] * q
-    squares, mixed, spins = (
-        twice[[1, 2, 3], [1, 2, 3]],
-        twice[[2, 1, 1], [3, 3, 2]],
-        twice[0, 1:],
-    )  # of x, y, z; yz, xz, xy; wx, wy, wz
-    turn = xp.empty_like(twice[:3, :3])
-    turn[[0, 1, 2], [0, 1, 2]] = 1 - squares[[1, 0, 0]] - squares[[2, 2, 1]]
-    turn[[2, 0, 1], [1, 2, 0]] = mixed + spins
-    turn[[1, 2, 0], [2, 0, 1]] = mixed - spins
-    return torch.from_numpy(turn) if xp is np else turn
+    (wx, wy, wz), (xx, xy, xz), (yy, yz), (zz,) = ((q[i] + q[i]) * q[max(i, 1) :] for i in range(4))
+    rows = [1 - yy - zz, xy - wz, xz + wy, xy + wz, 1 - xx - zz, yz - wx, xz - wy, yz + wx, 1 - xx - yy]
+    return _tensor(xp, xp.stack(rows).reshape(3, 3, -1))
 
 
 def s_current(
@@ -65,9 +57,11 @@ def s_current(
         links.ang_vel_w,
         last_action,
     )
-    vectors = xp.stack([_along_robots(array) for array in (pos_w, lin_vel_w, ang_vel_w)])  # (3, L, 3, N)
-    vectors[0] -= _rows(xp, root_pos)
-    pos, lin, ang = _turn_back(r, vectors).reshape(3, -1, len(root_pos))
+    away = _along_robots(pos_w) - _rows(xp, root_pos)
+    pos, lin, ang = (
+        _turn_back(xp, r, vectors).reshape(-1, len(root_pos))
+        for vectors in (away, _along_robots(lin_vel_w), _along_robots(ang_vel_w))
+    )
     rotvec = _turns_between(xp, _rows(xp, root_quat), _along_robots(quat_w)).reshape(pos.shape)
     # the third row of R is gravity's direction in the root frame, but for its sign
     return _table(xp, [joint_pos.T, joint_vel.T, pos, rotvec, lin, ang, action.T, -r[2]])
@@ -109,7 +103,9 @@ def body_state(state: RobotState, turn: torch.Tensor | None = None) -> torch.Ten
         state.joint_pos,
         state.joint_vel,
     )
-    return _table(xp, [-r[2], root_pos.T[2:], _turn_back(r, _rows(xp, lin_vel)), ang_vel.T, joint_pos.T, joint_vel.T])
+    return _table(
+        xp, [-r[2], root_pos.T[2:], _turn_back(xp, r, _rows(xp, lin_vel)), ang_vel.T, joint_pos.T, joint_vel.T]
+    )
 
 
 def _own(*arrays: torch.Tensor) -> tuple[Any, list[Any]]:
@@ -126,8 +122,12 @@ def _table(xp: Any, rows: Sequence[Any]) -> torch.Tensor:
 
     What is worked out has one row a number, so that every operation runs along the robots.
     """
-    joined = xp.concatenate(rows)
-    return (torch.from_numpy(joined) if xp is np else joined).T.contiguous()
+    return _tensor(xp, xp.concatenate(rows)).T.contiguous()
+
+
+def _tensor(xp: Any, array: Any) -> torch.Tensor:
+    """The inverse of `_own`, of one array."""
+    return torch.from_numpy(array) if xp is np else array
 
 
 def _rows(xp: Any, array: Any) -> Any:
@@ -140,9 +140,18 @@ def _along_robots(array: Any) -> Any:
     return array.swapaxes(0, 1).swapaxes(1, 2)
 
 
-def _turn_back(turn: Any, vectors: Any) -> Any:
+def _turn_back(xp: Any, turn: Any, vectors: Any) -> Any:
     """R^T v of vectors (..., 3, N) by R (3, 3, N)."""
-    return vectors[..., :1, :] * turn[0] + vectors[..., 1:2, :] * turn[1] + vectors[..., 2:, :] * turn[2]
+    return _summed(xp, [vectors[..., i : i + 1, :] for i in range(3)], turn)
+
+
+def _summed(xp: Any, left: Sequence[Any], right: Sequence[Any]) -> Any:
+    """Sum of products, from the first to the last, in two pieces of memory that stay near the processor."""
+    total, part = left[0] * right[0], left[1] * right[1]
+    total += part
+    for a, b in zip(left[2:], right[2:], strict=True):
+        total += xp.multiply(a, b, out=part)
+    return total
 
 
 def _turns_between(xp: Any, a: Any, b: Any) -> Any:
@@ -150,7 +159,7 @@ def _turns_between(xp: Any, a: Any, b: Any) -> Any:
     w, x, y, z = a
     # a^-1 b is linear in b
     columns = xp.stack([w, -x, -y, -z, x, w, -z, y, y, z, w, -x, z, -y, x, w]).reshape(4, 4, -1)
-    turn = b[:, :1] * columns[0] + b[:, 1:2] * columns[1] + b[:, 2:3] * columns[2] + b[:, 3:] * columns[3]
+    turn = _summed(xp, [b[:, i : i + 1] for i in range(4)], columns)
     cosine, axis = turn[:, :1], turn[:, 1:]
     square = axis * axis
     sine = (
@@ -158,6 +167,14 @@ def _turns_between(xp: Any, a: Any, b: Any) -> Any:
     ) ** 0.5  # never zero, so that its quotient has a limit
     # the shorter way: of the two quaternions of a turn, the one with w >= 0
     return axis * xp.copysign(2 * xp.arctan2(sine, abs(cosine)) / sine, cosine)
+
+
+def _heading(state: RobotState) -> torch.Tensor:
+    """(N,) where the roots' x axes point, seen from above [rad]."""
+    xp, (quat,) = _own(state.root_quat_w)
+    w, x, y, z = _rows(xp, quat)
+    sine, cosine = 2 * (x * y + w * z), 1 - 2 * (y * y + z * z)
+    return torch.arctan2(_tensor(xp, sine), _tensor(xp, cosine))
 
 
 class Odometry:
@@ -172,27 +189,32 @@ class Odometry:
         self.yaw = torch.zeros(num_envs, device=device)
         """(N,) [rad]."""
         self._heading = torch.zeros(num_envs, device=device)
+        self._cos, self._sin = torch.ones_like(self._heading), torch.zeros_like(self._heading)
         self._velocity = torch.zeros(num_envs, 2, device=device)
 
     def reset(self, rows: Rows, state: RobotState) -> None:
         """Robots `rows` begin anew where `state` says that all N are."""
         rows.put(self.pos, 0.0)
         rows.put(self.yaw, 0.0)
-        rows.put(self._heading, rot.yaw_of(state.root_quat_w)[rows.ids])
+        rows.put(self._heading, _heading(state)[rows.ids])
+        self._cos, self._sin = torch.cos(self._heading), torch.sin(self._heading)
         rows.put(self._velocity, self._in_start_frame(state)[rows.ids])
 
     def update(self, state: RobotState, dt: float) -> None:
         """One control step of `dt` seconds later."""
         # the heading comes from an inertial sensor; wrapping keeps it continuous over many turns
-        self.yaw = self.yaw + rot.wrap_angle(rot.yaw_of(state.root_quat_w) - self._heading - self.yaw)
         velocity = self._in_start_frame(state)
-        self.pos = self.pos + 0.5 * dt * (velocity + self._velocity)
+        xp, (yaw, heading, start, pos, now, before) = _own(
+            self.yaw, _heading(state), self._heading, self.pos, velocity, self._velocity
+        )
+        self.yaw = _tensor(xp, yaw + rot.wrap_angle(heading - start - yaw))
+        self.pos = _tensor(xp, pos + 0.5 * dt * (now + before))
         self._velocity = velocity
 
     def _in_start_frame(self, state: RobotState) -> torch.Tensor:
-        cos, sin = torch.cos(self._heading), torch.sin(self._heading)
-        x, y = state.root_lin_vel_w[:, 0], state.root_lin_vel_w[:, 1]
-        return torch.stack([cos * x + sin * y, cos * y - sin * x], -1)
+        xp, (velocity, cos, sin) = _own(state.root_lin_vel_w, self._cos, self._sin)
+        x, y = velocity[:, 0], velocity[:, 1]
+        return _tensor(xp, xp.stack([cos * x + sin * y, cos * y - sin * x], -1))
 
     def state_tensors(self) -> dict[str, torch.Tensor]:
         """What it has added up."""
@@ -202,3 +224,4 @@ class Odometry:
         """The inverse of `state_tensors`."""
         for name, value in tensors.items():
             setattr(self, name, value.to(self.pos.device))
+        self._cos, self._sin = torch.cos(self._heading), torch.sin(self._heading)

@@ -55,9 +55,11 @@ class Kinematics:
         self._qpos[:], self._qvel[:] = qpos[:, : self._qpos.shape[1]], qvel[:, : self._qvel.shape[1]]
         self._batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
         # each number of all robots side by side: what is worked out of it then runs along the robots
-        seen = torch.from_numpy(self._seen.astype(np.float32)).T.contiguous()
-        parts, first, count = [], 0, self._num_envs
+        seen = np.empty(self._seen.shape[::-1], np.float32)
+        seen[:] = self._seen.T
+        parts, first = [], 0
         for size in _SENSORS.values():  # (N, L, size) views
-            parts.append(seen.as_strided((count, self._links, size), (1, size * count, count), first * count))
+            part = seen[first : first + self._links * size].reshape(self._links, size, self._num_envs)
+            parts.append(torch.from_numpy(part.transpose(2, 0, 1)))
             first += self._links * size
         return LinkState(*parts)

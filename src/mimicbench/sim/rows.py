@@ -48,7 +48,10 @@ class Rows:
     def put(self, there: Tensor, values: Tensor | float) -> None:
         """Write `values` (n, ...) or one number into the rows of `there` (N, ...), in place."""
         if not self.whole:
-            there[self.ids] = values.to(there.dtype) if isinstance(values, Tensor) else values
+            if there.device.type == "cpu":  # as arrays, whose calls cost a fraction of tensors'
+                there.numpy()[self.ids.numpy()] = values.numpy() if isinstance(values, Tensor) else values
+            else:
+                there[self.ids] = values.to(there.dtype) if isinstance(values, Tensor) else values
             return
         mask = self.mask.reshape(-1, *[1] * (there.dim() - 1))
         if isinstance(values, Tensor):

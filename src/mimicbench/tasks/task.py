@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -122,15 +123,23 @@ class BodyPoints:
             found[name] = link_pos_w[:, list(links)]
             if any(any(offset) for offset in offsets):  # the others are their links' origins
                 quat = link_quat_w[:, list(links)]
-                away = [rot.rotate(quat[:, side], _constant(offsets[side], quat[:, side])) for side in range(2)]
-                found[name] = found[name] + rot.stack(away, 1)
+                found[name] = found[name] + rot.rotate(quat, _constant(offsets, quat))
         return BodyPoints(link_pos_w[:, 0], found["ankle"], found["wrist"])
 
 
-def _constant(numbers: Sequence[float], like: Array) -> Array:
-    """Three numbers as an array of the kind and place of another, made without copying from the host."""
-    parts = [like[..., 0] * 0 + number for number in numbers]
-    return rot.stack(parts, -1)
+def _constant(numbers: tuple[tuple[float, ...], ...], like: Array) -> Array:
+    """Numbers as an array of the kind, precision and place of another."""
+    return (
+        np.array(numbers, like.dtype) if isinstance(like, np.ndarray) else _on_device(numbers, like.dtype, like.device)
+    )
+
+
+@lru_cache(maxsize=64)
+def _on_device(numbers: tuple[tuple[float, ...], ...], dtype: Any, device: Any) -> Array:
+    """Numbers as a tensor, copied from the host once and not in every step."""
+    import torch
+
+    return torch.tensor(numbers, dtype=dtype, device=device)
 
 
 @dataclass(frozen=True)
