@@ -143,9 +143,10 @@ def retargeted(run: Run) -> Clips:
 
 def make_track_stage(run: Run) -> Stage:
     """Train the tracker on the clips of training objects; objects of the test split only judge it."""
+    from mimicbench.track.ppo_config import ppo_learner
     from mimicbench.track.train import train_tracker
 
-    config = run.part("track")
+    config, _ = run.part("track"), ppo_learner()  # which had better be missing before clips are made for it
     every = [retargeted(part) for part in keys.tracked(run).values()]
     sets: dict[str, ClipSet] = {}
     for clips in every:
