@@ -179,6 +179,18 @@ def test_an_episode_says_who_is_to_act_it_out_again(workdir):
     assert "fell while walking" in found.facts[0] and "2.5e+06" in found.facts[0]
 
 
+def test_an_episode_whose_motion_was_kept_is_played_as_it_was_judged(workdir):
+    (rows,) = Catalog(workdir).sets(TASK.name, "evaluate")
+    assert "robot" not in opened(workdir, "evaluate", 3).tracks, "this one was not kept"
+    clip = opened(workdir, "evaluate", 3).clip
+    file = rows.path.with_suffix("") / f"{rows.rows[3].id}.npz"
+    replace(clip, id=rows.rows[3].id, fps=50.0).save(file)
+    track = opened(workdir, "evaluate", 3).tracks["robot"]
+    assert track.title == "tracker, as judged" and track.fps == 50 and len(track) == clip.frames
+    assert np.allclose(track.pose(9).pos_w[0], clip.root_pos_w[9], atol=1e-6)
+    file.unlink()
+
+
 def test_twenty_thousand_items_are_listed_and_none_is_read(workdir, tmp_path):
     catalog = Catalog(workdir)
     clips = catalog.sets(TASK.name, "retarget")[0]
