@@ -63,6 +63,6 @@ def test_the_command_tells_it_in_json(tmp_path):
     states = {one["name"]: one["state"] for one in findings}
     assert states["pictures"] == "fault"
     assert done.returncode == 1, "something does not work"
-    assert {"python", "mujoco", "torch", "rsl-rl-lib", "threads", "memory", "disk", "gpu"} <= set(states)
+    assert {"python", "mujoco", "torch", "[train]", "threads", "memory", "disk", "gpu"} <= set(states)
     assert all(one["advice"] for one in findings if one["state"] != "ok")
     assert not list(Path(tmp_path).iterdir()), "it leaves nothing behind"

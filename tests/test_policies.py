@@ -17,12 +17,12 @@ from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
 from mimicbench.core.motion import RobotMotion
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.vec_env import EnvConfig
+from mimicbench.evaluate.failures import failure
 from mimicbench.evaluate.rollout import Judged, Protocol, policy_rows, run_policy
 from mimicbench.evaluate.rows import summarize
 from mimicbench.objects.registry import make_object
 from mimicbench.policies.loading import load_policy
 from mimicbench.policies.registry import LOADERS
-from mimicbench.report.compare import failure
 from mimicbench.sensors.observations import Observations
 from mimicbench.tasks.registry import TASKS
 from stool import H1, standing

@@ -3,7 +3,9 @@
 Pictures and videos are what they say.
 """
 
+import base64
 import csv
+import hashlib
 import io
 import json
 import re
@@ -19,6 +21,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError
 from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.core.skeleton import forward_kinematics
+from mimicbench.evaluate.failures import FAILURES
 from mimicbench.evaluate.intervals import Rate
 from mimicbench.evaluate.rows import EpisodeRow, read_rows
 from mimicbench.objects.registry import FAMILIES, make_object
@@ -28,6 +31,9 @@ from mimicbench.report import compare, page, plots
 from mimicbench.report.curves import read_curve
 from mimicbench.report.paper_tables import TABLES, TASKS, methods, paper_table
 from mimicbench.report.person import EYES, HAIR, SHIRT, SHOES, SKIN, SOLES, TROUSERS, place, solids_of
+from mimicbench.report.pictures.gallery import Failed, counted, draw_failures, draw_objects
+from mimicbench.report.pictures.sheet import contact_sheet
+from mimicbench.report.pictures.showcase import Clip, Recording, Showcase, ShowConfig, draw, moments, positions
 from mimicbench.report.provenance import Provenance, package_versions, this_machine
 from mimicbench.report.render import (
     FIELD_OF_VIEW,
@@ -39,8 +45,6 @@ from mimicbench.report.render import (
     robot_frames,
     with_object,
 )
-from mimicbench.report.sheet import contact_sheet
-from mimicbench.report.showcase import Clip, Recording, Showcase, ShowConfig, draw, moments, positions
 from mimicbench.report.tables import Reported, Table, text, to_csv, to_latex, to_markdown, to_terminal
 from mimicbench.report.video import strip, write_video
 from mimicbench.report.write import ReportInputs, draw_plots, write_report
@@ -248,7 +252,7 @@ def test_failures_and_breakdowns_add_up():
     act = [row for row in INPUTS.rows if row.policy == "act"]
     kinds = compare.failures(act)
     # episodes 15 to 19 fail; 15 and 18 by falling, 16 ends away from the chair, 17 and 19 beside it
-    assert [kinds[kind].successes for kind in compare.FAILURES] == [2, 0, 0, 1, 2, 0, 0]
+    assert [kinds[kind].successes for kind in FAILURES] == [2, 0, 0, 1, 2, 0, 0]
     left = [replace(row, stays=False) if row.episode < 4 else row for row in act]
     assert compare.failures(left)["did not stay"].successes == 4, "who fulfils K and leaves again has failed, too"
     turned = [replace(row, fell_phase="turning") if row.fell else row for row in act]
@@ -332,7 +336,10 @@ def test_report_without_pictures_stands_alone_and_regenerates(tmp_path):
     addresses.feed(html)
     assert all(address.startswith(("data:", "#")) for address in addresses.found)
     assert not re.search(r"https?://|@import|url\((?!#)", html)
-    assert not {"script", "link", "iframe"} & set(addresses.tags)
+    assert not {"link", "iframe"} & set(addresses.tags)
+    (script,) = re.findall(r"<script>(.*?)</script>", html, re.DOTALL)
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    assert addresses.tags.count("script") == 1 and f"script-src 'sha256-{digest}'" in html, "no other script may run"
     assert "bc&lt;script&gt;" in html
     assert "<b>75.0 %</b>" in html and "15/20" in html
     write_report(tmp_path / "b", INPUTS)
@@ -380,11 +387,14 @@ def test_nothing_unescaped_gets_into_a_page(tmp_path):
         page.folded(evil, page.paragraph(evil)),
         page.stage(evil, evil, tmp_path / "picture"),
         page.videos([(evil, tmp_path / "picture")]),
+        page.gallery(evil, [(evil, tmp_path / "picture")]),
+        page.objects([(tmp_path / "picture", evil, evil, 1, 2)]),
+        page.judging(20.0, 0.3),
         page.plot(plots.rates_plot("rates", {evil: [(evil, plots.Mark(Rate(1, 2), 0))]}), evil),
     )
     sections = [page.Section(evil, page.joined(pieces)), page.Section("plain text", evil), page.Section("none", "")]
     html = page.page(evil, evil, evil, [page.Tile(evil, evil, evil, (evil,))], sections, evil)
-    assert "<script" not in html and html.count("&lt;script&gt;") >= 20
+    assert html.count("<script") == 1 and html.count("&lt;script&gt;") >= 20
     assert not re.search(r"=\"[^\"]*<script", html)
     mixed = page.paragraph("x") + evil  # type: ignore[operator]
     assert "<script" not in mixed and mixed.startswith("<p>x</p>"), "plain text beside a piece is escaped"
@@ -559,6 +569,43 @@ def test_showcase_draws_once(tmp_path, model):
         # 39/30 s at 5 frames per second, both ends included
         assert len(iio.imread(each.video, plugin="FFMPEG")) == 7
     assert not list((tmp_path / "media").glob(".*"))
+
+
+def test_motions_of_different_length_are_films_of_one_length(tmp_path, model):
+    painter_or_skip(model).close()
+    config = ShowConfig(moments=2, still=SMALL, video=SMALL, fps=5)
+    clips = (Clip("Human", "", human(10)), Clip("Retargeted", "", robot_motion(40)))
+    brief, long = draw(Showcase(CHAIR, "h1", clips), tmp_path, config)
+    assert brief.seconds == pytest.approx(9 / 30) and long.seconds == pytest.approx(39 / 30)
+    films = [iio.imread(each.video, plugin="FFMPEG").astype(int) for each in (brief, long)]
+    assert len(films[0]) == len(films[1]) == 7
+    assert abs(films[0][2] - films[0][3]).max() < 12 < abs(films[0][0] - films[0][1]).max(), "it rests"
+
+
+def test_failures_are_filmed_around_the_fall_and_objects_counted(tmp_path, model):
+    painter_or_skip(model).close()
+    fallen = next(row for row in INPUTS.rows if row.fell)
+    slow = next(row for row in INPUTS.rows if not row.success and not row.fell)
+    failed = [Failed(row, replace(robot_motion(200), fps=25), CHAIR) for row in (fallen, slow)]
+    assert failed[0].part == (1.0, 5.5) and failed[1].part == pytest.approx((4.96, 7.96))
+    assert failed[0].caption.startswith("fell walking · ") and "1.0 to 5.5 s" in failed[0].caption
+    paths = draw_failures(failed, tmp_path)
+    assert [len(iio.imread(path, plugin="FFMPEG")) for path in paths] == [113, 75]
+    made = [path.stat().st_mtime_ns for path in paths]
+    assert [path.stat().st_mtime_ns for path in draw_failures(failed, tmp_path)] == made, "not drawn again"
+    other = make_object("chair-0-00004")
+    rows = [replace(row, object_id=CHAIR.id if row.episode < 10 else other.id) for row in INPUTS.rows[:20]]
+    found = counted(rows, [CHAIR, other, make_object("chair-0-00005")])
+    assert [(one.obj.id, one.rate.counts()) for one in found] == [(other.id, "5/10"), (CHAIR.id, "10/10")]
+    tiles = draw_objects(found, tmp_path)
+    assert iio.imread(tiles[0]).shape == (130, 150, 3) and iio.imread(tiles[0]).std() > 5
+    showcase = Showcase(CHAIR, "h1", (Clip("Human", "note", human()),))
+    config = ShowConfig(moments=2, still=SMALL, video=SMALL, fps=5)
+    inputs = replace(INPUTS, failed=tuple(failed), showcase=showcase, show=config, objects={CHAIR.id: CHAIR})
+    rows = tuple(replace(row, object_id=CHAIR.id) for row in INPUTS.rows)
+    html = write_report(tmp_path / "page", replace(inputs, rows=rows)).read_text()
+    assert html.count("data:video/mp4") == 3 and html.count("data:image/jpeg") == 2
+    assert "Some that failed: act" in html and "<b>15/20</b>" in html
 
 
 def test_strip_and_video_by_hand(tmp_path):

@@ -1,11 +1,14 @@
 """What the viewer lists, opens and works out. Its server: test_viewer_server.py; its page: test_viewer_page.py."""
 
 import json
+import queue
 import time
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
 from making import make, small
 from mimicbench.core.errors import BadFile
@@ -16,6 +19,7 @@ from mimicbench.imitate.stored.demo_writer import Demonstration, DemoWriter
 from mimicbench.objects.make import read_objects
 from mimicbench.robots.registry import DEFAULT_ROBOT, ROBOTS
 from mimicbench.sensors.elevation import camera_map
+from mimicbench.sensors.pictures import CameraPictures
 from mimicbench.sensors.rays import ray_depth
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.checkpoint import load_tracker
@@ -25,10 +29,19 @@ for name in ("viser", "mjviser"):
     pytest.importorskip(name, reason=f"{name} is not installed: pip install 'mimicbench[view]'")
 
 from mimicbench.viewer.catalog import Catalog, ItemSet  # noqa: E402
+from mimicbench.viewer.coloring import ColorCameras, Look  # noqa: E402
 from mimicbench.viewer.figures import object_meshes, robot_meshes  # noqa: E402
 from mimicbench.viewer.live import Episode, methods  # noqa: E402
 from mimicbench.viewer.opened import open_item  # noqa: E402
-from mimicbench.viewer.sensing import CAMERA_PIXELS, Probe, depth_picture, elevation, map_picture  # noqa: E402
+from mimicbench.viewer.sensing import (  # noqa: E402
+    CAMERA_PIXELS,
+    Probe,
+    camera_order,
+    depth_picture,
+    elevation,
+    map_picture,
+    side_by_side,
+)
 from mimicbench.viewer.showing import told_power  # noqa: E402
 
 TASK, ROBOT = TASKS.get("sit-chair"), ROBOTS.get(DEFAULT_ROBOT)
@@ -166,6 +179,18 @@ def test_an_episode_says_who_is_to_act_it_out_again(workdir):
     assert "fell while walking" in found.facts[0] and "2.5e+06" in found.facts[0]
 
 
+def test_an_episode_whose_motion_was_kept_is_played_as_it_was_judged(workdir):
+    (rows,) = Catalog(workdir).sets(TASK.name, "evaluate")
+    assert "robot" not in opened(workdir, "evaluate", 3).tracks, "this one was not kept"
+    clip = opened(workdir, "evaluate", 3).clip
+    file = rows.path.with_suffix("") / f"{rows.rows[3].id}.npz"
+    replace(clip, id=rows.rows[3].id, fps=50.0).save(file)
+    track = opened(workdir, "evaluate", 3).tracks["robot"]
+    assert track.title == "tracker, as judged" and track.fps == 50 and len(track) == clip.frames
+    assert np.allclose(track.pose(9).pos_w[0], clip.root_pos_w[9], atol=1e-6)
+    file.unlink()
+
+
 def test_twenty_thousand_items_are_listed_and_none_is_read(workdir, tmp_path):
     catalog = Catalog(workdir)
     clips = catalog.sets(TASK.name, "retarget")[0]
@@ -262,6 +287,38 @@ def test_the_floor_bears_the_robot(workdir):
     assert np.mean(borne) == pytest.approx(weight, rel=0.25)
     assert episode.track.state(len(episode.track) - 1) is episode.track.states[-1], "contacts are seen while it acts"
     episode.close()
+
+
+def test_color_cameras_see_what_observations_show(workdir):
+    found = opened(workdir, "retarget")
+    episode = Episode("tracker", methods(TASK.name, ROBOT.name, workdir)["tracker"], found)
+    episode.until(0.1)
+    look = Look(ROBOT.name, TASK.name, found.obj, episode.env.physics.qpos()[0], found.wrist_goal_w)
+    answers = queue.Queue()
+    cameras = ColorCameras(answers.put)
+    try:
+        for _ in range(3):
+            cameras.ask(look)
+        seen = answers.get(timeout=120)
+        if isinstance(seen, str):
+            pytest.skip(seen)
+        with closing(CameraPictures(ROBOT, TASK.rig, *CAMERA_PIXELS)) as pictures:
+            theirs = pictures.views(episode.env.physics, torch.full((1, 2, 3), torch.nan)).color[0]
+        assert np.array_equal(seen, theirs[camera_order(TASK.rig)])
+        assert seen.std() > 10 and side_by_side(seen).shape == (2 * 91, 2 * 121, 3)
+    finally:
+        cameras.close()
+        episode.close()
+
+
+def test_without_opengl_the_color_cameras_say_so(workdir, monkeypatch):
+    monkeypatch.setenv("MUJOCO_GL", "off")
+    found, answers = opened(workdir, "retarget"), queue.Queue()
+    cameras = ColorCameras(answers.put)
+    qpos = np.zeros(7 + len(ROBOT.joints) + 7)
+    cameras.ask(Look(ROBOT.name, TASK.name, found.obj, qpos, found.wrist_goal_w))
+    assert "no OpenGL" in answers.get(timeout=120)
+    cameras.close()
 
 
 def test_power_is_told_against_every_limit():

@@ -97,6 +97,7 @@ def test_two_methods_act_side_by_side_and_are_pushed(browser, page):
     browser.click("Act")
     browser.wait_for("largest e so far", SLOW)
     eventually(lambda: set(page.act.episodes) == {"robot", "other"})
+    eventually(lambda: page.session.hidden == {"human"})  # the clip stays for who follows it
     browser.click("Forward")
     browser.wait_for("bc · ", SLOW)
     browser.click("Pause")
@@ -105,8 +106,23 @@ def test_two_methods_act_side_by_side_and_are_pushed(browser, page):
     browser.wait_for("Elevation map, ahead is up", SLOW)
     browser.click("Depth cameras")
     browser.wait_for("Depth: ", SLOW)
+    browser.click("Color cameras")
+    browser.wait("/Color: |no OpenGL/.test(document.body.innerText)", SLOW)
     browser.click("Contact forces")
     browser.wait_for("Curves", SLOW)
+
+
+def test_a_policy_has_the_scene_for_itself(browser, page):
+    browser.choose("Method", "bc")
+    browser.choose("Compare with", "nobody")
+    browser.click("Act")
+    eventually(lambda: page.session.hidden == {"human", "retargeted"})
+    browser.click("Human")
+    eventually(lambda: page.session.hidden == {"retargeted"})
+    browser.click("Pause")
+    browser.click("Next")
+    eventually(lambda: not page.session.hidden)
+    browser.click("Previous")
 
 
 def test_what_cannot_be_is_told_and_the_page_goes_on(browser, page):

@@ -13,6 +13,14 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "mimicbench"
 MOST_BYTES = 40 << 20
 USE = """
+import sys
+
+class WithoutExtras:  # as where only what everybody needs is installed
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in ("rsl_rl", "tensordict", "tensorboard", "viser", "onnx", "mink", "ray", "warp"):
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+sys.meta_path.insert(0, WithoutExtras())
 import gymnasium, mimicbench
 from pathlib import Path
 from mimicbench.policies.loading import load_policy
@@ -25,6 +33,12 @@ env.step(env.action_space.sample())
 print(seen["proprio"].shape)
 shipped = Path(mimicbench.__file__).parent / "checkpoints" / "sit-chair" / "planner"
 print(len(load_policy(shipped, ROBOTS.get("h1"), TASKS.get("sit-chair")).observations) > 0)
+from mimicbench.benchmark import Recipe, run_stage
+from mimicbench.benchmark.judging import judge  # who only judges trains nothing
+try:
+    run_stage("track", Recipe("sit-chair"), Path("never-made"))
+except mimicbench.core.errors.MimicbenchError as error:
+    print(error)
 """
 
 
@@ -68,6 +82,7 @@ def test_it_works_where_it_is_installed_alone(wheel, tmp_path):
     # nothing of the repository: another folder to stand in, and the installed package first on the path
     outside = {"cwd": tmp_path, "env": {**os.environ, "PYTHONPATH": str(target), "PYTHONDONTWRITEBYTECODE": "1"}}
     assert "evaluate" in python("-m", "mimicbench", "--help", **outside)
-    where, shape, observes = python("-c", USE, **outside).split("\n")[:3]
+    where, shape, observes, trains = python("-c", USE, **outside).split("\n")[:4]
     assert Path(where) == target / "mimicbench"
     assert (shape, observes) == ("(48,)", "True")
+    assert "pip install 'mimicbench[train]'" in trains and not (tmp_path / "never-made").exists()

@@ -18,6 +18,7 @@ from mimicbench.report.provenance import package_versions, this_machine
 State = Literal["ok", "note", "fault"]
 """Fine; works, but there is something to know; something does not work."""
 EXTRAS = {
+    "train": (("rsl-rl-lib", "tensorboard"), "training trackers and policies"),
     "view": (("viser", "mjviser"), "the page of `mimicbench view`"),
     "gpu": (("warp-lang", "mujoco-warp"), "physics on an NVIDIA GPU"),
     "cluster": (("ray",), "stages on several machines"),
@@ -71,7 +72,7 @@ def packages() -> list[Finding]:
     """What results depend on."""
     found = []
     for name, version in package_versions().items():
-        if name == "python":
+        if name == "python" or any(name in names for names, _ in EXTRAS.values()):
             continue
         if version == "not installed":
             found.append(Finding(name, "fault", version, f"run `pip install {name}`, or install mimicbench again"))

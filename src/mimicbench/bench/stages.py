@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -18,10 +19,13 @@ from mimicbench.robots.description import Robot
 from mimicbench.sim.backends import check_device
 from mimicbench.tasks.task import Task
 from mimicbench.track.network import MLPConfig
-from mimicbench.track.ppo import PPOConfig, PPOLearner
+from mimicbench.track.ppo_config import PPOConfig, ppo_learner
 from mimicbench.track.registry import TRACKERS
 from mimicbench.track.tracking import TrackingConfig, TrackingEnv
 from mimicbench.track.train import TrackConfig
+
+if TYPE_CHECKING:
+    from mimicbench.track.ppo import PPOLearner
 
 CLIPS = 24
 ENVS = 512
@@ -67,7 +71,7 @@ def bench(
     clip_set = ClipSet(task, robot, motions, {obj.id: obj for obj in objects})
     env = TrackingEnv(spec, clip_set, ENVS, TrackingConfig(), 0, EnvConfig(device=device, workers=workers))
     network = env.layout.blueprint(MLPConfig(PPOConfig().hidden))
-    learner = PPOLearner(network, len(robot.joints), ENVS, PPOConfig(), env.device)
+    learner = ppo_learner()(network, len(robot.joints), ENVS, PPOConfig(), env.device)
     train = _rate(lambda: _train(env, learner, settings), ENVS * PPOConfig().steps, seconds)
     say(f"training: {train:.0f} samples per second")
     # environment and bare physics take turns, so that both meet the same machine
@@ -91,7 +95,7 @@ def _rate(work: Callable[[], None], amount: int, seconds: float) -> float:
     return amount * rounds / (time.perf_counter() - started)
 
 
-def _train(env: TrackingEnv, learner: PPOLearner, settings: object) -> None:
+def _train(env: TrackingEnv, learner: "PPOLearner", settings: object) -> None:
     obs = env.observe()
     for _ in range(PPOConfig().steps):
         obs, reward, done, time_out = env.step(learner.act(obs), settings)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from mimicbench.benchmark import keys
 from mimicbench.benchmark.keys import Run
+from mimicbench.benchmark.published import published_clips
 from mimicbench.benchmark.recipe import Recipe, check_recipe
 from mimicbench.core.checkpoint import CONFIG, copy_checkpoint
 from mimicbench.core.errors import BadFile, BadMotion, BadObject, UnknownName
@@ -18,7 +19,7 @@ from mimicbench.core.parallel import end_if_imported_by_worker
 from mimicbench.core.run import RunContext
 from mimicbench.core.stage import Stage, StageKey, opened
 from mimicbench.envs.clips import ClipSet
-from mimicbench.objects.make import make_objects, object_ids, read_objects
+from mimicbench.objects.make import MADE, make_objects, object_ids, read_objects
 from mimicbench.references import make as references
 from mimicbench.retarget import make as retargeting
 
@@ -142,9 +143,10 @@ def retargeted(run: Run) -> Clips:
 
 def make_track_stage(run: Run) -> Stage:
     """Train the tracker on the clips of training objects; objects of the test split only judge it."""
+    from mimicbench.track.ppo_config import ppo_learner
     from mimicbench.track.train import train_tracker
 
-    config = run.part("track")
+    config, _ = run.part("track"), ppo_learner()  # which had better be missing before clips are made for it
     every = [retargeted(part) for part in keys.tracked(run).values()]
     sets: dict[str, ClipSet] = {}
     for clips in every:
@@ -207,6 +209,8 @@ def make_demo_stage(run: Run) -> Stage:
     from mimicbench.imitate.demos import make_demos
     from mimicbench.track.checkpoint import load_tracker
 
+    if run.part("demos").source != MADE:
+        return run.named("demos", run.part("demos").source)
     _tell_tracker(run)
     clips, folder = retargeted(run), tracker_for_learning(run)
     with _opened(run, keys.demo_key(run, folder), *PARTS[:5]) as stage:
@@ -242,7 +246,9 @@ def _learned_from(run: Run) -> tuple[ClipSet, Path | None]:
     """
     if run.part("imitate").references:
         _tell_tracker(run)
-        return retargeted(run).split("train"), tracker_for_learning(run)
+        clips = published_clips(run) if run.part("imitate").clones else None
+        clips = retargeted(run).set if clips is None else clips
+        return clips.split("train"), tracker_for_learning(run)
     there = make_object_stage(run)
     objects = _scene(there, "train")
     if not objects:

@@ -12,16 +12,18 @@ from typing import TYPE_CHECKING, Any
 
 from mimicbench.benchmark import keys
 from mimicbench.benchmark.graph import Clips, env_config, retargeted
+from mimicbench.benchmark.kept import keep, kept
 from mimicbench.benchmark.keys import Run
 from mimicbench.benchmark.recipe import stage_type
 from mimicbench.core.checkpoint import CONFIG, MODEL, beside, checkpoint_kind
-from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
+from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError, UnknownName
 from mimicbench.core.files import digest_of
 from mimicbench.imitate.registry import LEARNERS
 
 if TYPE_CHECKING:
     import numpy as np
 
+    from mimicbench.core.motion import RobotMotion
     from mimicbench.envs.clips import ClipSet
     from mimicbench.evaluate.rows import EpisodeRow
 
@@ -158,12 +160,44 @@ def judge(run: Run, name: str) -> list[EpisodeRow]:
     there = rows_made_from(path).get("episodes", 0) if path.exists() else 0
     if there == count and not who.is_program:
         return read_rows(path)
-    rows = judge_tracker(run, who, clips.set) if who.is_tracker else judge_policy(run, who, clips.set)[0]
+    positions: dict[int, np.ndarray] = {}
+    if who.is_tracker:
+        rows = judge_tracker(run, who, clips.set)
+    else:
+        rows, positions = judge_policy(run, who, clips.set, _first_batch(count))
     if (
         there < count or who.is_program
     ):  # the last, smaller batch of fewer episodes may round differently: they are judged, but not kept
         write_rows(path, rows, {**source, "episodes": count})
+        if positions:
+            keep(path.with_suffix(""), rows, positions, clips.set)
     return rows
+
+
+def episodes_to_show(
+    run: Run, name: str, clips: Clips, rows: Sequence[EpisodeRow]
+) -> list[tuple[EpisodeRow, RobotMotion]]:
+    """The motions of the first of a policy's best episodes and of some that failed, in this order.
+
+    As they were kept when its rows were made; else its first batch runs again, exactly as it was judged.
+    """
+    who = who_of(run, name)
+    folder = rows_path(run, who, _source(run, who, clips)).with_suffix("")
+    first = _first_batch(len(rows))
+    of_batch = [row for row in rows if row.episode in first]
+    try:
+        return kept(folder, of_batch)
+    except (BadFile, BadMotion):
+        run.context.say(f"{len(of_batch)} episodes of {who.name} run once more, to be drawn")
+    positions = judge_policy(run, who, clips.set.first(len(of_batch)), first)[1]
+    keep(folder, of_batch, positions, clips.set)
+    return kept(folder, of_batch)
+
+
+def _first_batch(count: int) -> range:
+    from mimicbench.evaluate.rollout import Protocol
+
+    return range(min(count, Protocol().batch))
 
 
 def rows_path(run: Run, who: Who, source: dict[str, Any]) -> Path:
@@ -208,7 +242,7 @@ def judge_tracker(run: Run, who: Who, clips: ClipSet) -> list[EpisodeRow]:
 def judge_policy(
     run: Run, who: Who, clips: ClipSet, record: Sequence[int] = ()
 ) -> tuple[list[EpisodeRow], dict[int, np.ndarray]]:
-    """One row per episode, from the first frames of the clips alone, and the states of the episodes in `record`."""
+    """One row per episode, from the first frames of the clips alone, and the positions of the episodes in `record`."""
     from mimicbench.core.progress import counter
     from mimicbench.evaluate.rollout import Judged, Protocol, policy_rows, run_policy
     from mimicbench.policies.loading import load_policy
@@ -217,8 +251,7 @@ def judge_policy(
     policy = load_policy(who.folder, run.robot, run.task)
     protocol = Protocol()
     seconds = math.ceil(len(clips) / protocol.batch) * int(run.task.time_limit)
-    again = " once more, to be drawn" if record else ""
-    label = f"evaluating {who.name}{again}, {len(clips)} episodes, seconds"
+    label = f"evaluating {who.name}, {len(clips)} episodes, seconds"
     with counter(seconds, label, run.context.quiet) as tick:
         runs = run_policy(policy, clips, protocol, record, tick, env_config(run))
     rows = policy_rows(runs, clips, Judged("imitate", who.name, policy.gains, run.recipe.seed))

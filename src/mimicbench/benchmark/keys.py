@@ -67,8 +67,9 @@ class Run:
         try:
             return read_stage(self.workdir / self.recipe.task / stage / name)
         except BadFile as error:
-            how = "objects import" if stage == "objects" else "import"
-            raise BadFile(f"{error}; `mimicbench {how} --to {name}` makes the set {name!r}") from None
+            how = {"objects": "objects import", "references": "import"}.get(stage)
+            advice = f"`mimicbench {how} --to {name}` makes" if how else "give the --workdir that has"
+            raise BadFile(f"{error}; {advice} the set {name!r}") from None
 
     def has_named(self, stage: str, name: str) -> bool:
         """Whether there is such a set."""
@@ -204,6 +205,7 @@ def shipped_trackers(robot: str) -> dict[str, Path]:
 def demo_key(run: Run, tracker: Path) -> StageKey:
     """Demonstrations by the tracker in a folder."""
     clips, settings = retarget_key(run), identity(run.part("demos"))
+    del settings["source"]
     if not settings["images"]:
         del settings["images"]  # without any, demonstrations are what they were before there were any
     return run.key(
@@ -212,6 +214,18 @@ def demo_key(run: Run, tracker: Path) -> StageKey:
         {"retarget": clips.fingerprint, "tracker": digest_of(tracker / MODEL)},
         reads={"retarget": run.folder(clips), "tracker": tracker},
     )
+
+
+def demos_of(run: Run, tracker: Path) -> tuple[str, Path]:
+    """Fingerprint and folder of the demonstrations: by the tracker in a folder, or a named set. Raises BadFile if there
+    is no such set.
+    """
+    name = run.part("demos").source
+    if name == MADE:
+        key = demo_key(run, tracker)
+        return key.fingerprint, run.folder(key)
+    there = run.named("demos", name)
+    return there.fingerprint, there.folder
 
 
 def perception_key(run: Run) -> StageKey:
@@ -231,7 +245,10 @@ def imitate_key(run: Run, tracker: Path | None) -> StageKey:
         made_from["objects"], reads["objects"] = objects_of(run)
     else:
         made_from["tracker"], reads["tracker"] = digest_of(tracker / MODEL), tracker
-        before.append(demo_key(run, tracker) if config.clones else retarget_key(run))
+        if config.clones:
+            made_from["demos"], reads["demos"] = demos_of(run, tracker)
+        else:
+            before.append(retarget_key(run))
     if needs_eyes(run):
         before.append(perception_key(run))
     else:

@@ -7,6 +7,7 @@ from typing import Any
 from mimicbench.benchmark import keys
 from mimicbench.benchmark.graph import retargeted
 from mimicbench.benchmark.keys import Run
+from mimicbench.benchmark.published import published_clips
 from mimicbench.core.errors import BadFile
 
 
@@ -18,14 +19,15 @@ def verify_demos(run: Run) -> dict[str, Any]:
     from mimicbench.imitate.stored.verify import unfulfilled
 
     tracker = keys.tracker_folder(run)
-    stage = None if tracker is None else run.folder(keys.demo_key(run, tracker))
+    stage = None if tracker is None else keys.demos_of(run, tracker)[1]
     if stage is None or not keys.is_complete(stage):
         raise BadFile(
             f"this recipe has no demonstrations in {run.workdir}; make them with `mimicbench demos --task "
             f"{run.recipe.task} --workdir {run.workdir}`"
         )
     demos = load_demos(stage / "dataset", run.recipe.robot, state=False)
-    wrong = unfulfilled(demos, retargeted(run).set)
+    clips = published_clips(run)
+    wrong = unfulfilled(demos, retargeted(run).set if clips is None else clips)
     return {
         "task": run.recipe.task,
         "demonstrations": demos.episodes,

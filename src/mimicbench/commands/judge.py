@@ -53,6 +53,7 @@ def run(argv: Sequence[str]) -> None:
     call = read_call("evaluate", argv, RunOptions, [profile, *([] if train else ["new-objects"])], "run")
     from mimicbench.benchmark.graph import start
     from mimicbench.report.compare import summaries
+    from mimicbench.report.pictures.showcase import QUICK
     from mimicbench.report.stage import report
 
     runs = [start(recipe, call.options.workdir, call.options.context()) for recipe in call.recipes]
@@ -63,7 +64,7 @@ def run(argv: Sequence[str]) -> None:
         if train:
             _learn(one)
         rows = _judged(one)
-        page = report(one, rows, _shown(one, train))
+        page = report(one, rows, _shown(one, train), QUICK if profile == "smoke" else None)
         found.append({"task": one.recipe.task, "report": str(page), "results": [s.to_dict() for s in summaries(rows)]})
         if not call.options.json:
             _tables(one.recipe.task, rows)

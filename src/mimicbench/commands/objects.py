@@ -27,7 +27,7 @@ def draw(
     """Draw objects of a task on one sheet, all to the same scale; makes them if they are not there."""
     from mimicbench.benchmark import Recipe, run_stage
     from mimicbench.objects.make import ObjectsConfig, object_ids, read_objects
-    from mimicbench.report.sheet import contact_sheet
+    from mimicbench.report.pictures.sheet import contact_sheet
     from mimicbench.report.video import write_png
 
     config = ObjectsConfig(source, max(count, ObjectsConfig().count))

@@ -6,6 +6,7 @@ training goes on; so it is right after any kill, and one file however often a tr
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from importlib.util import find_spec
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,9 @@ STEPS = ("samples", "step")
 
 
 def append_events(folder: Path, row: Mapping[str, Any]) -> None:
-    """Append the numbers of a line of metrics to a training's events."""
+    """Append the numbers of a line of metrics to a training's events, if TensorBoard is installed."""
+    if not _installed():
+        return
     path = folder / EVENTS
     path.parent.mkdir(parents=True, exist_ok=True)
     begun = path.exists()
@@ -27,8 +30,14 @@ def append_events(folder: Path, row: Mapping[str, Any]) -> None:
 
 
 def write_events(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write a training's events anew."""
+    """Write a training's events anew, if TensorBoard is installed."""
+    if not _installed():
+        return
     write_atomic(folder / EVENTS, lambda stream: _write(stream, rows, False))
+
+
+def _installed() -> bool:
+    return find_spec("tensorboard") is not None
 
 
 def _write(stream: Any, rows: Sequence[Mapping[str, Any]], begun: bool) -> None:

@@ -32,7 +32,7 @@ def end_if_imported_by_worker() -> None:
         os._exit(1)
 
 
-def _refuse_without_guard() -> None:
+def refuse_without_guard() -> None:
     """Raise MimicbenchError if the program is a script whose work would be done again by each of its workers."""
     end_if_imported_by_worker()
     main = sys.modules["__main__"]
@@ -72,10 +72,10 @@ def map_items(
     workers = min(workers or cpu_count(), max(1, len(items)))
     if workers == 1 and not isolated:
         return list(progress(map(function, items), len(items), label, quiet))
-    _refuse_without_guard()
+    refuse_without_guard()
     context = multiprocessing.get_context("spawn")
     try:
-        with ProcessPoolExecutor(workers, mp_context=context, initializer=_start_worker) as pool:
+        with ProcessPoolExecutor(workers, mp_context=context, initializer=start_worker) as pool:
             return list(
                 progress(
                     pool.map(function, items, chunksize=max(1, min(8, len(items) // (4 * workers)))),
@@ -91,7 +91,7 @@ def map_items(
         ) from None
 
 
-def _start_worker() -> None:
+def start_worker() -> None:
     """Each worker process uses one thread: the processes already fill the processors.
 
     A crash of native code tells where it was.

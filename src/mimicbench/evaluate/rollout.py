@@ -95,7 +95,9 @@ def _run_batch(
     assert env.metrics is not None
     start_distance = env.root_distance()
     end_distance, running = start_distance, torch.ones(len(clips), dtype=torch.bool, device=env.device)
-    tracks: dict[int, list[np.ndarray]] = {episode: [env.physics.qpos()[episode].copy()] for episode in record}
+    tracks: dict[int, list[np.ndarray]] = {
+        episode: [env.physics.qpos()[episode].astype(np.float32)] for episode in record
+    }
     guard = Guard(policy, env.context.state.joint_pos, patience)
     for step in range(round(task.time_limit / CONTROL_DT)):
         obs = env.observe(policy.observations)
@@ -108,8 +110,9 @@ def _run_batch(
         # where the episode ends for the paper: K and P are judged there, though the robot goes on to the time limit
         end_distance = torch.where(running, env.root_distance(), end_distance)
         running = running & ~env.metrics.over()
+        positions = env.physics.qpos() if tracks else ()
         for episode, track in tracks.items():
-            track.append(env.physics.qpos()[episode].copy())
+            track.append(positions[episode].astype(np.float32))
         if (step + 1) % SECOND == 0:
             tick(1)
     env.close()

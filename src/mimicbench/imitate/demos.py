@@ -20,6 +20,7 @@ from mimicbench.envs.disturbance import Disturbance
 from mimicbench.envs.policy import Policy
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.imitate.stored.demo_writer import Demonstration, DemoWriter
+from mimicbench.objects.make import MADE
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.observations import chosen_terms
 from mimicbench.sensors.proprioception import s_current, s_current_names
@@ -37,6 +38,9 @@ from mimicbench.track.spec import Tracker
 class DemosConfig:
     """How demonstrations are made."""
 
+    source: str = MADE
+    """`made`: by the tracker. Else the name of a data set in `<workdir>/<task>/demos`, such as the published one of
+    examples/sample; nothing is made then, and all other settings of this stage are without effect."""
     clips: Positive = 1500
     """Training clips to track, at most."""
     action_noise: float = 0.05

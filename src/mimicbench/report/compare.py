@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mimicbench.evaluate.failures import FAILURES, failure
 from mimicbench.evaluate.intervals import Rate
 from mimicbench.evaluate.rows import ENERGY_LIMITS, EpisodeRow, Summary, group, summarize
 from mimicbench.report.paper_tables import CITATION, COUNTERPARTS, TASKS, PaperRate, methods
@@ -14,8 +15,6 @@ from mimicbench.report.tables import Cell, Reported, Table
 
 MAX_FAILURES = 60
 """Failed episodes that a page lists; the file of episodes has all."""
-NEAR = 0.15
-"""[m] Who ends farther than this from the object was still on the way, or had lost it."""
 
 
 def label(policy: str, preset: str) -> str:
@@ -31,7 +30,7 @@ def summaries(rows: Sequence[EpisodeRow]) -> list[Summary]:
 
 def results_table(found: Sequence[Summary]) -> Table:
     """All rates of all policies."""
-    rows = [(_stage(s), label(s.policy, s.preset), s.kinematic, s.energy, s.stays, s.fell) for s in found]
+    rows = [(_stage(s), method_name(s), s.kinematic, s.energy, s.stays, s.fell) for s in found]
     return Table(
         "results",
         "Results",
@@ -47,7 +46,7 @@ def results_table(found: Sequence[Summary]) -> Table:
 
 def energy_table(found: Sequence[Summary]) -> Table:
     """K and P at each of the four energy limits."""
-    rows = [(_stage(s), label(s.policy, s.preset), *s.by_limit) for s in found]
+    rows = [(_stage(s), method_name(s), *s.by_limit) for s in found]
     columns = ("Stage", "Policy", *(f"λ = {limit / 1e6:.0f}e6" for limit in ENERGY_LIMITS))
     return Table(
         "energy",
@@ -67,7 +66,7 @@ def beside_paper_table(task: str, found: Sequence[Summary]) -> Table:
         for s in (s for s in found if s.stage == stage and s.task == task):
             method = counterpart(stage, s.policy)
             theirs = published.get(method) if method else None
-            name = label(s.policy, s.preset) + (f", as {method}" if theirs and method else "")
+            name = method_name(s) + (f", as {method}" if theirs and method else "")
             kinematic, energy = _reported(theirs)
             rows.append((_stage(s), name, s.kinematic, kinematic, s.energy, energy, s.stays))
             shown |= {method} if theirs and method else set()
@@ -132,6 +131,11 @@ def _reported(rate: PaperRate | None) -> tuple[Cell, Cell]:
     return (Reported(rate.kinematic), Reported(rate.energy)) if rate else (None, None)
 
 
+def method_name(summary: Summary) -> str:
+    """How a method is called beside the word `tracker` or `policy`, which it need not repeat."""
+    return label("ours" if summary.policy == _stage(summary) else summary.policy, summary.preset)
+
+
 def _stage(summary: Summary) -> str:
     return "tracker" if summary.stage == "track" else "policy"
 
@@ -142,29 +146,6 @@ class Breakdown:
 
     title: str
     parts: Mapping[str, Rate]
-
-
-FAILURES = (
-    "fell walking",
-    "fell turning",
-    "fell at the object",
-    "still on the way",
-    "there, but not in place",
-    "did not stay",
-    "stopped by an error",
-)
-_FALLS = {"walking": FAILURES[0], "turning": FAILURES[1]}
-
-
-def failure(row: EpisodeRow) -> str | None:
-    """How an episode failed, one of FAILURES; None if it did not. Who fulfils K and does not stay has failed, too."""
-    if row.error:
-        return FAILURES[6]
-    if row.success:
-        return None if row.stays else FAILURES[5]
-    if row.fell:
-        return _FALLS.get(row.fell_phase, FAILURES[2])
-    return FAILURES[3] if row.end_distance > NEAR else FAILURES[4]
 
 
 def failures(rows: Sequence[EpisodeRow]) -> dict[str, Rate]:

@@ -5,6 +5,7 @@ one, and a plain text that is put beside it, or in its place, is escaped.
 """
 
 import base64
+import hashlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -51,8 +52,12 @@ class _Shown:
 
 def page(title: str, eyebrow: str, lead: str, tiles: Iterable[Tile], sections: Iterable[Section], footer: str) -> str:
     """A whole page."""
-    css = Markup((HERE / "page.css").read_text())
-    return str(_piece("page", title, eyebrow, lead, list(tiles), list(sections), footer, css))
+    css, script = ((HERE / f"page.{kind}").read_text() for kind in ("css", "js"))
+    # nothing else may run: whatever a name or an error holds, it cannot bring a script of its own
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    return str(
+        _piece("page", title, eyebrow, lead, list(tiles), list(sections), footer, Markup(css), Markup(script), digest)
+    )
 
 
 def joined(pieces: Iterable[Markup]) -> Markup:
@@ -103,8 +108,23 @@ def stage(title: str, note: str, strip: Path) -> Markup:
 
 
 def videos(titled: Iterable[tuple[str, Path]]) -> Markup:
-    """Videos two abreast; they start by themselves, without sound, over and over."""
+    """Videos of one length, two abreast, without sound; they run together, and one slider moves through all."""
     return _piece("videos", [(title, data_uri(path, "video/mp4")) for title, path in titled])
+
+
+def gallery(title: str, captioned: Iterable[tuple[str, Path]]) -> Markup:
+    """Small videos below a title, each started by itself."""
+    return _piece("gallery", title, [(caption, data_uri(path, "video/mp4")) for caption, path in captioned])
+
+
+def objects(counted: Iterable[tuple[Path, str, str, int, int]]) -> Markup:
+    """Pictures of objects (picture, name, kind, successes, episodes) with k/n."""
+    return _piece("objects", [(data_uri(path, "image/jpeg"), *told) for path, *told in counted])
+
+
+def judging(limit: float, hold: float) -> Markup:
+    """A sketch of how an episode of `limit` seconds is judged, of which K's condition has to hold for `hold`."""
+    return _piece("judging", f"{limit:g}", f"{hold:g}")
 
 
 def facts(pairs: Mapping[str, str]) -> Markup:

@@ -16,8 +16,8 @@ from mimicbench.evaluate.intervals import Rate
 from mimicbench.objects.shape import SceneObject
 from mimicbench.report import page
 from mimicbench.report.paper_tables import CITATION, RANKING, TABLES
+from mimicbench.report.pictures.showcase import moments, positions
 from mimicbench.report.render import Picture, frame_all, human_frames, robot_frames
-from mimicbench.report.showcase import moments, positions
 from mimicbench.report.tables import Cell, Reported, Table, to_csv, to_markdown
 from mimicbench.report.video import stacked, strip, write_jpeg
 from mimicbench.retarget.registry import METHODS

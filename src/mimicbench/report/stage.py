@@ -8,43 +8,47 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from mimicbench.benchmark import keys
 from mimicbench.benchmark.graph import Clips, env_config
-from mimicbench.benchmark.judging import episodes_of, judge_policy, who_of
+from mimicbench.benchmark.judging import episodes_of, episodes_to_show, who_of
 from mimicbench.benchmark.keys import Run
+from mimicbench.core.checkpoint import beside
 from mimicbench.core.files import remove_unfinished
 from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.core.stage import locked, read_stage
+from mimicbench.core.training import METRICS
 from mimicbench.envs.clips import ClipSet
-from mimicbench.evaluate.rollout import Protocol
+from mimicbench.evaluate.failures import failure
 from mimicbench.evaluate.rows import EpisodeRow
 from mimicbench.report.curves import Curve, read_curve
+from mimicbench.report.pictures.gallery import Failed
+from mimicbench.report.pictures.showcase import Clip, Recording, Showcase, ShowConfig
 from mimicbench.report.provenance import Provenance, package_versions, this_machine
-from mimicbench.report.showcase import Clip, Recording, Showcase
 from mimicbench.report.write import ReportInputs, write_report
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.track.checkpoint import load_tracker
 from mimicbench.track.rollout import RolloutConfig, track_clips
 
 
-def report(run: Run, rows: Sequence[EpisodeRow], policy: str) -> Path:
-    """Write the report on these rows; `policy` is shown in pictures. Returns the page."""
+def report(run: Run, rows: Sequence[EpisodeRow], policy: str, show: ShowConfig | None = None) -> Path:
+    """Write the report on these rows; `policy` is shown in pictures, which are drawn by `show`. Returns the page."""
     folder = run.workdir / run.recipe.task / "report"
     folder.mkdir(parents=True, exist_ok=True)
     with locked(folder):
         remove_unfinished(folder)
-        name = who_of(run, policy).name
-        of_policy = [row for row in rows if row.policy == name and row.stage == "imitate"]
-        clips = episodes_of(run, len(of_policy))
+        judged = _judged(run, rows)
+        clips = episodes_of(run, len(judged[policy]))
+        motions = {name: episodes_to_show(run, name, clips, of_one) for name, of_one in judged.items()}
+        failed = [pair for pairs in motions.values() for pair in pairs if failure(pair[0])]
         inputs = ReportInputs(
             run.recipe.task,
             tuple(rows),
             _provenance(run, clips),
             clips.set.objects,
             _curves(run, policy),
-            showcase(run, of_policy, clips, policy),
+            showcase(run, motions[policy][0][1], clips, policy),
+            tuple(Failed(row, motion, clips.set.objects[row.object_id]) for row, motion in failed),
+            show or ShowConfig(),
         )
         return write_report(folder, inputs, run.context.say, run.context.workers, run.context.quiet)
 
@@ -65,30 +69,38 @@ def _provenance(run: Run, clips: Clips) -> Provenance:
 
 
 def _curves(run: Run, policy: str) -> tuple[Curve, ...]:
-    """Learning curves of what was learned here."""
-    tracker = keys.tracker_folder(run)
-    places = {"track": tracker and tracker.parent, f"imitate/{policy}": who_of(run, policy).folder}
-    files = {name: place / "metrics.jsonl" for name, place in places.items() if place is not None}
-    return tuple(
-        read_curve(path, name) for name, path in files.items() if path.exists() and keys.SHIPPED not in path.parents
-    )
+    """Learning curves of what was learned here, or of what is shipped: of its last training."""
+    tracker, learned = keys.tracker_folder(run), who_of(run, policy).folder
+    places = {"tracker": tracker, "eyes": beside(learned, keys.PERCEPTION), policy: learned}
+    found = []
+    for name, folder in places.items():
+        is_shipped = folder is not None and keys.SHIPPED in folder.parents
+        file = None if folder is None else (folder if is_shipped or name == policy else folder.parent) / METRICS
+        if file is not None and file.exists():
+            found.append(read_curve(file, f"{name} (shipped): its last training" if is_shipped else name))
+    return tuple(found)
 
 
-def showcase(run: Run, rows: Sequence[EpisodeRow], clips: Clips, policy: str) -> Showcase:
-    """One of the policy's episodes through all stages: the first of the first batch in which it stays; else, succeeds;
-    else, the very first.
-    """
-    who, batch = who_of(run, policy), Protocol().batch
-    chosen = max(rows[:batch], key=lambda row: (row.stays, row.success))  # the first of the best
-    motion = next(m for m in clips.set.motions if m.id == chosen.reference_id)
+def _judged(run: Run, rows: Sequence[EpisodeRow]) -> dict[str, list[EpisodeRow]]:
+    """The rows of every policy, by what it is called on the command line."""
+    found = {}
+    for name in run.recipe.evaluate.policy:
+        called = who_of(run, name).name
+        if of_one := [row for row in rows if row.policy == called and row.stage == "imitate"]:
+            found[name] = of_one
+    return found
+
+
+def showcase(run: Run, done: RobotMotion, clips: Clips, policy: str) -> Showcase:
+    """One of the policy's episodes through all stages: `done` is what the policy did."""
+    motion = next(m for m in clips.set.motions if m.id == done.reference_id)
     one = replace(clips.set, motions=[motion])
-    # the whole first batch again, so that the episode runs exactly as it was judged
-    seen = judge_policy(run, who, clips.set.first(batch), [chosen.episode])[1][chosen.episode]
+    does = f"{who_of(run, policy).name} does it from its own senses, without a reference."
     shown = (
         Clip("Human", "The reference, made on this object.", HumanMotion.load(clips.human / f"{motion.id}.npz")),
         Clip("Retargeted", "The same motion on the robot, before physics.", motion),
         *_tracked(run, one),
-        Clip("Policy", f"{who.name} does it from its own senses, without a reference.", _recording(seen, motion)),
+        Clip("Policy", does, done),
     )
     return Showcase(clips.set.objects[motion.object_id], run.robot.name, shown)
 
@@ -99,9 +111,5 @@ def _tracked(run: Run, one: ClipSet) -> list[Clip]:
         return []
     config = RolloutConfig(record=True, settle=None)
     tracked = track_clips(load_tracker(folder, run.robot), one, config, env_config(run)).recording
-    recording = _recording(tracked.qpos[0], one.motions[0])
+    recording = Recording(tracked.qpos[0], 1 / CONTROL_DT, one.motions[0].wrist_goal_w)
     return [Clip("Tracked", "The tracker follows it under physics.", recording)]
-
-
-def _recording(qpos: np.ndarray, motion: RobotMotion) -> Recording:
-    return Recording(qpos, 1 / CONTROL_DT, motion.wrist_goal_w)

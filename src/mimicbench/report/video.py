@@ -131,6 +131,7 @@ def _opened(path: Path, first: np.ndarray, fps: float, quality: int) -> Any:
             "a video needs pictures of even height and width with three bytes per pixel, "
             f"not {first.shape} of {first.dtype}"
         )
+    ready = ["-movflags", "+faststart"]
     same_bytes = ["-fflags", "+bitexact", "-flags:v", "+bitexact"]
     writer = _write_frames(
         str(path),
@@ -140,7 +141,8 @@ def _opened(path: Path, first: np.ndarray, fps: float, quality: int) -> Any:
         pix_fmt_out="yuv420p",
         quality=None,
         macro_block_size=2,
-        output_params=["-crf", str(quality), "-preset", "medium", "-movflags", "+faststart", *same_bytes],
+        # a whole picture every second: who moves through a video need not wait for many to be worked out
+        output_params=["-crf", str(quality), "-preset", "medium", "-g", str(round(fps)), *ready, *same_bytes],
         ffmpeg_log_level="error",
     )
     writer.send(None)

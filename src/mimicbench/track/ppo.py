@@ -1,8 +1,7 @@
 """PPO by rsl-rl. The only file that imports it, since its interface changes often."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import torch
@@ -11,56 +10,13 @@ from rsl_rl.models import MLPModel
 from rsl_rl.storage import RolloutStorage
 from tensordict import TensorDict
 
-from mimicbench.core.settings import Positive, Share, Sizes
 from mimicbench.core.training import OptimizerState
 from mimicbench.track.muon import MuonAndAdam
 from mimicbench.track.network import Blueprint
+from mimicbench.track.ppo_config import PPOConfig
 from mimicbench.track.warm_start import plain_network, take_over, take_statistics
 
 _GROUPS = {"actor": ["obs"], "critic": ["obs"]}
-
-
-@dataclass(frozen=True)
-class PPOConfig:
-    """Proximal policy optimization (Schulman et al. 2017)."""
-
-    hidden: Sizes = (256, 192)
-    """Widths of the hidden layers of actor and critic, where they are such layers: a design may have other networks."""
-    steps: Positive = 12
-    """Control steps of every robot between updates."""
-    epochs: Positive = 3
-    """Passes over the collected samples."""
-    minibatches: Positive = 4
-    """Parts that a pass is split into."""
-    gamma: Share = 0.97
-    """Discount per control step."""
-    lam: Share = 0.95
-    """Decay of generalized advantage estimation."""
-    clip: float = 0.2
-    """Largest change of the probability ratio that counts."""
-    entropy: float = 0.0005
-    """Weight of the entropy bonus."""
-    learning_rate: float = 1e-3
-    """Where the optimizer starts."""
-    schedule: Literal["adaptive", "fixed"] = "adaptive"
-    """Whether the learning rate is adapted to the divergence below."""
-    target_kl: float = 0.02
-    """Divergence per update that the learning rate is adapted to."""
-    critic_rate: float | None = 1e-3
-    """The critic's own learning rate; None: the same. What the actor may change by is no measure for it: the better it
-    is, the more of an advantage is more than noise."""
-    optimizer: Literal["adam", "adamw", "muon"] = "adam"
-    """AdamW decays weights by torch's default of 0.01; Muon is for the weights of layers, with Adam for the rest."""
-    value_weight: float = 1.0
-    """Of the value loss."""
-    max_grad_norm: float = 1.0
-    """Longest gradient."""
-    scale_rewards: bool = True
-    """Multiply rewards by 1 - gamma, so that returns are of the size of one reward: the clipped value loss lets a value
-    move by 0.2 per update, no more."""
-    initial_std: float = 0.5
-    """Standard deviation of the first actions. With 0.25 the allowed divergence makes every step so small that nothing
-    is learned for millions of samples."""
 
 
 class _Model(MLPModel):

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, field, make_dataclass, replace
 from functools import cache
 from itertools import accumulate
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import msgspec
 import torch
@@ -29,10 +29,13 @@ from mimicbench.track.checkpoint import (
 )
 from mimicbench.track.evaluation import evaluated, good_enough
 from mimicbench.track.parts import TrackingParts
-from mimicbench.track.ppo import PPOConfig, PPOLearner
+from mimicbench.track.ppo_config import PPOConfig, ppo_learner
 from mimicbench.track.registry import TRACKERS
 from mimicbench.track.spec import Layout
 from mimicbench.track.tracking import TrackingConfig
+
+if TYPE_CHECKING:
+    from mimicbench.track.ppo import PPOLearner
 
 
 @dataclass(frozen=True)
@@ -139,7 +142,7 @@ def train_tracker(
     robots = robots_of(config, len(clips))
     env = TrackingParts(spec, clips, robots, config.parts, config.tracking, seed, env_config, config.frames)
     shape = _shape(config, env.layout, len(robot.joints))
-    learner = PPOLearner(shape.blueprint(), shape.actions, config.num_envs, config.ppo, env.device)
+    learner = ppo_learner()(shape.blueprint(), shape.actions, config.num_envs, config.ppo, env.device)
     if config.begin_from:
         begin_from(Path(config.begin_from), robot, learner, env.layout, config.explore_anew)
     parts = {"env": env, "ppo": learner, "torch": TorchRandom(env.device)}
@@ -193,7 +196,7 @@ def _shape(config: TrackConfig, layout: Layout, joints: int) -> TrackerConfig:
 
 
 def _learn(
-    env: TrackingParts, learner: PPOLearner, obs: torch.Tensor, config: TrackConfig, critic_alone: bool
+    env: TrackingParts, learner: "PPOLearner", obs: torch.Tensor, config: TrackConfig, critic_alone: bool
 ) -> tuple[torch.Tensor, float, dict[str, float]]:
     """One round of collecting and updating: the observation after it, the sum of mean rewards, the losses."""
     total = torch.zeros((), device=env.device)
@@ -224,7 +227,7 @@ class _Saves:
     folder: Path
     robot: Robot
     shape: TrackerConfig
-    learner: PPOLearner
+    learner: "PPOLearner"
     identity: dict[str, Any]
     parts: dict[str, Any]
     notes: dict[str, Any]
@@ -251,7 +254,7 @@ def robots_of(config: TrackConfig, tasks: int) -> list[int]:
     return [end - start for start, end in zip([0, *ends], ends, strict=False)]
 
 
-def begin_from(folder: Path, robot: Robot, learner: PPOLearner, layout: Layout, anew: bool = False) -> None:
+def begin_from(folder: Path, robot: Robot, learner: "PPOLearner", layout: Layout, anew: bool = False) -> None:
     """Take over what a tracker has learned, term by term, and its critic if it was kept; terms that it did not have
     begin without a say. Its deviations, too, unless `anew`. Raises MimicbenchError.
     """

@@ -29,7 +29,7 @@ KINDS = {
 """Folder of a kind of items -> what they are called."""
 ROWS = ".parquet"
 ANY, FAILED = "any", "failed"
-"""Which episodes are listed: all, those that failed, or (a word of `report.compare.FAILURES`) failed in one way."""
+"""Which episodes are listed: all, those that failed, or (a word of `evaluate.failures.FAILURES`) failed in one way."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class ItemSet:
     @cached_property
     def failures(self) -> dict[str, str]:
         """Of episodes: the items that failed, and how. Raises BadFile."""
-        from mimicbench.report.compare import failure
+        from mimicbench.evaluate.failures import failure
 
         if self.kind != "evaluate":
             return {}
@@ -174,7 +174,7 @@ class Catalog:
 
 def outcome(row: EpisodeRow) -> str:
     """What an episode came to, in a few words, such as `policy: K at 7.3 s, did not stay, fell after success`."""
-    from mimicbench.report.compare import failure
+    from mimicbench.evaluate.failures import failure
 
     told, how = [], failure(row)
     if row.success:

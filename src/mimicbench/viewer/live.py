@@ -99,6 +99,8 @@ class Episode:
         self.track = LiveTrack(name, opened.robot, opened)
         self.over, self.error = False, ""
         is_tracker = folder.suffix != ".py" and checkpoint_kind(folder) == TRACKER
+        self.follows = is_tracker
+        """Whether it follows the item's clip."""
         make = _following if is_tracker else _acting
         self.env, self.act, self.gains, self._guard = make(folder, opened)
         self._limit = round(opened.task.time_limit / CONTROL_DT)

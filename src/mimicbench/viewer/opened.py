@@ -91,7 +91,13 @@ def _open_episode(catalog: Catalog, one: ItemSet, item: str) -> Opened:
     motion = RobotMotion.load(clips.file(row.reference_id))
     found = _clip(catalog, clips, _human_of(catalog, clips, motion), motion, item)
     told = f"as judged: {outcome(row)}; largest e {row.max_energy:.3g} W²"
-    return _with(found, {}, told, row.policy)
+    # of some episodes the motion was kept; a row comes from a file, and could name one anywhere
+    file = one.path.with_suffix("") / f"{row.id}.npz"
+    if row.task != one.task or not file.is_file():
+        return _with(found, {}, told, row.policy)
+    done = RobotMotion.load(file, found.robot.name)
+    track = robot_track(found.task, done, found.obj, found.robot, f"{row.policy}, as judged")
+    return _with(found, {"robot": track}, told, row.policy)
 
 
 _OPENERS = {

@@ -62,6 +62,7 @@ class Page:
     def close(self) -> None:
         """Stop serving."""
         self.play.close()
+        self.show.close()
         close_server(self.server)
 
 

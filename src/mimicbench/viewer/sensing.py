@@ -109,10 +109,20 @@ def camera_depth(model: mujoco.MjModel, data: mujoco.MjData, state: State, rig: 
     return found.reshape(-1, *CAMERA_PIXELS)
 
 
+def camera_order(rig: Rig) -> list[int]:
+    """A rig's cameras as they are shown: what looks ahead before what looks back, and left before right."""
+    bearings = [mount.bearing for mount in rig.mounts]
+    return sorted(range(len(bearings)), key=lambda at: (abs(bearings[at]) > np.pi / 2, -bearings[at]))
+
+
 def depth_picture(depth: np.ndarray) -> np.ndarray:
     """Depth images (C, rows, columns) side by side, two in a row, uint8: what is near is light."""
     near = 1 - np.clip(depth / FAR, 0.0, 1.0) ** 0.5
-    shown = (_LOW + near[..., None] * (_HIGH - _LOW)).astype(np.uint8)
+    return side_by_side((_LOW + near[..., None] * (_HIGH - _LOW)).astype(np.uint8))
+
+
+def side_by_side(shown: np.ndarray) -> np.ndarray:
+    """Pictures (C, rows, columns, 3) as one, two in a row."""
     shown = np.pad(shown, ((0, len(shown) % 2), (0, 1), (0, 1), (0, 0)), constant_values=255)
     return np.concatenate([np.concatenate(list(pair), 1) for pair in shown.reshape(-1, 2, *shown.shape[1:])])
 

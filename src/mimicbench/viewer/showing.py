@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import html
 import io
 import time
 from typing import Any
@@ -12,8 +13,17 @@ from PIL import Image
 
 from mimicbench.evaluate.rows import ENERGY_LIMITS
 from mimicbench.viewer.acting import ActPanel
+from mimicbench.viewer.coloring import ColorCameras, Look
 from mimicbench.viewer.opened import Opened
-from mimicbench.viewer.sensing import Probe, depth_picture, elevation, map_picture, raised_cells
+from mimicbench.viewer.sensing import (
+    Probe,
+    camera_order,
+    depth_picture,
+    elevation,
+    map_picture,
+    raised_cells,
+    side_by_side,
+)
 from mimicbench.viewer.session import LOOKS, Actor, Session, frame_at
 
 CALLED = {"human": "Human", "retargeted": "Retargeted (ghost)", "robot": "Robot", "other": "Second robot"}
@@ -35,22 +45,47 @@ class ShowPanel:
             self.boxes = {name: gui.add_checkbox(CALLED[name], True) for name in LOOKS}
             self.map = gui.add_checkbox("Elevation map", False, hint="as the robot sees it")
             self.cameras = gui.add_checkbox("Depth cameras", False, hint="of who is under physics")
+            self.colors = gui.add_checkbox("Color cameras", False, hint="of who is under physics; needs OpenGL")
             self.contacts = gui.add_checkbox("Contact forces", False)
-            self.pictures = {name: gui.add_html("", visible=False) for name in ("map", "cameras")}
+            self.pictures = {name: gui.add_html("", visible=False) for name in ("map", "cameras", "colors")}
         for name, box in self.boxes.items():
             box.on_update(on(lambda event, name=name, box=box: session.hide(name, not box.value)))
-        for box in (self.map, self.cameras, self.contacts):
+        for box in (self.map, self.cameras, self.colors, self.contacts):
             box.on_update(on(lambda event: self._sense()))
         self._said, self._sensed, self._probe = "", 0.0, Probe()
+        self._painter = ColorCameras(self._show_colors)
         self._drawn: dict[str, Any] = {}
+        self._asked: set[str] = set()
+        """Who has been asked to make room,"""
+        self._aside: set[str] = set()
+        """and who has, not having been hidden before."""
         session.changed.append(self._changed)
         session.moved.append(self._moved)
 
+    def close(self) -> None:
+        """End what draws."""
+        self._painter.close()
+
     def _changed(self) -> None:
+        self._make_room()
         for name, box in self.boxes.items():
             box.disabled = name not in self.session.actors
         self._moved()
         self._sense()
+
+    def _make_room(self) -> None:
+        """Hide the person while somebody acts, and the clip unless somebody follows it: they would stand in the way.
+
+        Whoever ticks their boxes again sees them, and they come back with the next item.
+        """
+        episodes = self.act.episodes.values()
+        followed = any(episode.follows for episode in episodes)
+        asked = {"human", *(() if followed else ("retargeted",))} if episodes else set()
+        hidden = {name for name in asked - self._asked if self.boxes[name].value}
+        for name in hidden | (self._aside - asked):
+            self.boxes[name].value = name not in asked
+            self.session.hide(name, name in asked)
+        self._aside, self._asked = (self._aside | hidden) & asked, asked
 
     def _moved(self) -> None:
         said = "\n\n".join(self._of(name) for name in self.session.actors) or "*an object; nobody moves*"
@@ -98,15 +133,27 @@ class ShowPanel:
     def _look(self, actor: Actor | None, opened: Opened | None) -> None:
         """Show what the cameras see, or nothing."""
         state = None
-        if self.cameras.value and actor is not None and opened is not None and len(actor.track):
+        if (self.cameras.value or self.colors.value) and actor is not None and opened is not None and len(actor.track):
             state = actor.track.state(frame_at(actor.track, self.session.time))
-        if state is not None and opened is not None:
-            rig = opened.task.rig
-            order = sorted(range(len(rig.mounts)), key=lambda at: _from_front_left(rig.mounts[at].bearing))
-            depth = self._probe.depth(opened.robot, opened.obj, state, rig)[order]
-            words = "Depth: " + ", ".join(rig.mounts[at].name for at in order)
-            self.pictures["cameras"].content = _picture(depth_picture(depth), words)
-        self.pictures["cameras"].visible = state is not None
+        self.pictures["cameras"].visible = state is not None and self.cameras.value
+        self.pictures["colors"].visible = state is not None and self.colors.value
+        if state is None or opened is None:
+            return
+        if self.cameras.value:
+            order = camera_order(opened.task.rig)
+            depth = self._probe.depth(opened.robot, opened.obj, state, opened.task.rig)[order]
+            self.pictures["cameras"].content = _picture(depth_picture(depth), _named("Depth", opened))
+        if self.colors.value:
+            look = Look(opened.robot.name, opened.task.name, opened.obj, state.qpos, opened.wrist_goal_w)
+            self._painter.ask(look)
+
+    def _show_colors(self, found: np.ndarray | str) -> None:
+        """Show what the color cameras saw, or why they did not; called when it has been drawn, from another thread."""
+        opened = self.session.opened
+        if isinstance(found, str) or opened is None:
+            self.pictures["colors"].content = f"<div>{html.escape(str(found))}</div>"
+        else:
+            self.pictures["colors"].content = _picture(side_by_side(found), _named("Color", opened))
 
     def _draw(self, actor: Actor, opened: Opened) -> dict[str, Any]:
         """What of it is in the scene now, each in place of what had its name."""
@@ -128,9 +175,10 @@ class ShowPanel:
         return drawn
 
 
-def _from_front_left(bearing: float) -> tuple[bool, float]:
-    """Orders what looks ahead before what looks back, and left before right."""
-    return abs(bearing) > np.pi / 2, -bearing
+def _named(what: str, opened: Opened) -> str:
+    """What pictures of the cameras show, with the names of these in order."""
+    mounts = opened.task.rig.mounts
+    return f"{what}: " + ", ".join(mounts[at].name for at in camera_order(opened.task.rig))
 
 
 def told_power(most: float) -> str:

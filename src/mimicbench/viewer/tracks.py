@@ -182,11 +182,13 @@ def human_track(task: Task, motion: HumanMotion, obj: SceneObject) -> StoredTrac
     return StoredTrack("human", motion.fps, motion.skeleton, task, pos_w, quat_w, points, info)
 
 
-def robot_track(task: Task, motion: RobotMotion, obj: SceneObject, robot: Robot) -> StoredTrack:
+def robot_track(
+    task: Task, motion: RobotMotion, obj: SceneObject, robot: Robot, title: str = "retargeted"
+) -> StoredTrack:
     """A clip of a robot."""
     pos_w, quat_w = robot.forward_kinematics(motion.root_pos_w, motion.root_quat_w, motion.joint_pos)
     points, info = BodyPoints.of(robot, pos_w, quat_w), _info(motion, obj)
-    return StoredTrack("retargeted", motion.fps, robot, task, pos_w, quat_w, points, info)
+    return StoredTrack(title, motion.fps, robot, task, pos_w, quat_w, points, info)
 
 
 def recorded_track(title: str, task: Task, obj: SceneObject, robot: Robot, recording: Recording) -> StoredTrack:

@@ -12,7 +12,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import msgspec
 import torch
@@ -33,7 +33,10 @@ from mimicbench.imitate.learned import save_learner
 from mimicbench.imitate.policy import Senses
 from mimicbench.imitate.spec import Given, ImitateConfig, LearnerSpec
 from mimicbench.track.network import Blueprint, MLPConfig
-from mimicbench.track.ppo import PPOConfig, PPOLearner
+from mimicbench.track.ppo_config import PPOConfig, ppo_learner
+
+if TYPE_CHECKING:
+    from mimicbench.track.ppo import PPOLearner
 
 HEIGHT_UNIT = 0.03
 """What heights [m] of maps are multiplied by. All that is seen is divided by its deviation and 0.01 more, so cells are
@@ -214,7 +217,7 @@ def learn(folder: Path, given: Given, config: PPOImitation) -> dict[str, Any]:
     env = Exploration(given.clips, senses, given.gains, config.explore, given.seed, env_config)
     explorer = network.build().to(env.device)
     explorer.begin_at(torch.tensor(robot.rest_pose))
-    learner = PPOLearner(network.blueprint, network.action_size, config.explore.num_envs, config.ppo, env.device)
+    learner = ppo_learner()(network.blueprint, network.action_size, config.explore.num_envs, config.ppo, env.device)
     parts = {"env": env, "ppo": learner, "torch": TorchRandom(env.device)}
     identity = {"config": _course(config), "seed": given.seed, "objects": sorted(given.clips.objects)}
     progress = resume_training(folder, identity, parts, {"samples": 0, "updates": 0, "seconds": 0.0})
@@ -247,7 +250,7 @@ def learn(folder: Path, given: Given, config: PPOImitation) -> dict[str, Any]:
 
 
 def _round(
-    env: Exploration, learner: PPOLearner, explorer: Explorer, obs: Tensor, config: PPOImitation
+    env: Exploration, learner: "PPOLearner", explorer: Explorer, obs: Tensor, config: PPOImitation
 ) -> tuple[Tensor, dict[str, float]]:
     """Collect and update: what is seen after it, and the losses."""
     for _ in range(config.ppo.steps):

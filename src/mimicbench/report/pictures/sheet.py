@@ -26,15 +26,20 @@ def contact_sheet(
     """
     if not 1 <= len(objects) <= MOST_OBJECTS:
         raise MimicbenchError(f"a sheet holds 1 to {MOST_OBJECTS} objects, not {len(objects)}")
+    draw = partial(draw_object, cell, sheet_camera(objects, cell))
+    tiles = draw_apart(draw, objects, workers, "drawing", quiet)
+    columns = min(columns, len(tiles))
+    tiles += [np.full((cell.height, cell.width, 3), 255, np.uint8)] * (-len(tiles) % columns)
+    return np.concatenate([np.concatenate(tiles[i : i + columns], 1) for i in range(0, len(tiles), columns)], 0)
+
+
+def sheet_camera(objects: Sequence[SceneObject], cell: Picture) -> Camera:
+    """One camera that sees all of each of them, one by one."""
     bounds = [obj.bounds() for obj in objects]
     reach = max(float(np.linalg.norm(high - low)) / 2 for low, high in bounds)
     middle = 0.45 * max(float(high[2]) for _, high in bounds)
     narrow = np.arctan(np.tan(FIELD_OF_VIEW / 2) * min(1.0, cell.width / cell.height))
-    camera = Camera((0.0, 0.0, middle), reach / float(np.sin(narrow)), 215.0, -22.0)
-    tiles = draw_apart(partial(draw_object, cell, camera), objects, workers, "drawing", quiet)
-    columns = min(columns, len(tiles))
-    tiles += [np.full((cell.height, cell.width, 3), 255, np.uint8)] * (-len(tiles) % columns)
-    return np.concatenate([np.concatenate(tiles[i : i + columns], 1) for i in range(0, len(tiles), columns)], 0)
+    return Camera((0.0, 0.0, middle), reach / float(np.sin(narrow)), 215.0, -22.0)
 
 
 def draw_object(picture: Picture, camera: Camera, obj: SceneObject) -> np.ndarray:

@@ -4,9 +4,10 @@ motion.
 
 import hashlib
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
+from itertools import repeat
 from pathlib import Path
 
 import mujoco
@@ -22,7 +23,7 @@ from mimicbench.robots.registry import ROBOTS
 from mimicbench.sensors.opengl import draw_apart
 from mimicbench.sim.scene import build_model
 
-VERSION = 2
+VERSION = 3
 """Of the drawing; raising it makes all pictures again."""
 MAX_SECONDS = 20.0
 """Longest video."""
@@ -67,10 +68,13 @@ class ShowConfig:
     moments: int = 5
     """Pictures of a strip."""
     still: Picture = Picture(460, 380, 2048)
-    video: Picture = Picture(560, 350, 1024, samples=0)
-    """Without smoothing: it would double the time, and motion hides the edges."""
-    fps: float = 15.0
+    video: Picture = Picture(560, 350, 1024)
+    fps: float = 25.0
     """Of the videos."""
+
+
+QUICK = ShowConfig(video=Picture(560, 350, 1024, samples=0), fps=8.0)
+"""For who only wants to see that there are pictures: a seventh of the work."""
 
 
 @dataclass(frozen=True)
@@ -81,8 +85,10 @@ class Shown:
     strip: Path
     """JPEG."""
     video: Path
-    """MP4."""
+    """MP4. All videos of a showcase are of one length, so that they can be moved through together: whose motion is over
+    rests in its last frame."""
     seconds: float
+    """Of the motion."""
 
 
 def draw(
@@ -94,10 +100,10 @@ def draw(
     """
     config = config or ShowConfig()
     _, tracks, cameras = _prepared(showcase, config)
-    shown = []
+    shown, whole = [], film_seconds(tracks)
     for i, (clip, track) in enumerate(zip(showcase.clips, tracks, strict=True)):
-        stem = f"{i}-{_slug(clip.title)}-{_digest(showcase.obj, track, cameras, config)}"
-        seconds = min(MAX_SECONDS, (len(track.root_pos_w) - 1) / track.fps)
+        stem = f"{i}-{_slug(clip.title)}-{_digest(showcase.obj, track, cameras, config, whole)}"
+        seconds = min(MAX_SECONDS, track.seconds)
         shown.append(Shown(clip, folder / f"{stem}.jpg", folder / f"{stem}.mp4", seconds))
     missing = [i for i, each in enumerate(shown) if not (each.strip.exists() and each.video.exists())]
     if missing:
@@ -111,8 +117,24 @@ def _draw_clip(showcase: Showcase, config: ShowConfig, shown: Sequence[Shown], i
     times = moments(track.root_pos_w, track.root_quat_w, config.moments) / track.fps
     frames = list(_frames(each.clip.motion, track, model, times, cameras[0], config.still))
     write_jpeg(each.strip, strip(frames, [f"{time:.1f} s" for time in times]))
-    times = np.arange(int(each.seconds * config.fps) + 1) / config.fps
-    write_video(each.video, _frames(each.clip.motion, track, model, times, cameras[1], config.video), config.fps)
+    times = np.arange(int(film_seconds(tracks) * config.fps) + 1) / config.fps
+    moving = times[times <= track.seconds + 1e-9]
+    film = _frames(each.clip.motion, track, model, moving, cameras[1], config.video)
+    write_video(each.video, _resting(film, len(times) - len(moving)), config.fps)
+
+
+def film_seconds(tracks: "Sequence[_Track]") -> float:
+    """[s] How long all videos are: as the longest motion."""
+    return min(MAX_SECONDS, max(track.seconds for track in tracks))
+
+
+def _resting(frames: Iterable[np.ndarray], count: int) -> Iterator[np.ndarray]:
+    """Pictures, and then the last of them `count` times."""
+    last = None
+    for last in frames:
+        yield last
+    if last is not None:
+        yield from repeat(last, count)
 
 
 def _prepared(showcase: Showcase, config: ShowConfig) -> tuple[mujoco.MjModel, "list[_Track]", list[Camera]]:
@@ -150,6 +172,11 @@ class _Track:
     """(T, nq); None for a human."""
     content: np.ndarray
     """All that tells it from another motion."""
+
+    @property
+    def seconds(self) -> float:
+        """How long it is."""
+        return (len(self.root_pos_w) - 1) / self.fps
 
 
 def _track(motion: HumanMotion | RobotMotion | Recording, model: mujoco.MjModel) -> _Track:
@@ -206,10 +233,9 @@ def _frames(
     return robot_frames(model, track.qpos[index], camera, picture, motion.wrist_goal_w)
 
 
-def _digest(obj: SceneObject, track: _Track, cameras: Sequence[Camera], config: ShowConfig) -> str:
-    plain = json.dumps(
-        [VERSION, obj.to_dict(), track.fps, [asdict(camera) for camera in cameras], asdict(config)], sort_keys=True
-    )
+def _digest(obj: SceneObject, track: _Track, cameras: Sequence[Camera], config: ShowConfig, seconds: float) -> str:
+    drawn = [asdict(camera) for camera in cameras], asdict(config), seconds
+    plain = json.dumps([VERSION, obj.to_dict(), track.fps, *drawn], sort_keys=True)
     return hashlib.blake2b(
         plain.encode() + np.ascontiguousarray(track.content, np.float32).tobytes(), digest_size=6
     ).hexdigest()

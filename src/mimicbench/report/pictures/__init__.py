@@ -1,0 +1,1 @@
+"""What a report shows: one episode through all stages, failures, objects."""
