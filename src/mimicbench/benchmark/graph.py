@@ -224,7 +224,7 @@ def make_perception_stage(run: Run) -> Stage:
     with _opened(run, keys.perception_key(run), "objects", "imitate") as stage:
         if stage.complete:
             return stage
-        train, test = (list(_scene(objects, split).values()) for split in ("train", "test"))
+        train, test = list(_trained_on(objects).values()), list(_scene(objects, "test").values())
         config, quiet = run.part("imitate").perception, run.context.quiet
         return stage.finish(**make_perception(stage.folder, run.task, run.robot, train, test, config, quiet))
 
@@ -235,6 +235,14 @@ def _scene(objects: Stage, split: str) -> dict[str, SceneObject]:
     return {name: obj for name, obj in read_objects(objects.folder, ids).items() if obj.split == split}
 
 
+def _trained_on(objects: Stage) -> dict[str, SceneObject]:
+    """The objects of the training split. Raises BadObject if there is none."""
+    found = _scene(objects, "train")
+    if not found:
+        raise BadObject(f"no object in {objects.folder} is of the training split; make more (--objects.count)")
+    return found
+
+
 def _learned_from(run: Run) -> tuple[ClipSet, Path | None]:
     """What a learner is given: training clips and the folder of a tracker; or training objects alone, and no tracker.
 
@@ -243,11 +251,7 @@ def _learned_from(run: Run) -> tuple[ClipSet, Path | None]:
     if run.part("imitate").references:
         _tell_tracker(run)
         return retargeted(run).split("train"), tracker_for_learning(run)
-    there = make_object_stage(run)
-    objects = _scene(there, "train")
-    if not objects:
-        raise BadObject(f"no object in {there.folder} is of the training split; make more")
-    return ClipSet(run.task, run.robot, [], objects), None
+    return ClipSet(run.task, run.robot, [], _trained_on(make_object_stage(run))), None
 
 
 def make_imitate_stage(run: Run) -> Stage:
