@@ -23,7 +23,7 @@ import tempfile
 import time
 import tomllib
 import traceback
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -61,7 +61,7 @@ task = "touch-points"
 objects = { count = 6 }
 references = { count = 2 }
 demos = { clips = 2, batch = 1 }
-evaluate = { episodes = 1, split = "train", policy = ["bc-clock"] }
+evaluate = { episodes = 1, policy = ["bc-clock"] }
 
 [imitate]
 learner = "bc-clock"
@@ -76,7 +76,6 @@ class Stage:
     """What is killed."""
 
     name: str
-    """Of the stage, which is the name of the folder that it makes, too."""
     recipe: Recipe
     trained: bool = False
     """Whether files say how many seconds it took."""
@@ -93,7 +92,7 @@ STAGES: Mapping[str, Stage] = {
     "clone": Stage("imitate", SHIPPED, trained=True),
     "evaluate": Stage("evaluate", SHIPPED),
 }
-"""In an order in which each finds what it needs."""
+"""In an order in which each finds what it needs; what it does not find, like the clips of an evaluation, it makes."""
 CLOCKS = ("metrics.jsonl", "training.safetensors", "header.json", "config.json")
 """Files of trainings that say how many seconds they took, which a kill makes more; networks are compared."""
 
@@ -153,43 +152,42 @@ def finished(stage: Stage, workdir: Path) -> tuple[str, float]:
     return "" if status == 0 else lines[-1] if lines else f"status {status}", seconds
 
 
-def made(stage: Stage, workdir: Path) -> Path:
-    """The folder of what a stage makes."""
-    return workdir / stage.recipe.task / stage.name
+def files(workdir: Path) -> set[Path]:
+    """Whatever stages have left in a folder, relative to it."""
+    return {path.relative_to(workdir) for path in workdir.glob("*/**/*") if path.is_file()}
 
 
 def contents(stage: Stage, workdir: Path) -> dict[str, str]:
-    """Digests of the files of a stage."""
+    """Digests of the files of all stages, without those that say how long a training took."""
     return {
-        str(path.relative_to(workdir)): hashlib.blake2b(path.read_bytes()).hexdigest()
-        for path in sorted(made(stage, workdir).rglob("*"))
-        if path.is_file() and not (stage.trained and (path.name in CLOCKS or path.parent.name == "tensorboard"))
+        str(path): hashlib.blake2b((workdir / path).read_bytes()).hexdigest()
+        for path in files(workdir)
+        if not (stage.trained and (path.name in CLOCKS or path.parent.name == "tensorboard"))
     }
 
 
 def differences(stage: Stage, whole: Path, workdir: Path) -> str:
-    """Which files of a stage are others in one folder than in the other."""
+    """Which files are others in one folder than in the other."""
     wanted, found = contents(stage, whole), contents(stage, workdir)
     return ", ".join(sorted(path for path in {*wanted, *found} if wanted.get(path) != found.get(path)))
 
 
 @contextlib.contextmanager
-def without(stage: Stage, whole: Path) -> Iterator[Path]:
-    """A copy of a folder that lacks one stage."""
+def without(made: set[Path], whole: Path) -> Iterator[Path]:
+    """A copy of a folder that lacks some files."""
     with tempfile.TemporaryDirectory() as name:
         workdir = Path(name)
-        for path in whole.iterdir():
-            if path.is_dir():
-                shutil.copytree(path, workdir / path.name)
-        shutil.rmtree(made(stage, workdir), ignore_errors=True)
+        for path in files(whole) - made:
+            (workdir / path).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(whole / path, workdir / path)
         yield workdir
 
 
-def killed(stage: Stage, whole: Path, after: float) -> tuple[bool, str]:
+def killed(stage: Stage, made: set[Path], whole: Path, after: float) -> tuple[bool, str]:
     """Whether a stage could be killed after so many seconds of the processor before it was done, and what differs once
     it has been run again; empty if nothing does.
     """
-    with without(stage, whole) as workdir:
+    with without(made, whole) as workdir:
         status, _ = in_process(lambda: make(stage, workdir), workdir / "said", after)
         if not os.WIFSIGNALED(status):
             return False, differences(stage, whole, workdir) if status == 0 else "failed"
@@ -197,19 +195,24 @@ def killed(stage: Stage, whole: Path, after: float) -> tuple[bool, str]:
         return True, trouble or differences(stage, whole, workdir)
 
 
-def prepare(name: str, stage: Stage, whole: Path) -> None:
-    """Make a stage in `whole`, and import here what that imported."""
+def prepare(name: str, stage: Stage, whole: Path) -> set[Path]:
+    """Make a stage in `whole`, and import here what that imported; the files that it made."""
+    before = files(whole)
     trouble, _ = finished(stage, whole)
     if trouble:
         raise SystemExit(f"{name}: {trouble}")
     for module in (whole / "said.imported").read_text().split():
         with contextlib.suppress(Exception):  # parts of packages that cannot be imported by their names
             import_module(module)
+    return files(whole) - before
 
 
-def campaign(name: str, stage: Stage, whole: Path, count: int, seed: int, done: list[Kill]) -> Iterator[Kill]:
-    """Kill a stage that is in `whole` until that has been done so often, with those that are done."""
-    with without(stage, whole) as workdir:
+def campaign(
+    name: str, made: set[Path], whole: Path, count: int, done: Sequence[Kill] = (), seed: int = 0
+) -> Iterator[Kill]:
+    """Kill a stage that made these files in `whole`, until that has been done so often, with those that are done."""
+    stage = STAGES[name]
+    with without(made, whole) as workdir:
         trouble, seconds = finished(stage, workdir)
         if trouble := trouble or differences(stage, whole, workdir):
             raise SystemExit(f"{name}: differs where nothing was killed: {trouble}")
@@ -217,7 +220,7 @@ def campaign(name: str, stage: Stage, whole: Path, count: int, seed: int, done: 
     missing = count - len(done)
     while missing > 0:
         share = random.Random(f"{seed} {name} {number}").random()
-        working, differs = killed(stage, whole, max(1e-6, share * seconds))
+        working, differs = killed(stage, made, whole, max(1e-6, share * seconds))
         if working or differs:
             yield Kill(name, number, round(share, 4), differs)
             missing -= 1
@@ -244,11 +247,11 @@ def main() -> int:
         whole, before = Path(folder), list(STAGES)[: 1 + max(list(STAGES).index(name) for name in chosen.stages)]
         for name in before:
             stage, began = STAGES[name], time.monotonic()
-            prepare(name, stage, whole)
+            made = prepare(name, stage, whole)
             if name not in chosen.stages:
                 continue
             done = [kill for kill in kills if kill.stage == name]
-            for kill in campaign(name, stage, whole, chosen.count, chosen.seed, done):
+            for kill in campaign(name, made, whole, chosen.count, done, chosen.seed):
                 done.append(kill)
                 if chosen.into is not None:
                     with open(chosen.into, "a") as stream:
