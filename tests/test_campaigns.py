@@ -39,17 +39,22 @@ def test_tests_of_several_changes_are_asked_at_once():
 
 
 KILLED = """
-import random, sys
+import sys
 from pathlib import Path
 import kill_stages
 
 folder, stage = Path(sys.argv[1]), kill_stages.STAGES["objects"]
-(folder / "recipe.toml").write_text(stage.recipe)
-assert kill_stages.campaign("objects", stage, folder, 1, random.Random(0)) == 0
-assert kill_stages.killed(stage, folder, 0.0) == (True, "")
-first = next(path for path in sorted((folder / "sit-chair" / "objects").rglob("*.json")) if "chair-" in path.name)
-first.write_text(first.read_text() + " ")
-assert kill_stages.killed(stage, folder, 0.0)[1] == str(first.relative_to(folder))
+made = kill_stages.prepare("objects", stage, folder)
+kills = list(kill_stages.campaign("objects", made, folder, 2))
+assert [kill.differs for kill in kills] == ["", ""] and kills[0].number < kills[1].number
+assert not list(kill_stages.campaign("objects", made, folder, 2, kills))
+more = list(kill_stages.campaign("objects", made, folder, 3, kills))
+assert len(more) == 1 and more[0].number > kills[1].number
+assert kill_stages.killed(stage, made, folder, 1e-6) == (True, "")
+assert kill_stages.killed(stage, made, folder, 1000.0) == (False, "")
+first = next(path for path in sorted(made) if "chair-" in path.name)
+(folder / first).write_text((folder / first).read_text() + " ")
+assert kill_stages.killed(stage, made, folder, 1e-6)[1] == str(first)
 """
 
 

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from mimicbench import __version__, cli
+from mimicbench.commands.telling import tell
 from mimicbench.core.files import write_json
 
 
@@ -95,6 +96,11 @@ def test_what_is_refused_is_told_in_one_sentence(words, said, tmp_path, monkeypa
             "evaluate --task lie-bed --policy planner",
             "no planner is shipped for lie-bed (only for sit-chair, touch-points)",
         ),
+        (
+            "evaluate --policy hit --task lie-bed",
+            "no hit is shipped for any task, and no hit was made by this recipe in work; make it with `mimicbench",
+        ),
+        ("references remake nope", "'nope' is no clip's id such as sit-chair-0-00042, nor is 'nope' a task"),
         ("run --task all --policy planner", "no planner is shipped for sit-sofa (only for sit-chair, touch-points)"),
         ("run --policy tracker", "a report shows a policy"),
     ],
@@ -104,6 +110,11 @@ def test_what_learns_is_refused_before_any_work(words, said, tmp_path, monkeypat
     status, message = called(*words.split(), capsys=capsys)
     assert status == 2 and message.startswith("mimicbench: ") and said in message
     assert not list(tmp_path.iterdir()), "a refused call leaves nothing behind"
+
+
+def test_names_of_folders_do_not_steer_the_terminal(capsys):
+    tell([{"folder": "a\x1b[31m"}], False, "objects: count 1 (a\x1b[31m)\nsecond line")
+    assert capsys.readouterr().out == "objects: count 1 (a\\x1b[31m)\nsecond line\n"
 
 
 def test_a_missing_policy_is_told_with_the_command_that_makes_it(tmp_path, monkeypatch, capsys):

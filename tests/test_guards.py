@@ -11,10 +11,11 @@ import torch
 
 import making
 from mimicbench.benchmark import keys
-from mimicbench.benchmark.graph import retargeted, start
+from mimicbench.benchmark.graph import _tell_tracker, retargeted, start, tracker_for_learning
 from mimicbench.benchmark.judging import _of_split, judge, who_of
-from mimicbench.benchmark.recipe import EvaluateConfig
+from mimicbench.benchmark.recipe import EvaluateConfig, stage_type
 from mimicbench.core.errors import BadFile, UnknownName
+from mimicbench.core.run import RunContext
 from mimicbench.core.training import STATE
 from mimicbench.envs.metrics import Verdict
 from mimicbench.imitate.demos import DemosConfig, batches, demonstrations
@@ -96,6 +97,35 @@ def test_rows_follow_the_clips_and_who_is_judged(run, tmp_path):
     config.pop("digest", None)
     (own / "config.json").write_text(json.dumps(config))
     assert who_of(run, str(own)).digests != same
+
+
+def test_what_is_learned_follows_the_tracker(run, tmp_path):
+    """A tracker that was trained anew is another one, wherever it is; so are demonstrations and policies of it."""
+    shipped = who_of(run, "tracker").folder
+    same, other = tmp_path / "same", tmp_path / "other"
+    for copy in (same, other):
+        shutil.copytree(shipped, copy)
+    with open(other / "model.safetensors", "ab") as stream:
+        stream.write(b" ")
+    assert keys.demo_key(run, shipped).digest == keys.demo_key(run, same).digest != keys.demo_key(run, other).digest
+    for learner in ("planner", "bc-clock"):
+        one = run.changed(imitate=stage_type("imitate", {"learner": learner})())
+        first, again, third = (keys.imitate_key(one, tracker).digest for tracker in (shipped, same, other))
+        assert first == again != third
+
+
+def test_whose_tracker_is_taken_or_that_one_is_to_be_trained_is_told(tmp_path):
+    said = []
+    recipe = making.small(imitate=stage_type("imitate", {"learner": "bc-clock"})())
+    there = start(recipe, tmp_path, RunContext(1, quiet=True, say=said.append))
+    _tell_tracker(there)
+    assert said == [] and tracker_for_learning(there) == keys.shipped_trackers("h1")["sit-chair"]
+    assert said.pop() == "taking the shipped tracker of sit-chair; `mimicbench track` trains one here"
+    _tell_tracker(there.changed(track=TINY))
+    assert said == [
+        "no tracker of this recipe is here, nor one shipped for sit-chair: one is trained first, as by "
+        f"`mimicbench track --task sit-chair --workdir {tmp_path}`"
+    ]
 
 
 # --- who learns from what

@@ -82,6 +82,47 @@ def test_workers_end_with_their_parent(tmp_path):
         parent.kill()
 
 
+INTERRUPTED = """
+import signal, sys
+from mimicbench.core.parallel import map_items
+from test_parallel import wait_long
+
+def interrupt(*_):
+    raise KeyboardInterrupt
+
+if __name__ == "__main__":
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, interrupt)
+    try:
+        map_items(wait_long, [sys.argv[1]] * 40, 2, "waiting", quiet=True)
+    except KeyboardInterrupt:
+        print("stopped")
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("tell", [os.kill, os.killpg])
+def test_an_interrupted_program_ends_its_workers_at_once_and_without_a_word(tmp_path, number, tell):
+    """Whether it alone is told, or all of its processes, as by a terminal: in the midst of items that take minutes."""
+    (tmp_path / "parent.py").write_text(INTERRUPTED)
+    parent = subprocess.Popen(
+        [sys.executable, tmp_path / "parent.py", tmp_path],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        _until(lambda: len(list(tmp_path.glob("*.pid"))) == 2, "two workers are at work")
+        tell(parent.pid, number)
+        assert parent.communicate(timeout=60) == ("stopped\n", "") and parent.returncode == 0
+        workers = [int(path.stem) for path in tmp_path.glob("*.pid")]
+        _until(lambda: not any(_runs(pid) for pid in workers), "the workers have ended")
+    finally:
+        parent.kill()
+
+
 def wait_long(folder: str) -> None:
     (Path(folder) / f"{os.getpid()}.pid").touch()
     time.sleep(600)

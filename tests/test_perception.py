@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 import torch
 
+import making
 import mimicbench
+from mimicbench.benchmark.recipe import stage_type
 from mimicbench.core.checkpoint import BadCheckpoint
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.files import read_record, write_record
@@ -23,6 +25,7 @@ from mimicbench.imitate.perception import (
 )
 from mimicbench.objects.families.chair import make_chair
 from mimicbench.objects.registry import FAMILIES, make_object
+from mimicbench.objects.shape import split_of
 from mimicbench.robots.rigs import HEAD_RIG, PELVIS_RIG
 from mimicbench.sensors.heightmap import ObjectMaps, box_heightmap
 from mimicbench.tasks.registry import TASKS
@@ -244,3 +247,14 @@ def test_the_surest_look_is_remembered(task):
     torch.testing.assert_close(task.goal.now(memory.recall(odometry, turned_by)), second, atol=1e-5, rtol=0)
     memory.forget(everyone)
     assert memory.uncertainty.isinf().all()
+
+
+def test_few_objects_do_for_learning_but_not_for_measuring(tmp_path):
+    """Of three chairs none is held out; of a single one that is held out nothing can be learned."""
+    imitate = stage_type("imitate", {"learner": "bc-clock"})(perception=replace(SIGHT, maps=4, steps=1, batch=2))
+    made = making.make("perception", tmp_path, making.small(objects=3, imitate=imitate))
+    assert made.complete and not made.summary
+    assert load_perception(made.folder, "h1").config.maps == 4
+    held_out = next(seed for seed in range(99) if split_of(FAMILIES.get("chair").make(0, seed).id) == "test")
+    with pytest.raises(MimicbenchError, match="no object in .* is of the training split; make more"):
+        making.make("perception", tmp_path, making.small(objects=1, seed=held_out, imitate=imitate))

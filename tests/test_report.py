@@ -232,6 +232,15 @@ def test_terminals_break_no_words(width: int):
     assert ("┏" in shown) == (width >= 80), "narrow terminals get a block of lines for each row"
 
 
+def test_names_are_text_in_markdown_and_in_plots():
+    """Not HTML, not formulas, not lines of their own."""
+    rows = to_markdown(Table("t", "", ("<i>n",), (("<script>a\nb",),))).splitlines()
+    assert [row.strip("| ") for row in rows if "n" in row or "b" in row] == ["&lt;i>n", "&lt;script>a b"]
+    name = "a$^$b"
+    shown = plots.rates_plot("one", {"K": [(name, plots.Mark(Rate(3, 4)))]})
+    assert name in shown
+
+
 def test_what_is_markup_elsewhere_is_text_on_the_terminal():
     assert "[red]a [/] b" in to_terminal(Table("t", "", ("[bold]n",), (("[red]a [/] b",),)))
 

@@ -1,12 +1,14 @@
-"""Stages that are in a workdir, for whoever knows their clips but not their recipe."""
+"""Stages that are in a workdir, for whoever knows their clips but not their recipe; and the objects of a stage."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
 
-from mimicbench.core.errors import BadFile, MimicbenchError
+from mimicbench.core.errors import BadFile, BadObject, MimicbenchError
 from mimicbench.core.stage import HEADER, Stage, read_stage
+from mimicbench.objects.make import object_ids, read_objects
+from mimicbench.objects.shape import SceneObject
 
 
 def stages_of(workdir: Path, task: str, stage: str) -> list[Stage]:
@@ -47,4 +49,18 @@ def largest(workdir: Path, tasks: Sequence[str], stage: str, name: str | None) -
             found[task] = max(stages, key=lambda one: sum(1 for _ in one.folder.glob("*.npz")))
     if not found:
         raise BadFile(f"{workdir} holds no {stage} of {', '.join(tasks)}; run `mimicbench {stage}` first")
+    return found
+
+
+def objects_of_split(objects: Stage, split: str) -> dict[str, SceneObject]:
+    """The objects of a split that are wanted of a stage, by id."""
+    ids = object_ids(objects.folder)[: objects.header["amounts"].get("count")]
+    return {name: obj for name, obj in read_objects(objects.folder, ids).items() if obj.split == split}
+
+
+def training_objects(objects: Stage) -> dict[str, SceneObject]:
+    """The objects of the training split. Raises BadObject if there is none."""
+    found = objects_of_split(objects, "train")
+    if not found:
+        raise BadObject(f"no object in {objects.folder} is of the training split; make more (--objects.count)")
     return found

@@ -9,24 +9,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mimicbench.benchmark import keys
+from mimicbench.benchmark.finding import objects_of_split, training_objects
 from mimicbench.benchmark.keys import Run
 from mimicbench.benchmark.published import published_clips
 from mimicbench.benchmark.recipe import Recipe, check_recipe
 from mimicbench.core.checkpoint import CONFIG, copy_checkpoint
-from mimicbench.core.errors import BadFile, BadMotion, BadObject, UnknownName
+from mimicbench.core.errors import BadFile, BadMotion, UnknownName
 from mimicbench.core.files import read_json
 from mimicbench.core.parallel import end_if_imported_by_worker
 from mimicbench.core.run import RunContext
 from mimicbench.core.stage import Stage, StageKey, opened
 from mimicbench.envs.clips import ClipSet
-from mimicbench.objects.make import MADE, make_objects, object_ids, read_objects
+from mimicbench.objects.make import MADE, make_objects, read_objects
 from mimicbench.references import make as references
 from mimicbench.retarget import make as retargeting
 
 if TYPE_CHECKING:
     from mimicbench.envs.vec_env import EnvConfig
     from mimicbench.imitate.spec import ImitateConfig
-    from mimicbench.objects.shape import SceneObject
 
 
 def run_stage(stage: str, recipe: Recipe, workdir: Path | str, context: RunContext | None = None) -> Stage:
@@ -228,15 +228,9 @@ def make_perception_stage(run: Run) -> Stage:
     with _opened(run, keys.perception_key(run), "objects", "imitate") as stage:
         if stage.complete:
             return stage
-        train, test = (list(_scene(objects, split).values()) for split in ("train", "test"))
+        train, test = list(training_objects(objects).values()), list(objects_of_split(objects, "test").values())
         config, quiet = run.part("imitate").perception, run.context.quiet
         return stage.finish(**make_perception(stage.folder, run.task, run.robot, train, test, config, quiet))
-
-
-def _scene(objects: Stage, split: str) -> dict[str, SceneObject]:
-    """The objects of a split that are wanted of a stage, by id."""
-    ids = object_ids(objects.folder)[: objects.header["amounts"].get("count")]
-    return {name: obj for name, obj in read_objects(objects.folder, ids).items() if obj.split == split}
 
 
 def _learned_from(run: Run) -> tuple[ClipSet, Path | None]:
@@ -249,11 +243,7 @@ def _learned_from(run: Run) -> tuple[ClipSet, Path | None]:
         clips = published_clips(run) if run.part("imitate").clones else None
         clips = retargeted(run).set if clips is None else clips
         return clips.split("train"), tracker_for_learning(run)
-    there = make_object_stage(run)
-    objects = _scene(there, "train")
-    if not objects:
-        raise BadObject(f"no object in {there.folder} is of the training split; make more")
-    return ClipSet(run.task, run.robot, [], objects), None
+    return ClipSet(run.task, run.robot, [], training_objects(make_object_stage(run))), None
 
 
 def make_imitate_stage(run: Run) -> Stage:

@@ -108,7 +108,8 @@ def who_of(run: Run, name: str) -> Who:
 
 def _nobody(run: Run, command: str, name: str, shipped: Sequence[str]) -> MimicbenchError:
     task = run.recipe.task
-    told = "" if task in shipped else f"no {name} is shipped for {task} (only for {', '.join(shipped) or 'none'}), and "
+    where = f"for {task} (only for {', '.join(shipped)})" if shipped else "for any task"
+    told = "" if task in shipped else f"no {name} is shipped {where}, and "
     return MimicbenchError(
         f"{told}no {name} was made by this recipe in {run.workdir}; make it with `mimicbench {command} --task {task} "
         f"--workdir {run.workdir}`"

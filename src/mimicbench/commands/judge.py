@@ -12,6 +12,7 @@ import tyro
 from mimicbench.commands.parsing import Options, read_call, said
 from mimicbench.commands.telling import tell, tell_rates
 from mimicbench.core.errors import MimicbenchError
+from mimicbench.core.names import printable
 
 if TYPE_CHECKING:
     from mimicbench.benchmark.keys import Run
@@ -68,7 +69,7 @@ def run(argv: Sequence[str]) -> None:
         found.append({"task": one.recipe.task, "report": str(page), "results": [s.to_dict() for s in summaries(rows)]})
         if not call.options.json:
             _tables(one.recipe.task, rows)
-            print(f"report: {page}")
+            print(f"report: {printable(str(page))}")
     if call.options.json:
         tell(found, True, "")
 

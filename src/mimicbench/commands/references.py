@@ -23,6 +23,7 @@ from mimicbench.commands.options import (
     recipes,
 )
 from mimicbench.commands.telling import stage_line, stage_summary, tell
+from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.run import RunContext, to_stderr
 from mimicbench.core.settings import Count
 from mimicbench.references.importers.registry import AUTO, FORMATS
@@ -51,6 +52,8 @@ def remake(
     from mimicbench.tasks.registry import TASKS
 
     slug = task or clip.rsplit("-", 2)[0]
+    if slug not in TASKS:
+        raise MimicbenchError(f"{clip!r} is no clip's id such as sit-chair-0-00042, nor is {slug!r} a task; give both")
     found = stage_with(workdir, slug, "references", f"{clip}.npz", stage)
     motion, wrong = make_again(
         found, workdir / slug / found.header["reads"]["objects"], clip, TASKS.get(slug).fulfilled_by_human

@@ -6,14 +6,19 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from mimicbench.core.names import printable
+
 if TYPE_CHECKING:
     from mimicbench.core.stage import Stage
     from mimicbench.evaluate.rows import EpisodeRow
 
 
 def tell(found: Sequence[Mapping[str, Any]], as_json: bool, words: str) -> None:
-    """Print `words`, or what was found as one line: an object, or a list of them where there are several."""
-    print(json.dumps(found[0] if len(found) == 1 else list(found)) if as_json else words)
+    """Print `words`, or what was found as one line: an object, or a list of them where there are several.
+
+    Names of folders are among the words, and are not to steer the terminal.
+    """
+    print(json.dumps(found[0] if len(found) == 1 else list(found)) if as_json else printable(words, lines=True))
 
 
 def stage_summary(stage: Stage) -> dict[str, Any]:

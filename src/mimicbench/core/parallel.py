@@ -3,11 +3,13 @@
 import faulthandler
 import multiprocessing
 import os
+import signal
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from multiprocessing.connection import wait
 from pathlib import Path
 from typing import TypeVar
@@ -67,28 +69,45 @@ def map_items(
 
     `function` must be importable by name (or a functools.partial of such), for it is sent to fresh processes: forking a
     process that has already started threads is unsafe. A single worker is this very process, unless the work must be
-    `isolated` from it. Raises WorkerDied when the system or native code ends a worker.
+    `isolated` from it. A program that is interrupted ends its workers at once, in the midst of their items. Raises
+    WorkerDied when the system or native code ends a worker.
     """
     workers = min(workers or cpu_count(), max(1, len(items)))
     if workers == 1 and not isolated:
         return list(progress(map(function, items), len(items), label, quiet))
     refuse_without_guard()
-    context = multiprocessing.get_context("spawn")
+    context, others = multiprocessing.get_context("spawn"), set(multiprocessing.active_children())
+    chunk = max(1, min(8, len(items) // (4 * workers)))
     try:
-        with ProcessPoolExecutor(workers, mp_context=context, initializer=start_worker) as pool:
-            return list(
-                progress(
-                    pool.map(function, items, chunksize=max(1, min(8, len(items) // (4 * workers)))),
-                    len(items),
-                    label,
-                    quiet,
-                )
-            )
+        with _deaf_children():
+            pool = ProcessPoolExecutor(workers, mp_context=context, initializer=start_worker)
+            results = pool.map(function, items, chunksize=chunk)
+        with pool:
+            try:
+                return list(progress(results, len(items), label, quiet))
+            except KeyboardInterrupt:
+                for worker in set(multiprocessing.active_children()) - others:
+                    worker.kill()
+                raise
     except BrokenProcessPool:
         raise WorkerDied(
             f"{label}: a worker process was killed, most likely for want of memory; the same command "
             "goes on from here, and fewer --workers need less"
         ) from None
+
+
+@contextmanager
+def _deaf_children() -> Iterator[None]:
+    """Processes that are started in here, Python's own helper included, never hear what interrupts this one.
+
+    A terminal, and whoever ends a job, tells all of them at once; what is to become of workers is for this process to
+    decide, and what they would say of it is nothing but tracebacks.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def start_worker() -> None:

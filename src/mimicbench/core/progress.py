@@ -81,7 +81,8 @@ class _Lines:
     def __call__(self, count: int, remark: str = "") -> None:
         self._done, self._remark = self._done + count, remark or self._remark
         self._first = self._first or (time.monotonic(), self._done)
-        self._pulse(self._line)
+        if self._done < self._total:  # `end` tells of the last one
+            self._pulse(self._line)
 
     def end(self) -> None:
         """All is done."""

@@ -255,8 +255,8 @@ def make_perception(
     config: PerceptionConfig,
     quiet: bool,
 ) -> dict[str, float]:
-    """Learn to find a task's goal beside `objects` in elevation maps; `held_out` measures how well. Does nothing if
-    that is done.
+    """Learn to find a task's goal beside `objects` in elevation maps; `held_out` measures how well, if there are any.
+    Does nothing if that is done.
     """
     if (folder / CONFIG).exists():
         return {}
@@ -264,6 +264,6 @@ def make_perception(
         network = train_perception(
             folder, config, task, objects, lambda batches, loss: tick(batches, f"loss {loss:.3f}")
         )
-    error = evaluate_perception(network, task, held_out)
+    error = evaluate_perception(network, task, held_out) if held_out else None
     save_perception(folder, network, robot.name, error)
-    return error
+    return error or {}

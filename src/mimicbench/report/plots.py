@@ -35,6 +35,7 @@ _STYLE: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 9.0,
     "text.color": INK,
+    "text.parse_math": False,  # names of policies are other people's, and may have a $
     "axes.labelcolor": MUTED,
     "axes.edgecolor": LINE,
     "axes.titlesize": 10.0,

@@ -66,10 +66,16 @@ def text(cell: Cell) -> str:
 
 def to_markdown(table: Table) -> str:
     """A GitHub-flavored Markdown table with its title and note."""
-    cells = [[text(cell).replace("|", "\\|") for cell in row] for row in table.rows]
+
+    def escaped(value: str) -> str:
+        # names are other people's: no column of its own, no raw HTML, no line of its own
+        return " ".join(value.replace("|", "\\|").replace("<", "&lt;").splitlines())
+
+    columns = [escaped(column) for column in table.columns]
+    cells = [[escaped(text(cell)) for cell in row] for row in table.rows]
     widths = [
         max(len(column), *(len(row[i]) for row in cells), 3) if cells else max(len(column), 3)
-        for i, column in enumerate(table.columns)
+        for i, column in enumerate(columns)
     ]
     right = [table.numeric(i) for i in range(len(table.columns))]
 
@@ -81,7 +87,7 @@ def to_markdown(table: Table) -> str:
         )
 
     ruler = "|" + "|".join("-" * (w + 1) + (":" if r else "-") for w, r in zip(widths, right, strict=True)) + "|"
-    body = [line(list(table.columns)), ruler, *map(line, cells)]
+    body = [line(columns), ruler, *map(line, cells)]
     return (
         "\n\n".join(part for part in (f"**{table.title}**", "\n".join(body), table.note, table.source) if part) + "\n"
     )
