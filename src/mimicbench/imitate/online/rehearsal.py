@@ -16,7 +16,7 @@ from mimicbench.track.spec import Tracker
 
 ASTRAY = 0.2
 """[m] Who ends farther from the plan with pelvis or an ankle does not do what was planned, though K may hold beside
-the stand-in: a leg that has slid off a sofa is still above half of a block's height, but not of that of a back."""
+the stand-in, which has less to hang over, or to stay below, than what it stands for."""
 
 
 def choose(
