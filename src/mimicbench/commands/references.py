@@ -53,7 +53,9 @@ def remake(
 
     slug = task or clip.rsplit("-", 2)[0]
     if slug not in TASKS:
-        raise MimicbenchError(f"{clip!r} is no clip's id such as sit-chair-0-00042, nor is {slug!r} a task; give both")
+        raise MimicbenchError(
+            f"{clip!r} is no clip's id such as {next(iter(TASKS))}-0-00042, nor is {slug!r} a task; give both"
+        )
     found = stage_with(workdir, slug, "references", f"{clip}.npz", stage)
     motion, wrong = make_again(
         found, workdir / slug / found.header["reads"]["objects"], clip, TASKS.get(slug).fulfilled_by_human
