@@ -523,7 +523,7 @@ def test_comparison_by_hand(tmp_path: Path) -> None:
     page = write_comparison(tmp_path, found, {"sit-chair": ("A chair.", np.zeros((8, 8, 3), np.uint8))}).read_text()
     assert (
         "Copy rotation" in page
-        and "http" not in page.replace("http://www.w3.org", "")
+        and "://" not in page.replace("http://www.w3.org", "")
         and (tmp_path / "retargeting-sit-chair.jpg").exists()
     )
     assert "sit-chair" in (tmp_path / "retargeting-ordering.md").read_text()

@@ -49,7 +49,7 @@ class PolicyRun:
     errors: dict[int, str] = field(default_factory=dict)
     """What the policy did wrong, of the episodes that failed by it."""
     recordings: dict[int, np.ndarray] = field(default_factory=dict)
-    """(T, nq) simulator positions of the episodes that were recorded."""
+    """(T, nq) simulator positions of the episodes that were recorded, at 32 bits."""
 
 
 def run_policy(
