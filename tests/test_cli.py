@@ -175,7 +175,12 @@ def test_help_and_version(capsys):
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 def test_signals_end_a_command_alike(number, status, tmp_path):
     words = [sys.executable, "-m", "mimicbench.cli", "references", "--count", "4000", "--workers", "1", "--json"]
-    process = subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    pipes = {"stderr": subprocess.PIPE, "stdout": subprocess.PIPE}
+
+    def heed():  # what a shell starts in the background ignores an interrupt, and so do its children
+        signal.signal(number, signal.SIG_DFL)
+
+    process = subprocess.Popen(words, cwd=tmp_path, text=True, preexec_fn=heed, **pipes)
     deadline = time.monotonic() + 60
     while not list(tmp_path.glob("work/*/references/*/*.npz")) and time.monotonic() < deadline:
         time.sleep(0.05)
