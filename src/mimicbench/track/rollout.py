@@ -68,6 +68,8 @@ class Rollout:
     """(C,) control steps until the episode ended."""
     recording: Recording
     """Empty unless it was asked for."""
+    last_qpos: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    """(C, nq) simulator positions before the last step of all."""
 
 
 @torch.no_grad()
@@ -90,6 +92,7 @@ def track_clips(
         lengths = torch.clamp(env.bank.lengths + round(config.settle / CONTROL_DT), max=limit)
     assert env.metrics is not None
     rows: tuple[list[np.ndarray], ...] = tuple([] for _ in range(4 + len(config.observe)))
+    last_qpos = env.physics.qpos().astype(np.float32)
     for step in range(int(lengths.max())):
         active = step < lengths
         if config.leave_fallen:
@@ -100,7 +103,7 @@ def track_clips(
         following, last = env.context.reference(1).joint_pos, env.context.last_action
         target = tracker.spec.aim(robot, following, action, last, tracker.settings)
         before = [array.astype(np.float32) for array in (env.physics.qpos(), env.physics.qvel())]
-        shown = env.observe(config.observe)
+        last_qpos, shown = before[0], env.observe(config.observe)
         seen = [shown[name].cpu().numpy() for name in config.observe]
         env.step(target, action, active)
         if config.record:
@@ -114,7 +117,7 @@ def track_clips(
     ]
     env.close()
     seen = dict(zip(config.observe, recording[4:], strict=True))
-    return Rollout(env.metrics.verdict(), ends, Recording(*recording[:4], seen=seen))
+    return Rollout(env.metrics.verdict(), ends, Recording(*recording[:4], seen=seen), last_qpos)
 
 
 def at_their_beginning(

@@ -44,9 +44,8 @@ def rehearse(
     objects = [replace(plan.stand_in, id=f"stand-in-{i}") for i, plan in enumerate(plans)]
     motions = [replace(plan.motion, object_id=obj.id) for plan, obj in zip(plans, objects, strict=True)]
     clips = ClipSet(task, robot, motions, {obj.id: obj for obj in objects})
-    config = RolloutConfig(record=True, settle=None, leave_fallen=True)
-    rollout = track_clips(tracker, clips, config, EnvConfig(device))
-    verdict, ends = rollout.verdict, np.stack([qpos[-1] for qpos in rollout.recording.qpos])
+    rollout = track_clips(tracker, clips, RolloutConfig(settle=None, leave_fallen=True), EnvConfig(device))
+    verdict, ends = rollout.verdict, rollout.last_qpos
     there = np.array([strayed(robot, motion, qpos) for motion, qpos in zip(motions, ends, strict=True)]) < ASTRAY
     stays = verdict.stays.cpu().numpy() & there
     effort = verdict.effort.cpu().numpy()
