@@ -17,7 +17,7 @@ from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.reference import ReferenceBank, lay
 from mimicbench.evaluate.rollout import run_policy
 from mimicbench.imitate.goals import goals_of
-from mimicbench.imitate.online.planning import OnlineConfig, Planning, from_plan, from_standing
+from mimicbench.imitate.online.planning import OnlineConfig, Planning, from_plan, from_standing, from_walking
 from mimicbench.imitate.online.policy import OnlinePolicy, load_online, save_online
 from mimicbench.imitate.online.reckoning import in_hands, reckoned, risen, seen_from
 from mimicbench.imitate.perception import Perception, PerceptionConfig, save_perception
@@ -25,6 +25,7 @@ from mimicbench.imitate.plan import Imagined
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.objects.touch import WRIST_OFF, touch_pair
 from mimicbench.policies.loading import load_policy
+from mimicbench.references.body.body import body_of
 from mimicbench.sensors.heightmap import CELLS
 from mimicbench.sensors.proprioception import body_state
 from mimicbench.sim.physics import RobotState
@@ -215,6 +216,39 @@ def test_a_plan_made_anew_goes_on_from_the_one_before(task):
     assert rot.angle_between(new[0, 3:7], rot.multiply(turn, old[at, 3:7])) < 0.08
     joints = slice(7, 7 + len(ROBOT.joints))
     assert np.abs(new[0, joints] - old[at, joints]).max() < 0.35
+
+
+@pytest.mark.parametrize("task", SEEN, ids=lambda task: task.name)
+def test_who_is_on_the_way_plans_to_go_on_walking(task):
+    """A robot in mid-stride: the person in mind has its velocity, the foot that it has in the air and the one that
+    bears, and what it follows moves on as fast; who took it to stand would ask it to stop.
+    """
+    spec, planning = task.goal, Planning(ROBOT, task, OnlineConfig())
+    own = in_own_frame(spec, torch.from_numpy(spec.describe(FAMILIES.get(task.family).make(0, 0))))
+    root = np.array([2.6, 0.5, math.pi - 0.1])
+    before = planning.plans(own, NOTHING, from_standing(ROBOT, root, np.array(ROBOT.rest_pose)), 0)[0]
+    bank, one = ReferenceBank([lay(before.motion, ROBOT)], ROBOT), torch.zeros(1, dtype=torch.long)
+    frames = [bank.frame(one, one + at) for at in range(60, 140)]
+    fastest = max(frames, key=lambda frame: float(frame.root_lin_vel_w[0, :2].norm()))
+    velocity = fastest.root_lin_vel_w[0, :2].double().numpy()
+    state = RobotState(
+        fastest.root_pos_w,
+        fastest.root_quat_w,
+        fastest.root_lin_vel_w,
+        rot.rotate_inverse(fastest.root_quat_w, fastest.root_ang_vel_w),
+        fastest.joint_pos,
+        fastest.joint_vel,
+    )
+    begin = from_walking(ROBOT, state, 0)
+    body = begin(body_of(before.human.skeleton))
+    np.testing.assert_allclose(body.pelvis_vel_w, [*velocity, 0.0], atol=1e-6)
+    assert body.feet.bears.tolist().count(True) == 1, "the fastest moment is in single support"
+    moving = planning.plans(own, NOTHING, begin, 0)[0]
+    place = np.array([*state.root_pos_w[0, :2].tolist(), float(rot.yaw_of(state.root_quat_w.numpy())[0])])
+    stopped = planning.plans(own, NOTHING, from_standing(ROBOT, place, state.joint_pos[0].double().numpy()), 0)[0]
+    way = [lay(plan.motion, ROBOT).robot[5, :2] - place[:2] for plan in (moving, stopped)]  # after a tenth of a second
+    assert np.linalg.norm(way[0] - 0.1 * velocity) < 0.03
+    assert np.linalg.norm(way[1] - 0.1 * velocity) > 0.03
 
 
 class ToldWrongAtFirst(Told):

@@ -49,6 +49,10 @@ class OnlineConfig:
     """Of the styles."""
 
 
+WALKS = 0.1
+"""[m/s] Who is slower stands."""
+RAISED, STEPS = 0.015, 0.3
+"""[m], [m/s] A foot that is this much higher than the other, or faster, is in the air."""
 _KEPT = 2
 """What a plan is worth that is kept."""
 
@@ -143,6 +147,31 @@ def from_standing(robot: Robot, root: np.ndarray, joint_pos: np.ndarray) -> Begi
         upright = RigidState(np.array([*root[:2], body.standing_height]), turn, still, still)
         points = FootPoints(feet, np.zeros((2, 3)), np.tile(turn, (2, 1)), np.ones(2, bool))
         return state_of_points(body, upright, points)
+
+    return begin
+
+
+def from_walking(robot: Robot, state: RobotState, row: int) -> Begin:
+    """Where a robot of some is in motion: somebody upright there whose pelvis and feet move as its root and feet do."""
+    parts = (state.root_pos_w, state.root_quat_w, state.joint_pos)
+    rates = (state.root_lin_vel_w, state.root_ang_vel_b, state.joint_vel)
+    pos, quat, joint_pos = (part[row].double().cpu().numpy() for part in parts)
+    lin_vel, ang_vel, joint_vel = (rate[row].double().cpu().numpy() for rate in rates)
+    # half a control step before and after: what the feet do meanwhile is how fast they move
+    ticks = np.array([[-0.5], [0.0], [0.5]]) * CONTROL_DT
+    turned = rot.multiply(quat, rot.from_rotvec(ticks * ang_vel))
+    links = robot.forward_kinematics(pos + ticks * lin_vel, turned, joint_pos + ticks * joint_vel)
+    before, ankles, after = BodyPoints.of(robot, *links).ankle_pos_w
+    velocity = (after - before) / CONTROL_DT
+    height = ankles[:, 2] - ankles[:, 2].min()
+    bears = (height == 0.0) | (height < RAISED) & (np.linalg.norm(velocity, axis=-1) < STEPS)
+    heading = rot.from_yaw(rot.yaw_of(quat))
+
+    def begin(body: Body) -> BodyState:
+        feet = np.column_stack([ankles[:, :2], body.sole + np.where(bears, 0.0, height)])
+        place = np.append(pos[:2], body.standing_height)
+        upright = RigidState(place, heading, lin_vel * [1, 1, 0], ang_vel * [0, 0, 1])
+        return state_of_points(body, upright, FootPoints(feet, velocity, np.tile(heading, (2, 1)), bears))
 
     return begin
 

@@ -11,12 +11,14 @@ from mimicbench.core.checkpoint import beside, load_checkpoint, save_checkpoint
 from mimicbench.envs.reference import Laid, ReferenceBank, lay
 from mimicbench.imitate.goals import KnownGoal, known_goal
 from mimicbench.imitate.online.planning import (
+    WALKS,
     Begin,
     OnlineConfig,
     Planned,
     Planning,
     from_plan,
     from_standing,
+    from_walking,
     standing,
 )
 from mimicbench.imitate.online.reckoning import in_hands, reckoned, risen, seen_from
@@ -83,8 +85,11 @@ class OnlinePolicy:
         self._goal.begin(ids, obs)
         here = seen_from(reckoned(obs["proprio"], obs["odometry"]), self._wanted())
         stands = torch.cat([here.root_pos_w[:, :2], rot.yaw_of(here.root_quat_w)[:, None]], -1).double().cpu().numpy()
-        joint_pos = here.joint_pos.double().cpu().numpy()
-        begins = {i: from_standing(self._robot, stands[i], joint_pos[i]) for i in ids.tolist()}
+        joint_pos, walks = here.joint_pos.double().cpu().numpy(), here.root_lin_vel_w[:, :2].norm(dim=-1) > WALKS
+        begins = {
+            i: from_walking(self._robot, here, i) if walks[i] else from_standing(self._robot, stands[i], joint_pos[i])
+            for i in ids.tolist()
+        }
         for i in begins:
             self._plans[i], self._minds[i] = lay(standing(self._robot, self._task, here, i), self._robot), None
             self._numbers[i], self._begun = self._begun, self._begun + 1
