@@ -9,7 +9,7 @@ from pathlib import Path
 
 from mimicbench.evaluate.rows import EpisodeRow, read_rows
 from mimicbench.report.compare import beside_paper_table, best_table, summaries
-from mimicbench.report.tables import to_markdown
+from mimicbench.report.table import to_markdown
 from mimicbench.tasks.registry import TASKS
 
 ROOT = Path(__file__).parents[1]

@@ -45,7 +45,7 @@ from mimicbench.report.render import (
     robot_frames,
     with_object,
 )
-from mimicbench.report.tables import Reported, Table, text, to_csv, to_latex, to_markdown, to_terminal
+from mimicbench.report.table import Reported, Table, text, to_csv, to_latex, to_markdown, to_terminal
 from mimicbench.report.video import strip, write_video
 from mimicbench.report.write import ReportInputs, draw_plots, write_report
 from mimicbench.robots.registry import ROBOTS

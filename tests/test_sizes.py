@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from mimicbench.objects.registry import make_object
 from mimicbench.report.sizes import PARTS, SIZES, by_size, size_of, size_plot, size_table
-from mimicbench.report.tables import to_markdown
+from mimicbench.report.table import to_markdown
 from test_report import made_up_rows
 
 BEDS = {f"bed-0-{i:05d}": make_object(f"bed-0-{i:05d}") for i in range(40)}

@@ -128,7 +128,7 @@ def table(
     table per task.
     """
     from mimicbench.evaluate.rows import read_rows
-    from mimicbench.report import tables
+    from mimicbench.report import table as tables
     from mimicbench.report.compare import beside_paper_table, best_table, summaries
     from mimicbench.report.paper_tables import TABLES, paper_table
 
@@ -154,7 +154,7 @@ def table(
 def _tables(task: str, rows: list[EpisodeRow]) -> None:
     """Print the headline tables."""
     from mimicbench.report.compare import summaries
-    from mimicbench.report.tables import to_terminal
+    from mimicbench.report.table import to_terminal
     from mimicbench.report.write import headline_tables
 
     for table in headline_tables(task, summaries(rows))[:2]:

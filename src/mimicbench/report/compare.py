@@ -11,7 +11,7 @@ from mimicbench.evaluate.failures import FAILURES, failure
 from mimicbench.evaluate.intervals import Rate
 from mimicbench.evaluate.rows import ENERGY_LIMITS, EpisodeRow, Summary, group, summarize
 from mimicbench.report.paper_tables import CITATION, COUNTERPARTS, TASKS, PaperRate, methods
-from mimicbench.report.tables import Cell, Reported, Table
+from mimicbench.report.table import Cell, Reported, Table
 
 MAX_FAILURES = 60
 """Failed episodes that a page lists; the file of episodes has all."""

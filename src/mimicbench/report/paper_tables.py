@@ -7,7 +7,7 @@ The paper gives neither the number of episodes nor intervals.
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from mimicbench.report.tables import Reported, Table
+from mimicbench.report.table import Reported, Table
 
 CITATION = "Mimicking-Bench: A Benchmark for Generalizable Humanoid-Scene Interaction Learning via Human Mimicking"
 TASKS = {"sit-chair": "SC", "sit-sofa": "SS", "lie-bed": "LB", "lie-sofa": "LS", "touch-points": "T", "lift-box": "L"}

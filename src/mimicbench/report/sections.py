@@ -17,7 +17,7 @@ from mimicbench.report.paper_tables import CITATION, methods
 from mimicbench.report.pictures.gallery import Counted, Failed
 from mimicbench.report.pictures.showcase import Showcase, ShowConfig, Shown
 from mimicbench.report.provenance import Provenance
-from mimicbench.report.tables import Table
+from mimicbench.report.table import Table
 from mimicbench.tasks.registry import TASKS
 from mimicbench.tasks.task import Task
 

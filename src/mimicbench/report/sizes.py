@@ -16,7 +16,7 @@ from mimicbench.evaluate.intervals import Rate
 from mimicbench.evaluate.rows import EpisodeRow
 from mimicbench.objects.shape import SceneObject
 from mimicbench.report.plots import SERIES, styled, svg
-from mimicbench.report.tables import Table
+from mimicbench.report.table import Table
 
 SIZES = ("length", "width", "height")
 PARTS = 5

@@ -14,7 +14,7 @@ from mimicbench.report.paper_tables import methods
 from mimicbench.report.pictures.gallery import MOST_OBJECTS, counted, draw_failures, draw_objects
 from mimicbench.report.pictures.showcase import draw
 from mimicbench.report.sections import COMPARED, Pictures, ReportInputs, page_of
-from mimicbench.report.tables import Table, to_csv, to_latex, to_markdown
+from mimicbench.report.table import Table, to_csv, to_latex, to_markdown
 from mimicbench.sensors.opengl import NoPictures
 
 
