@@ -25,6 +25,7 @@ from mimicbench.evaluate.failures import FAILURES
 from mimicbench.evaluate.intervals import Rate
 from mimicbench.evaluate.rows import EpisodeRow, read_rows
 from mimicbench.objects.registry import FAMILIES, make_object
+from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body.body import body_of
 from mimicbench.references.body.skeletons import SKELETONS, UNIHSI
 from mimicbench.report import grouping, page, plots
@@ -33,7 +34,7 @@ from mimicbench.report.paper_tables import TABLES as PAPER_TABLES
 from mimicbench.report.paper_tables import TASKS, methods
 from mimicbench.report.person import EYES, HAIR, SHIRT, SHOES, SKIN, SOLES, TROUSERS, place, solids_of
 from mimicbench.report.pictures.gallery import Failed, counted, draw_failures, draw_objects
-from mimicbench.report.pictures.sheet import contact_sheet
+from mimicbench.report.pictures.sheet import CELL, contact_sheet, sheet_camera
 from mimicbench.report.pictures.showcase import Clip, Recording, Showcase, ShowConfig, draw, moments, positions
 from mimicbench.report.provenance import Provenance, package_versions, this_machine
 from mimicbench.report.render import (
@@ -498,21 +499,33 @@ def robot_motion(frames=40):
     )
 
 
+def assert_seen(camera, points, aspect):
+    """That points (N, 3) are in the picture."""
+    yaw, pitch = np.radians(camera.azimuth), np.radians(camera.elevation)
+    forward = np.array([np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), np.sin(pitch)])
+    right = np.array([np.sin(yaw), -np.cos(yaw), 0])
+    points = points - (np.array(camera.lookat) - camera.distance * forward)
+    depth, limit = points @ forward, np.tan(FIELD_OF_VIEW / 2)
+    assert (depth > 0).all()
+    assert (abs(points @ right) <= aspect * limit * depth).all()
+    assert (abs(points @ np.cross(right, forward)) <= limit * depth).all()
+
+
 def test_camera_sees_all():
     path = np.array([[1.0, 2.0, 0.9], [2.5, -0.5, 0.9], [0.2, 0.0, 0.6]])
+    corners = CHAIR.corners().reshape(-1, 3)
+    points = np.concatenate([path * [1, 1, 0], path * [1, 1, 0] + [0, 0, 1.8], corners])
     for aspect in (1.2, 1.6):
-        camera = frame_all(CHAIR, path, aspect)
-        yaw, pitch = np.radians(camera.azimuth), np.radians(camera.elevation)
-        forward = np.array([np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), np.sin(pitch)])
-        right = np.array([np.sin(yaw), -np.cos(yaw), 0])
-        eye = np.array(camera.lookat) - camera.distance * forward
-        points = (
-            np.concatenate([path * [1, 1, 0], path * [1, 1, 0] + [0, 0, 1.8], CHAIR.corners().reshape(-1, 3)]) - eye
-        )
-        depth, limit = points @ forward, np.tan(FIELD_OF_VIEW / 2)
-        assert (depth > 0).all()
-        assert (abs(points @ right) <= aspect * limit * depth).all()
-        assert (abs(points @ np.cross(right, forward)) <= limit * depth).all()
+        assert_seen(frame_all(CHAIR, path, aspect), points, aspect)
+
+
+@pytest.mark.parametrize("half", [(0.02, 0.45, 1.05), (1.5, 0.3, 0.2), (0.1, 0.1, 0.1)])
+def test_a_sheets_camera_sees_all_of_each(half):
+    half = np.array([half])
+    box = SceneObject("box-0-00000", "box", "box", half * [0, 0, 1], rot.IDENTITY[None], half, np.full((1, 3), 0.5))
+    for other in ([], [CHAIR]):
+        points = np.concatenate([obj.corners().reshape(-1, 3) for obj in (box, *other)])
+        assert_seen(sheet_camera([box, *other], CELL), points, CELL.width / CELL.height)
 
 
 def test_moments_are_even_in_what_happens():
