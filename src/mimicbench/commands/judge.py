@@ -37,7 +37,8 @@ class RunOptions(Options):
     """How and where to run, and how much of it."""
 
     train: bool = False
-    """Learn everything from nothing (hours) instead of using the shipped checkpoints (minutes)."""
+    """Learn everything from nothing (hours; minutes of `smoke`, which learns next to nothing) instead of using the
+    shipped checkpoints (minutes)."""
     profile: Literal["smoke", "default", "full"] | None = None
     """How much; by default `default`, with --train `full`."""
 
@@ -45,11 +46,12 @@ class RunOptions(Options):
 def run(argv: Sequence[str]) -> None:
     """Do the whole task: new objects and human clips, retargeted, tracked, done by the policies, judged, reported.
 
-    Without --train its seed is 1, so that the shipped policies meet new objects.
+    Without --train its seed is 1, so that the shipped policies meet new objects. With it, `smoke` trains briefly, too.
     """
     train = "--train" in argv
     profile = said(argv, "profile") or ("full" if train else "default")
-    call = read_call("evaluate", argv, RunOptions, [profile, *([] if train else ["new-objects"])], "run")
+    besides = "new-objects" if not train else "brief" if profile == "smoke" else "ours"
+    call = read_call("evaluate", argv, RunOptions, [profile, besides], "run")
     from mimicbench.benchmark.graph import start
     from mimicbench.report.pictures.showcase import QUICK
     from mimicbench.report.stage import report
