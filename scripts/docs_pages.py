@@ -20,7 +20,10 @@ ROOT = Path(__file__).parents[1]
 API = {
     "runs": ("benchmark", "benchmark.recipe", "benchmark.graph", "core.stage", "core.settings", "core.registry"),
     "environments": ("envs.gym", "envs.gym_vector", "envs.episodes", "envs.vec_env", "envs.policy"),
-    "tasks-and-objects": ("tasks.task", "tasks.goal", "objects.shape", "objects.family", "objects.registry"),
+    "tasks-and-objects": (
+        *("tasks.task", "tasks.body_points", "tasks.goal"),
+        *("objects.shape", "objects.family", "objects.registry"),
+    ),
     "robots": ("robots.description", "robots.mapping", "robots.rigs"),
     "motions": ("core.motion", "core.motion_file", "core.rotations", "retarget.method", "retarget.clip"),
     "senses": ("sensors.observations", "sensors.term", "sensors.context", "sensors.elevation", "sim.physics"),
