@@ -20,12 +20,16 @@ ROOT = Path(__file__).parents[1]
 API = {
     "runs": ("benchmark", "benchmark.recipe", "benchmark.graph", "core.stage", "core.settings", "core.registry"),
     "environments": ("envs.gym", "envs.gym_vector", "envs.episodes", "envs.vec_env", "envs.policy"),
-    "tasks-and-objects": ("tasks.task", "tasks.goal", "objects.shape", "objects.family", "objects.registry"),
+    "tasks-and-objects": (
+        *("tasks.task", "tasks.body_points", "tasks.goal"),
+        *("objects.shape", "objects.family", "objects.registry"),
+    ),
     "robots": ("robots.description", "robots.mapping", "robots.rigs"),
     "motions": ("core.motion", "core.motion_file", "core.rotations", "retarget.method", "retarget.clip"),
     "senses": ("sensors.observations", "sensors.term", "sensors.context", "sensors.elevation", "sim.physics"),
     "learning": ("track.spec", "track.train", "track.ppo", "imitate.spec", "imitate.cloning", "imitate.policy"),
     "judging": ("policies.loading", "policies.loader", "evaluate.rollout", "evaluate.rows", "evaluate.intervals"),
+    "tables": ("report.table", "report.tables.spec"),
     "errors-and-seeds": ("core.errors", "core.seeds"),
 }
 """Modules whose interface others build on, page by page."""
@@ -41,6 +45,7 @@ def pages() -> Mapping[str, str]:
         "methods/retargeting.md": methods.retargeting_page(),
         "methods/trackers.md": methods.trackers_page(robot),
         "methods/learners.md": methods.learners_page(),
+        "methods/tables.md": methods.tables_page(),
         "methods/observations.md": tasks.observations_page(robot),
         "settings/presets.md": settings.presets_page(),
         **{f"settings/{part}.md": settings.settings_page(part) for part in PARTS},

@@ -11,7 +11,7 @@ from pathlib import Path
 from measure_retargeting import put
 from mimicbench.benchmark.finding import largest
 from mimicbench.evaluate.intervals import Rate
-from mimicbench.report.tables import Table, to_markdown
+from mimicbench.report.table import Table, to_markdown
 from mimicbench.tasks.registry import TASKS
 
 SHOWN = {

@@ -20,7 +20,7 @@ from mimicbench.references.paper import PAPER_SETS
 from mimicbench.references.recordings.real_clips import sitting_clips
 from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.report.beside_real import judgement_table, measures_table, tells_table
-from mimicbench.report.tables import Cell, Table, to_markdown
+from mimicbench.report.table import Cell, Table, to_markdown
 from mimicbench.tasks.registry import TASKS
 
 PAGES = [Path(__file__).parents[1] / "docs" / name for name in ("people.md", "people-judged.md")]

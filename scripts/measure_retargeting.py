@@ -18,7 +18,7 @@ from mimicbench.objects.make import ObjectsConfig
 from mimicbench.references.make import ReferencesConfig
 from mimicbench.report.methods import compare_methods
 from mimicbench.report.provenance import this_machine
-from mimicbench.report.tables import Table, to_markdown
+from mimicbench.report.table import Table, to_markdown
 from mimicbench.retarget.baselines.speed import RetargetBenchConfig
 from mimicbench.tasks.registry import TASKS
 

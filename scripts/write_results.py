@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mimicbench.evaluate.rows import EpisodeRow, read_rows
-from mimicbench.report.compare import beside_paper_table, best_table, summaries
-from mimicbench.report.tables import to_markdown
+from mimicbench.report.table import to_markdown
+from mimicbench.report.tables.registry import TABLES
+from mimicbench.report.tables.spec import Episodes
 from mimicbench.tasks.registry import TASKS
 
 ROOT = Path(__file__).parents[1]
@@ -25,20 +26,19 @@ def best() -> str:
     """The table of the best of every task: of its own run, or else of the tracker that serves all."""
     several = rows_of(ROOT / "runs" / "six-tasks")
     own = {task: rows_of(ROOT / "runs" / task) for task in TASKS}
-    return best_of([row for task in TASKS for row in own[task] or several if row.task == task])
+    return table_of("best", [row for task in TASKS for row in own[task] or several if row.task == task])
 
 
-def best_of(rows: Sequence[EpisodeRow]) -> str:
-    """The table of the best policies and trackers of some rows."""
-    of_tasks = [summaries([row for row in rows if row.task == task]) for task in TASKS]
-    return to_markdown(best_table([one for found in of_tasks for one in found]))
+def table_of(name: str, rows: Sequence[EpisodeRow]) -> str:
+    """The one table of this name."""
+    (table,) = TABLES.get(name).of(Episodes(tuple(rows)))
+    return to_markdown(table)
 
 
 def of_run(folder: Path) -> str:
     """The table of one run: of its task, or of the best of several."""
     rows = rows_of(folder)
-    tasks = {row.task for row in rows}
-    return best_of(rows) if len(tasks) > 1 else to_markdown(beside_paper_table(tasks.pop(), summaries(rows)))
+    return table_of("best" if len({row.task for row in rows}) > 1 else "beside-paper", rows)
 
 
 def with_table(page: str, name: str, table: str) -> str:

@@ -68,6 +68,7 @@ def called(*words: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
         ("bench --seconds nan", "--seconds is nan; give a finite number"),
         ("bench world --sizes 0", "--sizes is (0,)"),
         ("table", "give at least one file"),
+        ("table --show bets", "unknown table 'bets'; known are: beside-paper, best,"),
         ("import nowhere.npy", "nowhere.npy"),
         ("dance", "there is no command 'dance'; there are: objects,"),
     ],
@@ -231,7 +232,7 @@ def test_a_closed_pipe_is_no_error():
         (["mimicbench", "ev"], ["evaluate"]),
         (["mimicbench", "bench", "so"], ["soak"]),
         (["mimicbench", "objects", "draw", "--wor"], ["--workdir", "--workers"]),
-        (["mimicbench", "table", "--pap"], ["--paper"]),
+        (["mimicbench", "table", "--sh"], ["--show"]),
     ],
 )
 def test_bash_completes_commands_and_settings(words, expected, tmp_path):

@@ -33,7 +33,7 @@ class Trace:
         self.physics = NativePhysics(H1, [obj or block()] * envs, workers=1)
         self.metrics = EpisodeMetrics(task, H1, self.physics, control_dt)
         stool.place(self.physics, STAND, JOINTS)
-        self.metrics.begin(Rows.every(envs), torch.full((envs, 2, 3), torch.nan))
+        self.metrics.begin(Rows.every(envs), torch.full((envs, 2, 3), torch.nan), self.physics.state().root_pos_w)
 
     def show(self, frames, pos, joints=JOINTS, quat=rot.IDENTITY, turning=0.0):
         """Some control steps in one pose, `turning` about the vertical [rad/s]."""
@@ -179,7 +179,7 @@ def test_who_lifts_a_thigh_does_not_lean():
     physics = NativePhysics(g1, [block()], workers=1)
     metrics = EpisodeMetrics(SIT_CHAIR, g1, physics, CONTROL_DT)
     stool.place(physics, np.array([-1.0, 0.0, 0.7]), joints)
-    metrics.begin(Rows.every(1), torch.full((1, 2, 3), torch.nan))
+    metrics.begin(Rows.every(1), torch.full((1, 2, 3), torch.nan), physics.state().root_pos_w)
     thigh = physics.links().quat_w[0, 1].numpy()
     assert rot.rotate(thigh, np.array([0.0, 0.0, 1.0]))[2] == pytest.approx(0.0, abs=1e-6)
     metrics.update(physics.links())
@@ -258,7 +258,7 @@ def test_another_episode_forgets_the_last_one():
     assert before["fell"][0] and before["success"][0] and before["effort"].shape == (2,)
     trace.metrics.max_effort += 5.0
     stool.put(trace.physics, [0], STAND[None], rot.IDENTITY[None], JOINTS[None])
-    trace.metrics.begin(Rows.of([0], 2), torch.full((1, 2, 3), torch.nan))
+    trace.metrics.begin(Rows.of([0], 2), torch.full((1, 2, 3), torch.nan), trace.physics.state().root_pos_w)
     found = trace.metrics.verdict()
     assert (found.effort.tolist(), found.steps.tolist()) == ([0.0, 5.0], [0, 21])
     assert not found.success[0] and not found.fell[0] and torch.isnan(found.first_success[0])
@@ -291,7 +291,7 @@ def test_arrays_and_tensors_come_to_the_same(task):
             rows = Rows.where(some, physics.asynchronous)
             if some.any():
                 stool.put(physics, some.nonzero()[:, 0].tolist(), *(part[some.numpy()] for part in (pos, quat, joints)))
-                judge.begin(rows, goals[rows.ids])
+                judge.begin(rows, goals[rows.ids], physics.state().root_pos_w)
             physics.step(torch.from_numpy(joints.astype(np.float32)), True)
             judge.update(physics.links(), active)
         arrays, tensors = (judge.state_tensors() for judge in judges)

@@ -1,7 +1,8 @@
-"""Packages of other people: a task, a robot, a tracker, and a learner with its policy, each of a single file, are
-installed and run through the whole command without a change to ours.
+"""Packages of other people: a task, a robot, a tracker, a learner with its policy, and a table, each of a single file,
+are installed and run through the whole command without a change to ours.
 """
 
+import csv
 import json
 import os
 import subprocess
@@ -11,7 +12,10 @@ from pathlib import Path
 
 import pytest
 
+from mimicbench.evaluate.rows import read_rows
+
 PACKAGES = Path(__file__).with_name("packages")
+ROWS = Path(__file__).parents[1] / "runs" / "sit-chair" / "evaluate"
 OURS = "sys, mimicbench.{}.registry as r; print(*r.{}.names()); assert not {{'numpy', {!r}}} & set(sys.modules)"
 
 
@@ -72,6 +76,7 @@ def call(environment, *arguments):
         ("track", "TRACKERS", "follow", "follow"),
         ("imitate", "LEARNERS", "still", "still"),
         ("policies", "LOADERS", "still", "still"),
+        ("report.tables", "TABLES", "prompt", "time-to-success"),
     ],
 )
 def test_names_are_known_without_an_import(installed, package, registry, module, name):
@@ -93,6 +98,20 @@ def test_each_of_them_needs_no_other(name, tmp_path):
     assert header["stage"] == ALONE[name][0] and {"standing": "stand-by"}.get(name, name) in json.dumps(header)
 
 
+def test_their_tables_are_printed_beside_ours(tmp_path):
+    alone = environment(tmp_path, [PACKAGES / "prompt"])
+    assert "how long each method takes" in call(alone, "-m", "mimicbench.cli", "table", "list")
+    files = sorted(map(str, ROWS.glob("*.parquet")))
+    words = ("table", *files, "--show", "time-to-success", "results", "--format", "csv")
+    theirs, ours, _ = call(alone, "-m", "mimicbench.cli", *words).split("\n\n")
+    assert ours.startswith("Stage,Policy,K rate")
+    for line in csv.DictReader(theirs.splitlines()):
+        rows = read_rows(ROWS / f"{line['Policy'].split()[0]}.parquet")
+        times = sorted(row.first_success_time for row in rows if row.success)
+        assert int(line["K successes"]) == len(times)
+        assert float(line["half by [s]"]) == pytest.approx((times[(len(times) - 1) // 2] + times[len(times) // 2]) / 2)
+
+
 def test_all_of_them_run_through_everything(installed, tmp_path):
     small = {
         "objects.count": 8,
@@ -112,7 +131,9 @@ def test_all_of_them_run_through_everything(installed, tmp_path):
     words += [word for name, value in small.items() for word in (f"--{name}", str(value))]
     words += ["--workers", "1", "--workdir", str(tmp_path)]
     told = json.loads(call(installed, "-m", "mimicbench.cli", *words))
-    assert told["task"] == "stand-by" and "Stand by a pillar" in Path(told["report"]).read_text()
+    page = Path(told["report"])
+    assert told["task"] == "stand-by" and "Stand by a pillar" in page.read_text()
+    assert "Time to success" in page.read_text() and (page.parent / "tables" / "time-to-success.csv").is_file()
     assert {one["policy"] for one in told["results"]} == {"tracker", "still"}
     headers = [json.loads(path.read_text()) for path in (tmp_path / "stand-by").glob("*/*/header.json")]
     assert {"objects", "references", "retarget", "track", "perception", "imitate"} <= {one["stage"] for one in headers}

@@ -1,7 +1,7 @@
 """Recipes: where their values come from, what they refuse, and that stages of several recipes share what is common."""
 
 import json
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -25,6 +25,7 @@ from mimicbench.imitate.learners.act import ACTConfig
 from mimicbench.imitate.learners.bc import BCConfig
 from mimicbench.imitate.learners.diffusion import DiffusionConfig
 from mimicbench.imitate.learners.hit import HITConfig
+from mimicbench.imitate.registry import LEARNERS
 from mimicbench.imitate.spec import ImitateConfig
 from mimicbench.objects.make import ObjectsConfig
 from mimicbench.references.make import ReferencesConfig
@@ -379,3 +380,29 @@ def test_sizes_name_policies_that_can_also_be_learned(task, profile):
     assert names[0] == "tracker" and len(names) > 1 and len(set(names)) == len(names)
     for name in names[1:]:
         stage_type("imitate", {"learner": name})
+
+
+@pytest.mark.parametrize("task", list(TASKS))
+def test_what_is_learned_briefly_is_what_is_judged(task):
+    """`run --train --profile smoke` is over in minutes: every training that it begins is brief."""
+    recipe = read_call("evaluate", ["--task", task], presets=["smoke", "brief"]).recipes[0]
+    assert recipe.track is not None and recipe.track.samples == 100_000
+    assert recipe.imitate is not None and recipe.imitate.perception.steps == 200
+    assert recipe.evaluate.policy == ("tracker", recipe.imitate.learner)
+
+
+@pytest.mark.parametrize("learner", list(LEARNERS))
+def test_a_brief_training_is_less_of_the_same(learner):
+    less = dict(preset_tree("brief", Chosen("sit-chair", learner))["imitate"])
+    assert less.pop("learner") == learner
+
+    def check_less(tree, usual):
+        for name, value in tree.items():
+            if isinstance(value, dict):
+                check_less(value, getattr(usual, name))
+            else:
+                assert value < getattr(usual, name) / 10
+
+    check_less(less, stage_type("imitate", {"learner": learner})())
+    own = {entry.name for entry in fields(stage_type("imitate", {"learner": learner}))}
+    assert {"planner", "train", "samples"} & own == set(less) - {"perception"}, "whatever it trains is brief"

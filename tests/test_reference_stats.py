@@ -28,7 +28,7 @@ from mimicbench.references.make import remake
 from mimicbench.references.paper import PAPER_SETS
 from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.report.dataset import dataset_picture, statistics_table, variety_table
-from mimicbench.report.tables import to_markdown
+from mimicbench.report.table import to_markdown
 from mimicbench.tasks.registry import TASKS
 
 DATA = Path(__file__).parents[1].parent / "shared" / "data"

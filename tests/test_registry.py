@@ -10,11 +10,12 @@ from mimicbench.core.errors import MimicbenchError, UnknownName
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.references.importers.registry import FORMATS
 from mimicbench.references.synthesis.registry import SYNTHESES
+from mimicbench.report.tables.registry import HEADLINES, TABLES
 from mimicbench.retarget.registry import METHODS
 from mimicbench.robots.registry import ROBOTS
 from mimicbench.tasks.registry import TASKS
 
-REGISTRIES = (TASKS, ROBOTS, FAMILIES, SYNTHESES, FORMATS, METHODS)
+REGISTRIES = (TASKS, ROBOTS, FAMILIES, SYNTHESES, FORMATS, METHODS, TABLES)
 STOOLS = """
 from mimicbench.objects.family import Family
 from mimicbench.objects.families.chair import make_chair
@@ -36,17 +37,17 @@ def test_every_item_is_what_its_registry_says(of):
 def test_the_papers_order():
     assert TASKS.names() == ("sit-chair", "sit-sofa", "lie-bed", "lie-sofa", "touch-points", "lift-box")
     assert METHODS.names() == ("copy-rotation", "omnih2o", "optimization", "interaction")
+    assert set(HEADLINES) <= set(TABLES)
 
 
 def test_names_import_nothing():
-    modules = ("tasks", "robots", "objects", "references.importers", "retarget")
+    modules = ("tasks", "robots", "objects", "references.importers", "retarget", "report.tables")
     script = "import sys\n" + "".join(
         f"import mimicbench.{module}.registry as r{i}\n" for i, module in enumerate(modules)
     )
-    script += (
-        "print(r0.TASKS.names(), r1.ROBOTS.names(), r2.FAMILIES.names(), r3.FORMATS.names(), r4.METHODS.names())\n"
-    )
-    script += "assert not {'numpy', 'torch', 'mujoco', 'scipy'} & set(sys.modules)"
+    script += "print(r0.TASKS.names(), r1.ROBOTS.names(), r2.FAMILIES.names(), r3.FORMATS.names())\n"
+    script += "print(r4.METHODS.names(), r5.TABLES.names())\n"
+    script += "assert not {'numpy', 'torch', 'mujoco', 'scipy', 'pyarrow'} & set(sys.modules)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "sit-chair" in done.stdout and "intermimic" in done.stdout

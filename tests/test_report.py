@@ -25,14 +25,16 @@ from mimicbench.evaluate.failures import FAILURES
 from mimicbench.evaluate.intervals import Rate
 from mimicbench.evaluate.rows import EpisodeRow, read_rows
 from mimicbench.objects.registry import FAMILIES, make_object
+from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body.body import body_of
 from mimicbench.references.body.skeletons import SKELETONS, UNIHSI
-from mimicbench.report import compare, page, plots
+from mimicbench.report import grouping, page, plots
 from mimicbench.report.curves import read_curve
-from mimicbench.report.paper_tables import TABLES, TASKS, methods, paper_table
+from mimicbench.report.paper_tables import TABLES as PAPER_TABLES
+from mimicbench.report.paper_tables import TASKS, methods
 from mimicbench.report.person import EYES, HAIR, SHIRT, SHOES, SKIN, SOLES, TROUSERS, place, solids_of
 from mimicbench.report.pictures.gallery import Failed, counted, draw_failures, draw_objects
-from mimicbench.report.pictures.sheet import contact_sheet
+from mimicbench.report.pictures.sheet import CELL, contact_sheet, sheet_camera
 from mimicbench.report.pictures.showcase import Clip, Recording, Showcase, ShowConfig, draw, moments, positions
 from mimicbench.report.provenance import Provenance, package_versions, this_machine
 from mimicbench.report.render import (
@@ -45,7 +47,10 @@ from mimicbench.report.render import (
     robot_frames,
     with_object,
 )
-from mimicbench.report.tables import Reported, Table, text, to_csv, to_latex, to_markdown, to_terminal
+from mimicbench.report.table import Reported, Table, text, to_csv, to_latex, to_markdown, to_terminal
+from mimicbench.report.tables.beside_paper import beside_paper_table, counterpart
+from mimicbench.report.tables.registry import TABLES
+from mimicbench.report.tables.spec import Episodes, TableSpec
 from mimicbench.report.video import strip, write_video
 from mimicbench.report.write import ReportInputs, draw_plots, write_report
 from mimicbench.robots.registry import ROBOTS
@@ -117,6 +122,7 @@ def made_up_rows():
 INPUTS = ReportInputs(
     "sit-chair", made_up_rows(), Provenance(7, ("make run",), {"clips": 256}, {}, package_versions(), this_machine())
 )
+JUDGED = Episodes(INPUTS.rows)
 
 
 def painter_or_skip(model):
@@ -135,7 +141,7 @@ def model():
 
 
 def test_paper_means_are_the_means_of_the_tasks():
-    for table in TABLES:
+    for table in PAPER_TABLES:
         for method, mean in table.mean.items():
             rates = table.rates[method].values()
             assert len(rates) == 6
@@ -170,7 +176,7 @@ def test_paper_tables_agree_with_its_source():
         pytest.skip("the paper's source is not here")
     tex = re.sub(r"(?<!\\)%.*|\\textbf|\\textcolor\{red\}|[{}]", "", source.read_text())
     printed = {tuple(re.findall(r"\d+/\d+", line)) for line in tex.split(r"\\")}
-    for table in TABLES:
+    for table in PAPER_TABLES:
         both_halves = [
             tuple(
                 f"{r.kinematic}/{r.energy}"
@@ -183,8 +189,9 @@ def test_paper_tables_agree_with_its_source():
 
 
 def test_every_paper_table_can_be_written():
-    for table in TABLES:
-        assert len(paper_table(table).rows) == len(table.rates)
+    made = TABLES.get("paper").of(Episodes(()))
+    assert [len(table.rows) for table in made] == [len(table.rates) for table in PAPER_TABLES]
+    assert len({table.name for table in made}) == len(made)
     assert list(TASKS.values()) == ["SC", "SS", "LB", "LS", "T", "L"]
 
 
@@ -222,8 +229,8 @@ def test_writers_by_hand():
 
 @pytest.mark.parametrize("width", [200, 100, 80, 50, 30])
 def test_terminals_break_no_words(width: int):
-    found = compare.summaries(INPUTS.rows)
-    table = compare.beside_paper_table("sit-chair", [replace(one, policy="act-clock") for one in found])
+    found = JUDGED.summaries
+    table = beside_paper_table("sit-chair", [replace(one, policy="act-clock") for one in found])
     shown = to_terminal(table, width)
     cells = {word for row in table.rows for cell in row for word in text(cell).split()}
     words = {word for word in shown.replace("│", " ").replace("┃", " ").split() if word[0] not in "─━┌└├┏┡"}
@@ -246,37 +253,82 @@ def test_what_is_markup_elsewhere_is_text_on_the_terminal():
 
 
 def test_comparison_with_the_paper():
-    found = compare.summaries(INPUTS.rows)
+    found = JUDGED.summaries
     assert [s.policy for s in found] == ["act", "bc<script>", "hst"]
-    rows = {row[1]: row for row in compare.beside_paper_table("sit-chair", found).rows}
+    rows = {row[1]: row for row in beside_paper_table("sit-chair", found).rows}
     assert rows["act (improved), as ACT"][2:4] == (Rate(15, 20), Reported(81))
     assert rows["hst (improved), as Improved HST"][3] == Reported(92)
     assert rows["PPO"][2:] == (None, Reported(50), None, Reported(25), None)
     assert "ACT" not in rows
-    assert compare.counterpart("imitate", "act-clock") == "ACT"
-    assert compare.counterpart("imitate", "planner") is None
+    assert counterpart("imitate", "act-clock") == "ACT"
+    assert counterpart("imitate", "planner") is None
+
+
+def three_tasks():
+    """Sitting on chairs of several sizes, lying, and what the paper does not have."""
+    sitting = [replace(row, object_id=f"chair-0-{row.episode:05d}") for row in INPUTS.rows]
+    lying = [replace(row, task="lie-bed", policy="hit") for row in INPUTS.rows[:20]]
+    return Episodes((*sitting, *(replace(row, task="read-book") for row in lying), *lying))
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_every_table_is_of_one_task_or_of_all(name):
+    spec, episodes = TABLES.get(name), three_tasks()
+    made = spec.of(episodes)
+    apart = [table for one in episodes.by_task for table in spec.of(one)]
+    assert spec.what and made
+    if spec.per_task:
+        assert made == apart, "each task's is as if there were no other"
+    for table in made:
+        assert table.title and table.name.startswith(name) and to_markdown(table)
+    chairs = episodes.by_task[0]
+    if name != "failed":  # which lists episodes in their order
+        backwards = Episodes(tuple(reversed(chairs.rows)))
+        assert spec.of(backwards) == spec.of(chairs), "methods are ordered by their rates, not by who comes first"
+
+
+def test_the_best_of_tasks_that_the_paper_has_not():
+    (table,) = TABLES.get("best").of(three_tasks())
+    assert [row[:4] for row in table.rows] == [
+        ("SC", "act", Rate(15, 20), Reported(81)),
+        ("LB", "hit", Rate(15, 20), Reported(61)),
+        ("read-book", "hit", Rate(15, 20), None),
+    ]
+    assert table.rows[0][5:7] == (Rate(18, 20), Reported(92)) and table.rows[2][5:] == (None, None, None)
+
+
+def test_failed_episodes_one_by_one():
+    (table,) = TABLES.get("failed").of(JUDGED)
+    assert len(table.rows) == 5 + 14 + 2, "of three methods"
+    assert [row[1] for row in table.rows[:5]] == [f"sit-chair-7-{i:05d}" for i in range(15, 20)]
+
+
+def test_a_table_that_goes_by_another_name_is_refused():
+    spec = TableSpec("mine", "nothing", lambda episodes: [Table("yours", "", ("a",), ())])
+    with pytest.raises(MimicbenchError, match="'mine' makes one that calls itself 'yours'; call it 'mine', or"):
+        spec.of(JUDGED)
 
 
 def test_failures_and_breakdowns_add_up():
     act = [row for row in INPUTS.rows if row.policy == "act"]
-    kinds = compare.failures(act)
+    kinds = grouping.failures(act)
     # episodes 15 to 19 fail; 15 and 18 by falling, 16 ends away from the chair, 17 and 19 beside it
     assert [kinds[kind].successes for kind in FAILURES] == [2, 0, 0, 1, 2, 0, 0]
     left = [replace(row, stays=False) if row.episode < 4 else row for row in act]
-    assert compare.failures(left)["did not stay"].successes == 4, "who fulfils K and leaves again has failed, too"
+    assert grouping.failures(left)["did not stay"].successes == 4, "who fulfils K and leaves again has failed, too"
     turned = [replace(row, fell_phase="turning") if row.fell else row for row in act]
-    assert compare.failures(turned)["fell turning"].successes == 2
+    assert grouping.failures(turned)["fell turning"].successes == 2
     sat = [replace(row, fell_phase="sitting down") if row.fell else row for row in act]
-    assert compare.failures(sat)["fell at the object"].successes == 2
-    for breakdown in compare.breakdowns(act):
+    assert grouping.failures(sat)["fell at the object"].successes == 2
+    for breakdown in grouping.breakdowns(act):
         assert sum(rate.episodes for rate in breakdown.parts.values()) == 20
         assert sum(rate.successes for rate in breakdown.parts.values()) == 15
-    assert [b.title for b in compare.breakdowns(act)] == [
+    assert [b.title for b in grouping.breakdowns(act)] == [
         "Kind of object",
         "Height of the seat",
         "Distance at the start",
     ]
-    assert compare.breakdowns([act[0]] * 4) == []
+    assert grouping.breakdowns([act[0]] * 4) == []
 
 
 # --- curves and plots
@@ -303,7 +355,7 @@ def test_curves(tmp_path):
     assert plots.shown(empty) == []
     with pytest.raises(MimicbenchError, match="just begun"):
         plots.curve_plot("c", empty)
-    assert not {"curve-0"} & set(draw_plots("sit-chair", compare.summaries(INPUTS.rows), INPUTS.rows, [empty]))
+    assert not {"curve-0"} & set(draw_plots("sit-chair", JUDGED, [empty]))
     path.write_text("nonsense\n" + lines[0] + "\n")
     with pytest.raises(BadFile, match="line 1"):
         read_curve(path, "tracker")
@@ -356,7 +408,7 @@ def test_report_without_pictures_stands_alone_and_regenerates(tmp_path):
     assert files == sorted(p.relative_to(tmp_path / "b") for p in (tmp_path / "b").rglob("*") if p.is_file())
     for file in files:
         assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes(), file
-    assert {"tables/results.md", "tables/beside_paper.tex", "tables/breakdown.csv", "plots/rates.svg"} <= {
+    assert {"tables/results.md", "tables/beside-paper.tex", "tables/breakdown.csv", "plots/rates.svg"} <= {
         file.as_posix() for file in files
     }
     assert len(read_rows(tmp_path / "a" / "episodes.parquet")) == 60
@@ -367,6 +419,15 @@ def test_report_does_not_depend_on_the_order_of_episodes_of_different_policies(t
     rows = tuple(sorted(INPUTS.rows, key=lambda row: row.episode))
     write_report(tmp_path / "b", replace(INPUTS, rows=rows))
     assert (tmp_path / "a" / "index.html").read_bytes() == (tmp_path / "b" / "index.html").read_bytes()
+
+
+def test_a_page_lists_some_failed_episodes_and_the_table_has_all(tmp_path):
+    lost = replace(INPUTS.rows[0], success=False, success_at_end=False, stays=False, first_success_time=None)
+    rows = tuple(replace(lost, episode=i) for i in range(61))
+    html = write_report(tmp_path, replace(INPUTS, rows=rows)).read_text()
+    assert "The first 60 of 61; tables/failed.csv has all." in html
+    assert "sit-chair-7-00059" in html and "sit-chair-7-00060" not in html
+    assert len(list(csv.reader((tmp_path / "tables" / "failed.csv").open()))) == 1 + 61
 
 
 def test_report_refuses_nothing_and_mixtures(tmp_path):
@@ -438,21 +499,33 @@ def robot_motion(frames=40):
     )
 
 
+def assert_seen(camera, points, aspect):
+    """That points (N, 3) are in the picture."""
+    yaw, pitch = np.radians(camera.azimuth), np.radians(camera.elevation)
+    forward = np.array([np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), np.sin(pitch)])
+    right = np.array([np.sin(yaw), -np.cos(yaw), 0])
+    points = points - (np.array(camera.lookat) - camera.distance * forward)
+    depth, limit = points @ forward, np.tan(FIELD_OF_VIEW / 2)
+    assert (depth > 0).all()
+    assert (abs(points @ right) <= aspect * limit * depth).all()
+    assert (abs(points @ np.cross(right, forward)) <= limit * depth).all()
+
+
 def test_camera_sees_all():
     path = np.array([[1.0, 2.0, 0.9], [2.5, -0.5, 0.9], [0.2, 0.0, 0.6]])
+    corners = CHAIR.corners().reshape(-1, 3)
+    points = np.concatenate([path * [1, 1, 0], path * [1, 1, 0] + [0, 0, 1.8], corners])
     for aspect in (1.2, 1.6):
-        camera = frame_all(CHAIR, path, aspect)
-        yaw, pitch = np.radians(camera.azimuth), np.radians(camera.elevation)
-        forward = np.array([np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), np.sin(pitch)])
-        right = np.array([np.sin(yaw), -np.cos(yaw), 0])
-        eye = np.array(camera.lookat) - camera.distance * forward
-        points = (
-            np.concatenate([path * [1, 1, 0], path * [1, 1, 0] + [0, 0, 1.8], CHAIR.corners().reshape(-1, 3)]) - eye
-        )
-        depth, limit = points @ forward, np.tan(FIELD_OF_VIEW / 2)
-        assert (depth > 0).all()
-        assert (abs(points @ right) <= aspect * limit * depth).all()
-        assert (abs(points @ np.cross(right, forward)) <= limit * depth).all()
+        assert_seen(frame_all(CHAIR, path, aspect), points, aspect)
+
+
+@pytest.mark.parametrize("half", [(0.02, 0.45, 1.05), (1.5, 0.3, 0.2), (0.1, 0.1, 0.1)])
+def test_a_sheets_camera_sees_all_of_each(half):
+    half = np.array([half])
+    box = SceneObject("box-0-00000", "box", "box", half * [0, 0, 1], rot.IDENTITY[None], half, np.full((1, 3), 0.5))
+    for other in ([], [CHAIR]):
+        points = np.concatenate([obj.corners().reshape(-1, 3) for obj in (box, *other)])
+        assert_seen(sheet_camera([box, *other], CELL), points, CELL.width / CELL.height)
 
 
 def test_moments_are_even_in_what_happens():

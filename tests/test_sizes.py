@@ -7,8 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mimicbench.objects.registry import make_object
-from mimicbench.report.sizes import PARTS, SIZES, by_size, size_of, size_plot, size_table
-from mimicbench.report.tables import to_markdown
+from mimicbench.report.sizes import PARTS, SIZES, by_size, size_of, size_plot
+from mimicbench.report.tables.registry import TABLES
+from mimicbench.report.tables.spec import Episodes
 from test_report import made_up_rows
 
 BEDS = {f"bed-0-{i:05d}": make_object(f"bed-0-{i:05d}") for i in range(40)}
@@ -44,7 +45,6 @@ def test_who_fails_at_long_beds_is_seen_to():
     rows = rows_on(longest, [i < 32 for i in range(40)])
     rates = [part.kinematic.rate for part in by_size(rows, BEDS)["length"]]
     assert rates == [1, 1, 1, 1, 0]
-    assert "length" in to_markdown(size_table({"online": by_size(rows, BEDS)}))
     assert "<svg" in size_plot("sizes", by_size(rows, BEDS))
 
 
@@ -52,3 +52,14 @@ def test_who_fails_at_long_beds_is_seen_to():
 def test_a_size_that_all_have_is_left_out(count):
     assert by_size(rows_on(["bed-0-00000"] * count, [True] * count), BEDS) == {}
     assert set(by_size(rows_on(list(BEDS), [True] * 40), BEDS)) == set(SIZES)
+
+
+def test_the_table_leaves_out_whose_objects_nobody_has():
+    """Objects are made again from their ids; own meshes have to be at hand."""
+    rows = rows_on(list(BEDS), [True] * 40)
+    (table,) = TABLES.get("sizes").of(Episodes(tuple(rows)))
+    assert len(table.rows) == PARTS * len(SIZES) and table.rows[0][2].episodes == 8
+    own = [replace(row, object_id=f"mine-{row.object_id}") for row in rows]
+    assert TABLES.get("sizes").of(Episodes(tuple(own))) == []
+    at_hand = {f"mine-{name}": obj for name, obj in BEDS.items()}
+    assert TABLES.get("sizes").of(Episodes(tuple(own), at_hand)) == [table]

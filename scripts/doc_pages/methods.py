@@ -1,10 +1,11 @@
-"""Pages of the methods: to retarget, to track, to learn."""
+"""Pages of the methods, to retarget, to track, to learn, and of the tables that tell how they do."""
 
 from dataclasses import fields
 
 from doc_pages.words import described, field_docs, table
 from mimicbench.imitate.registry import LEARNERS
 from mimicbench.imitate.spec import ImitateConfig
+from mimicbench.report.tables.registry import TABLES
 from mimicbench.retarget.registry import METHODS
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.term import Term
@@ -70,4 +71,13 @@ def learners_page() -> str:
         "# Learners\n\n`mimicbench imitate --learner <name>`; their [settings](../settings/imitate.md). "
         "The guide: [learners](../learners.md).\n\n"
         + table(("learner", "what", "learns from", "speaks to the tracker"), rows)
+    )
+
+
+def tables_page() -> str:
+    """The tables of judged episodes."""
+    rows = ((f"`{t.name}`", t.what, "one task" if t.per_task else "all tasks together") for t in TABLES.all())
+    return (
+        "# Tables\n\n`mimicbench table FILES --show <name>`, of files of episode rows. Reports have those of one task. "
+        "The guide: [how the numbers are made](../numbers.md).\n\n" + table(("table", "what it shows", "of"), rows)
     )

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.references.paper import PAPER_SETS
 from mimicbench.references.synthesis.registry import synthesize
-from mimicbench.report.tables import Table
+from mimicbench.report.table import Table
 from mimicbench.retarget.baselines.speed import RetargetBenchConfig, bench_retargeting
 from mimicbench.retarget.clip import Clip
 from mimicbench.robots.registry import DEFAULT_ROBOT, ROBOTS

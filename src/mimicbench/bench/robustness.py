@@ -6,7 +6,7 @@ from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.disturbance import Disturbance
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.evaluate.intervals import Rate
-from mimicbench.report.tables import Table
+from mimicbench.report.table import Table
 from mimicbench.robots.description import Robot
 from mimicbench.track.rollout import RolloutConfig, track_clips
 from mimicbench.track.spec import Tracker

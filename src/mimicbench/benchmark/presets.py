@@ -2,13 +2,13 @@
 
 `ours` is all defaults. `paper` is the paper; where it is silent, the source that it names: the public HumanPlus code
 for the training of HST and HIT, ACT's for ACT and BC, Diffusion Policy's own. Sizes: `smoke` shows that every stage
-works, `default` fits ten minutes,
-`full` is what our results were made with, `paper-size` has as many objects and clips as the paper. `new-objects` has
-another seed than what is shipped was trained with.
+works, `default` fits ten minutes, `full` is what our results were made with, `brief` is for trainings what `smoke` is
+for the rest, `paper-size` has as many objects and clips as the paper. `new-objects` has another seed than what is
+shipped was trained with.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 from mimicbench.core.errors import UnknownName
@@ -212,6 +212,25 @@ def _omnih2o(chosen: Chosen) -> Tree:
     return merge(_paper(chosen), {"retarget": {"method": "omnih2o", "variant": "paper"}})
 
 
+BRIEF: Tree = {
+    "perception": {"maps": 500, "steps": 200},
+    "planner": {"samples": 50_000},
+    "train": {"steps": 100},
+    "samples": 50_000,
+}
+"""Trainings of about a minute, by what learners call them."""
+
+
+def _brief(chosen: Chosen) -> Tree:
+    """Every training is over in a minute or so, and has learned next to nothing."""
+    from mimicbench.imitate.registry import LEARNERS
+
+    learner = chosen.learner or _policies(chosen.task)[0]
+    own = {entry.name for entry in fields(LEARNERS.get(learner).config)}
+    less = {name: value for name, value in BRIEF.items() if name in own}
+    return {"track": {"samples": 100_000}, "imitate": {"learner": learner, **less}}
+
+
 PRESETS: Mapping[str, Callable[[Chosen], Tree]] = {
     "ours": lambda _: {},
     "paper": _paper,
@@ -221,6 +240,7 @@ PRESETS: Mapping[str, Callable[[Chosen], Tree]] = {
     "new-objects": lambda _: {"seed": 1},
     "smoke": lambda chosen: _sizes(16, 16, 16, 16, _policies(chosen.task)),
     "default": lambda chosen: _sizes(120, 128, 128, 128, _policies(chosen.task, "planner", "act-clock", "bc-clock")),
+    "brief": _brief,
     "full": lambda _: _sizes(400, 2000, 256, 400, ("planner", "act", "bc", "act-clock", "bc-clock")),
 }
 PROFILES = ("smoke", "default", "full")

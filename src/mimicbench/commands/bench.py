@@ -43,7 +43,7 @@ def retarget(
     mink.
     """
     from mimicbench.bench.retargeting import ClipsConfig, bench, speed_table
-    from mimicbench.report.tables import to_terminal
+    from mimicbench.report.table import to_terminal
     from mimicbench.retarget.baselines.speed import RetargetBenchConfig
     from mimicbench.tasks.registry import TASKS
 
@@ -126,7 +126,7 @@ def robust(
     from mimicbench.benchmark.judging import episodes_of, who_of
     from mimicbench.benchmark.recipe import Recipe
     from mimicbench.core.run import RunContext
-    from mimicbench.report.tables import to_terminal
+    from mimicbench.report.table import to_terminal
     from mimicbench.tasks.registry import TASKS
     from mimicbench.track.checkpoint import load_tracker
 

@@ -1,13 +1,11 @@
-"""`mimicbench evaluate`, `run`, `table`: what the policies can do."""
+"""`mimicbench evaluate`, `run`: what the policies can do."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
-
-import tyro
+from typing import TYPE_CHECKING, Literal
 
 from mimicbench.commands.parsing import Options, read_call, said
 from mimicbench.commands.telling import tell, tell_rates
@@ -39,7 +37,8 @@ class RunOptions(Options):
     """How and where to run, and how much of it."""
 
     train: bool = False
-    """Learn everything from nothing (hours) instead of using the shipped checkpoints (minutes)."""
+    """Learn everything from nothing (hours; minutes of `smoke`, which learns next to nothing) instead of using the
+    shipped checkpoints (minutes)."""
     profile: Literal["smoke", "default", "full"] | None = None
     """How much; by default `default`, with --train `full`."""
 
@@ -47,15 +46,18 @@ class RunOptions(Options):
 def run(argv: Sequence[str]) -> None:
     """Do the whole task: new objects and human clips, retargeted, tracked, done by the policies, judged, reported.
 
-    Without --train its seed is 1, so that the shipped policies meet new objects.
+    Without --train its seed is 1, so that the shipped policies meet new objects. With it, `smoke` trains briefly, too.
     """
     train = "--train" in argv
     profile = said(argv, "profile") or ("full" if train else "default")
-    call = read_call("evaluate", argv, RunOptions, [profile, *([] if train else ["new-objects"])], "run")
+    besides = "new-objects" if not train else "brief" if profile == "smoke" else "ours"
+    call = read_call("evaluate", argv, RunOptions, [profile, besides], "run")
     from mimicbench.benchmark.graph import start
-    from mimicbench.report.compare import summaries
     from mimicbench.report.pictures.showcase import QUICK
     from mimicbench.report.stage import report
+    from mimicbench.report.table import to_terminal
+    from mimicbench.report.tables.registry import TABLES
+    from mimicbench.report.tables.spec import Episodes
 
     runs = [start(recipe, call.options.workdir, call.options.context()) for recipe in call.recipes]
     for one in runs:
@@ -66,9 +68,12 @@ def run(argv: Sequence[str]) -> None:
             _learn(one)
         rows = _judged(one)
         page = report(one, rows, _shown(one, train), QUICK if profile == "smoke" else None)
-        found.append({"task": one.recipe.task, "report": str(page), "results": [s.to_dict() for s in summaries(rows)]})
+        judged = Episodes(tuple(rows))
+        results = [s.to_dict() for s in judged.summaries]
+        found.append({"task": one.recipe.task, "report": str(page), "results": results})
         if not call.options.json:
-            _tables(one.recipe.task, rows)
+            for name in ("beside-paper", "results"):
+                print(*map(to_terminal, TABLES.get(name).of(judged)), sep="\n")
             print(f"report: {printable(str(page))}")
     if call.options.json:
         tell(found, True, "")
@@ -115,47 +120,3 @@ def _judged(one: Run) -> list[EpisodeRow]:
     from mimicbench.benchmark.judging import judge
 
     return [row for name in one.recipe.evaluate.policy for row in judge(one, name)]
-
-
-def table(
-    files: tyro.conf.Positional[tuple[Path, ...]],
-    form: Annotated[
-        Literal["terminal", "markdown", "latex", "csv"], tyro.conf.arg(name="format", help="how to print it")
-    ] = "terminal",
-    paper: Annotated[bool, tyro.conf.arg(help="print the paper's own tables, too")] = False,
-) -> None:
-    """Print the results in files of episode rows (`<workdir>/<task>/evaluate/*.parquet`) beside the paper's, one
-    table per task.
-    """
-    from mimicbench.evaluate.rows import read_rows
-    from mimicbench.report import tables
-    from mimicbench.report.compare import beside_paper_table, best_table, summaries
-    from mimicbench.report.paper_tables import TABLES, paper_table
-
-    if not files and not paper:
-        raise MimicbenchError("give at least one file of episode rows: mimicbench table work/*/evaluate/*.parquet")
-    write = {
-        "terminal": tables.to_terminal,
-        "markdown": tables.to_markdown,
-        "latex": tables.to_latex,
-        "csv": tables.to_csv,
-    }[form]
-    rows = [row for path in files for row in read_rows(path)]
-    several = dict.fromkeys(row.task for row in rows)
-    if len(several) > 1:
-        of_tasks = [summaries([row for row in rows if row.task == task]) for task in several]
-        print(write(best_table([one for found in of_tasks for one in found])))
-    for task in several:
-        print(write(beside_paper_table(task, summaries([row for row in rows if row.task == task]))))
-    for one in TABLES if paper else ():
-        print(write(paper_table(one)))
-
-
-def _tables(task: str, rows: list[EpisodeRow]) -> None:
-    """Print the headline tables."""
-    from mimicbench.report.compare import summaries
-    from mimicbench.report.tables import to_terminal
-    from mimicbench.report.write import headline_tables
-
-    for table in headline_tables(task, summaries(rows))[:2]:
-        print(to_terminal(table))

@@ -129,7 +129,7 @@ def stats(
     from mimicbench.benchmark.finding import largest
     from mimicbench.references.checks.stats import set_statistics
     from mimicbench.report import dataset
-    from mimicbench.report.tables import to_terminal
+    from mimicbench.report.table import to_terminal
 
     tasks = [recipe.task for recipe in recipes(task, 0, source)]
     stages = largest(workdir, tasks, "references", None if source == "made" else source)
@@ -149,7 +149,7 @@ def _stats_beside_real(stages: Mapping[str, Stage], folders: tuple[Path, ...], a
     from mimicbench.core.motion import HumanMotion
     from mimicbench.references.checks.beside_real import judge, person_of, read_recordings
     from mimicbench.report.beside_real import judgement_table, measures_table, tells_table
-    from mimicbench.report.tables import to_terminal
+    from mimicbench.report.table import to_terminal
 
     real = [person_of(motion) for folder in folders for motion in read_recordings(folder, to_stderr)]
     people = {

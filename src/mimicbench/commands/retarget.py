@@ -83,7 +83,7 @@ def compare(
 ) -> None:
     """Retarget the same clips by every method and write a page: measures, K and pictures side by side."""
     from mimicbench.report.methods import compare_methods
-    from mimicbench.report.tables import to_terminal
+    from mimicbench.report.table import to_terminal
 
     folder = to or workdir / f"retarget-{variant}"
     context = RunContext(workers, quiet=as_json)

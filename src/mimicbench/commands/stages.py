@@ -54,7 +54,7 @@ def retarget(argv: Sequence[str]) -> None:
     call = read_call("retarget", argv)
     from mimicbench.benchmark import run_stage
     from mimicbench.report.retargeting import measures_table
-    from mimicbench.report.tables import to_terminal
+    from mimicbench.report.table import to_terminal
 
     stages = [run_stage("retarget", recipe, call.options.workdir, call.options.context()) for recipe in call.recipes]
     lines = []

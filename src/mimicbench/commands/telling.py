@@ -36,8 +36,8 @@ def stage_line(stage: Stage) -> str:
 def tell_rates(groups: Sequence[Sequence[EpisodeRow]], as_json: bool) -> None:
     """Print the rates of each group of episodes, of one policy each."""
     from mimicbench.evaluate.rows import summarize
-    from mimicbench.report.compare import results_table
-    from mimicbench.report.tables import to_terminal
+    from mimicbench.report.table import to_terminal
+    from mimicbench.report.tables.results import results_table
 
     found = [summarize(rows) for rows in groups]
     if as_json:

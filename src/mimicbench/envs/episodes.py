@@ -22,6 +22,7 @@ from mimicbench.sim.backends import check_device
 from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.rows import Rows
 from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.threads import one_torch_thread
 from mimicbench.tasks.task import Task
 
 MAX_SEED = 1 << 63
@@ -221,6 +222,7 @@ class Episodes:
         if self._env is not None:
             self._env.close()
 
+    @one_torch_thread
     def observe(self) -> dict[str, np.ndarray]:
         """What all robots sense now, one row a robot. See gym.TaskEnv."""
         obs = self.env.observe([term.name for term in self.terms])

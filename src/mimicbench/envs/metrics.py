@@ -99,9 +99,15 @@ class EpisodeMetrics:
         self._place = 0
         self._lowest = _lowest(self.info, self.start_height)
         """(N,) below what height of the root a robot has fallen [m]."""
+        # all of these are only ever written in place, so that arrays of the same memory are made once
+        self._arrays = SimpleNamespace(
+            **{name: self._own(getattr(self, name)) for name in (*_SEEN, "start_height", "_lowest")}
+        )
 
-    def begin(self, rows: Rows, wrist_goal_w: Tensor) -> None:
-        """Episodes `rows` begin anew, with the objects that their scenes have now and goals (n, 2, 3)."""
+    def begin(self, rows: Rows, wrist_goal_w: Tensor, root_pos_w: Tensor) -> None:
+        """Episodes `rows` begin anew, with the objects that their scenes have now, goals (n, 2, 3) and all roots at
+        (N, 3).
+        """
         self._learn_new_objects()
         fresh = self._catalog.map(lambda array: array[self._physics.object_index[rows.ids]])
         for name, there in vars(self.info).items():
@@ -112,7 +118,7 @@ class EpisodeMetrics:
             rows.put(verdicts, False)
         for unknown in (self.first_success, self.effort_at_success, self.fell_time):
             rows.put(unknown, torch.nan)
-        height = self._physics.state().root_pos_w[rows.ids, 2].double()
+        height = root_pos_w[rows.ids, 2].double()
         rows.put(self.start_height, height)
         rows.put(self._lowest, _lowest(fresh, height))
         rows.put(self._phases.T, 0)
@@ -129,7 +135,7 @@ class EpisodeMetrics:
 
         `links` are where the robots' links are now.
         """
-        xp, own, info = self._xp, self._arrays(), self._info
+        xp, own, info = self._xp, self._arrays, self._info
         broke, effort = self._own(self._physics.diverged), self._own(self._physics.effort)
         looked_at = True if active is None else self._own(active)
         own.diverged |= broke & looked_at
@@ -161,13 +167,9 @@ class EpisodeMetrics:
         """A tensor as an array of the library that works things out here, of the same memory."""
         return tensor if self._xp is torch else tensor.numpy()
 
-    def _arrays(self) -> SimpleNamespace:
-        """What was seen, to be written in place."""
-        return SimpleNamespace(**{name: self._own(getattr(self, name)) for name in _SEEN})
-
     def _is_down(self, root_pos_w: Any, root_quat_w: Any) -> Any:
         """(N,) who is as low, or leans as far, as who has fallen, from roots (N, 3) and (N, 4)."""
-        low = root_pos_w[:, 2] < self._own(self._lowest)
+        low = root_pos_w[:, 2] < self._arrays._lowest
         if not self.task.upright:
             return low
         x, y = root_quat_w[:, 1], root_quat_w[:, 2]
@@ -175,14 +177,14 @@ class EpisodeMetrics:
 
     def _phase(self, root_pos_w: Any, turning: Any, info: ObjectInfo) -> Any:
         """(N,) what each robot is at now, a place in PHASES, from roots (N, 3) that turn about z (N,) [rad/s]."""
-        xp, own = self._xp, self._own
+        xp, own = self._xp, self._arrays
         away = info.pos_w[:, :2] - root_pos_w[:, :2]
         beyond = xp.maximum(info.low[:, :2] + away, -away - info.high[:, :2]).clip(0.0)
         near = (beyond * beyond).sum(-1) <= _NEAR**2
-        lowered = root_pos_w[:, 2] < _LOWERED * own(self.start_height)
+        lowered = root_pos_w[:, 2] < _LOWERED * own.start_height
         phase = xp.where(near, _ACTING, _WALKING)
         phase = xp.where((abs(turning) > _TURN_RATE) & ~(near & lowered), _TURNING, phase)
-        return xp.where(own(self.ever), _AFTER, phase)
+        return xp.where(own.ever, _AFTER, phase)
 
     @property
     def success(self) -> Tensor:

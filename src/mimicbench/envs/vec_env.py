@@ -109,7 +109,7 @@ class VecEnv:
         """The episodes in which `mask` (N,) is true, without asking an asynchronous device which they are."""
         return Rows.where(mask, whole=self.physics.asynchronous)
 
-    @one_torch_thread()
+    @one_torch_thread
     def reset(self, rows: Rows, states: InitialStates) -> None:
         """Begin episodes `rows` anew, as n `states` say."""
         if not len(rows):
@@ -127,13 +127,13 @@ class VecEnv:
             rows.put(there, values)
         for hook in self.hooks:
             hook.begin(self.physics, rows, self.random)
-        if self.metrics is not None:
-            self.metrics.begin(rows, states.wrist_goal_w)
         state = self.physics.state()
+        if self.metrics is not None:
+            self.metrics.begin(rows, states.wrist_goal_w, state.root_pos_w)
         self.odometry.reset(rows, state)
         self._context = self._look(state)
 
-    @one_torch_thread()
+    @one_torch_thread
     def step(self, target: Tensor, action: Tensor | None = None, running: Tensor | None = None) -> Transition:
         """One control step with joint targets (N, J) of the episodes `running` (N,) bool; the others stay as they are.
 

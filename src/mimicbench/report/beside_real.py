@@ -9,7 +9,7 @@ import numpy as np
 from mimicbench.references.checks.beside_real import Judgement, Person
 from mimicbench.references.checks.people_measures import JOINTS, measure_people, share_within, strides_of
 from mimicbench.references.paper import Spread
-from mimicbench.report.tables import Table
+from mimicbench.report.table import Table
 
 
 def judgement_table(found: Sequence[Judgement]) -> Table:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from mimicbench.references.checks.stats import SetStatistics
 from mimicbench.references.paper import PAPER_SETS, Spread
 from mimicbench.report.plots import INK, MUTED, SERIES, styled
-from mimicbench.report.tables import Table
+from mimicbench.report.table import Table
 
 
 def statistics_table(sets: Sequence[SetStatistics]) -> Table:

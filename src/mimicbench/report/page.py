@@ -17,7 +17,7 @@ from markupsafe import Markup
 
 from mimicbench.evaluate.intervals import Rate
 from mimicbench.report.plots import inline
-from mimicbench.report.tables import Cell, Reported, Table, text
+from mimicbench.report.table import Cell, Reported, Table, text
 
 HERE = Path(__file__).parent
 

@@ -7,8 +7,6 @@ The paper gives neither the number of episodes nor intervals.
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from mimicbench.report.tables import Reported, Table
-
 CITATION = "Mimicking-Bench: A Benchmark for Generalizable Humanoid-Scene Interaction Learning via Human Mimicking"
 TASKS = {"sit-chair": "SC", "sit-sofa": "SS", "lie-bed": "LB", "lie-sofa": "LS", "touch-points": "T", "lift-box": "L"}
 """Our name of each task -> the paper's abbreviation, in the paper's order."""
@@ -199,24 +197,3 @@ def methods(task: str, measures: str) -> dict[str, PaperRate]:
                     if task in rates and method != "Best Combination":
                         found.setdefault(method, rates[task])
     return dict(sorted(found.items(), key=lambda item: (-item[1].kinematic, -item[1].energy)))
-
-
-def paper_table(table: PaperTable) -> Table:
-    """One of the paper's tables, for our writers."""
-    tasks = [task for task in TASKS if any(task in rates for rates in table.rates.values())]
-    columns = ["Method", *(f"{TASKS[task]} {rate}" for task in tasks for rate in ("K", "K and P"))]
-    rows = []
-    for method, rates in table.rates.items():
-        pairs = [rates[task] for task in tasks]
-        if table.mean:
-            pairs.append(table.mean[method])
-        rows.append((method, *(Reported(value) for pair in pairs for value in (pair.kinematic, pair.energy))))
-    if table.mean:
-        columns += ["Mean K", "Mean K and P"]
-    return Table(
-        table.label.removeprefix("tab:"),
-        table.caption,
-        tuple(columns),
-        tuple(rows),
-        source=CITATION + f", {table.label}",
-    )

@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.evaluate.intervals import Rate
-from mimicbench.report.compare import Breakdown
 from mimicbench.report.curves import Curve
+from mimicbench.report.grouping import Breakdown
 
 INK, MUTED, LINE = "#1c2126", "#68727d", "#d9dee3"
 SERIES = ("#0b7285", "#c2410c", "#6741d9", "#2b8a3e", "#a61e4d", "#5c940d", "#795548")

@@ -18,7 +18,7 @@ from mimicbench.report import page
 from mimicbench.report.paper_tables import CITATION, RANKING, TABLES
 from mimicbench.report.pictures.showcase import moments, positions
 from mimicbench.report.render import Picture, frame_all, human_frames, robot_frames
-from mimicbench.report.tables import Cell, Reported, Table, to_csv, to_markdown
+from mimicbench.report.table import Cell, Reported, Table, to_csv, to_markdown
 from mimicbench.report.video import stacked, strip, write_jpeg
 from mimicbench.retarget.registry import METHODS
 from mimicbench.robots.registry import ROBOTS

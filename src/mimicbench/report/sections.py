@@ -2,27 +2,32 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 from pathlib import Path
 
 from markupsafe import Markup
 
-from mimicbench.evaluate.failures import failure
 from mimicbench.evaluate.rows import ENERGY_LIMITS, EpisodeRow, Summary
 from mimicbench.objects.shape import SceneObject
-from mimicbench.report import compare, page
+from mimicbench.report import page
 from mimicbench.report.curves import Curve
+from mimicbench.report.grouping import label
 from mimicbench.report.paper_tables import CITATION, methods
 from mimicbench.report.pictures.gallery import Counted, Failed
 from mimicbench.report.pictures.showcase import Showcase, ShowConfig, Shown
 from mimicbench.report.provenance import Provenance
-from mimicbench.report.tables import Table
+from mimicbench.report.table import Table
+from mimicbench.report.tables.spec import Episodes
 from mimicbench.tasks.registry import TASKS
 from mimicbench.tasks.task import Task
 
 COMPARED = 3
 """Policies whose rates over parts of the episodes are plotted; the table has all."""
+MAX_FAILED = 60
+"""Failed episodes that a page lists; the table beside it has all."""
+PLACED = ("beside-paper", "results", "energy", "failures", "failed", "breakdown", "sizes")
+"""Tables that have their place on the page; others follow in a section of their own."""
 
 
 @dataclass(frozen=True)
@@ -58,18 +63,17 @@ class Pictures:
 
 def page_of(
     inputs: ReportInputs,
-    found: Sequence[Summary],
-    rows: Sequence[EpisodeRow],
+    episodes: Episodes,
     tables: Mapping[str, Table],
     drawn: Mapping[str, str],
     pictures: Pictures,
 ) -> str:
-    """The whole page: of the summaries of all methods, the best first, and of rows in their order."""
-    task = TASKS.get(inputs.task)
+    """The whole page."""
+    task, found = TASKS.get(inputs.task), episodes.summaries
     sections = [page.Section("From a person to a policy", _pictures_html(inputs, pictures))] if inputs.showcase else []
     beside = page.plot(
         drawn["rates"], "Filled: ours, with 95 % Wilson intervals. Hollow: as the paper reports them."
-    ) + page.table(tables["beside_paper"])
+    ) + page.table(tables["beside-paper"])
     sections.append(page.Section("How an episode is judged", _judging_html(task)))
     sections.append(page.Section("Ours beside the paper's", beside))
     sections.append(
@@ -85,23 +89,29 @@ def page_of(
                 "How they were learned", page.joined(page.heading(name) + page.plot(svg) for name, svg in learned)
             )
         )
-    sections.append(page.Section("Where failures happen", _failures_html(rows, tables, drawn, pictures)))
+    sections.append(page.Section("Where failures happen", _failures_html(inputs.task, tables, drawn, pictures)))
+    if others := [table for name, table in tables.items() if name not in PLACED]:
+        shown = page.joined(page.heading(table.title) + page.table(table) for table in others)
+        sections.append(page.Section("Further tables", shown))
     sections.append(page.Section("Where the numbers come from", _provenance_html(inputs.provenance)))
     footer = f"Written by mimicbench. The paper's numbers: {CITATION}."
     return page.page(
-        task.title, f"mimicbench · {inputs.task}", _lead(found, rows), _tiles(inputs.task, found), sections, footer
+        task.title,
+        f"mimicbench · {inputs.task}",
+        _lead(*episodes.methods[0]),
+        _tiles(inputs.task, found),
+        sections,
+        footer,
     )
 
 
-def _lead(found: Sequence[Summary], rows: Sequence[EpisodeRow]) -> str:
-    best = found[0]
-    mine = [row for row in rows if (row.stage, row.policy, row.preset) == (best.stage, best.policy, best.preset)]
+def _lead(best: Summary, mine: Sequence[EpisodeRow]) -> str:
     objects = {row.object_id for row in mine}
     unseen = " that it never saw in training" if all(row.split == "test" for row in mine) else ""
     who = "policy" if best.stage == "imitate" else "tracker"
     k, n = best.kinematic.successes, best.kinematic.episodes
     return (
-        f"The best {who}, {compare.label(best.policy, best.preset)}, succeeds in {k:.0f} of {n} "
+        f"The best {who}, {label(best.policy, best.preset)}, succeeds in {k:.0f} of {n} "
         f"episodes on {len(objects)} objects{unseen}: "
         f"{best.kinematic.percent()}, with a 95 % interval of {best.kinematic.interval()} %."
     )
@@ -163,10 +173,7 @@ def _pictures_html(inputs: ReportInputs, pictures: Pictures) -> Markup:
     return intro + strips + page.videos(films) + page.paragraph(rests.replace("four", str(len(films))), note=True)
 
 
-def _failures_html(
-    rows: Sequence[EpisodeRow], tables: Mapping[str, Table], drawn: Mapping[str, str], pictures: Pictures
-) -> Markup:
-    failed = [row for row in rows if failure(row)]
+def _failures_html(task: str, tables: Mapping[str, Table], drawn: Mapping[str, str], pictures: Pictures) -> Markup:
     body = page.plot(drawn["failures"]) if "failures" in drawn else page.paragraph("No episode failed.")
     body += page.folded("How episodes fail, in numbers", page.table(tables["failures"]))
     for policy, films in groupby(pictures.failed, lambda one: one[0].row.policy):
@@ -187,10 +194,13 @@ def _failures_html(
     if "sizes" in drawn:
         body += page.plot(drawn["sizes"], "The best policy's success over the size of objects, a fifth at a time.")
         body += page.folded("The same of all policies, in numbers", page.table(tables["sizes"]))
-    if failed:
+    if failed := tables["failed"].rows:
         title = "The failed episode" if len(failed) == 1 else f"The {len(failed)} failed episodes"
-        look = page.code(f"mimicbench view --task {failed[0].task} --failed    # in this workdir: look at them")
-        body += page.folded(title, page.table(compare.failed_table(failed)) + look)
+        left_out = f"The first {MAX_FAILED} of {len(failed)}; tables/failed.csv has all."
+        note = left_out if len(failed) > MAX_FAILED else ""
+        shown = replace(tables["failed"], rows=failed[:MAX_FAILED], note=note)
+        look = page.code(f"mimicbench view --task {task} --failed    # in this workdir: look at them")
+        body += page.folded(title, page.table(shown) + look)
     return body
 
 

@@ -15,8 +15,9 @@ from matplotlib.ticker import MaxNLocator
 from mimicbench.evaluate.intervals import Rate
 from mimicbench.evaluate.rows import EpisodeRow
 from mimicbench.objects.shape import SceneObject
+from mimicbench.report.grouping import label
 from mimicbench.report.plots import SERIES, styled, svg
-from mimicbench.report.tables import Table
+from mimicbench.report.tables.spec import Episodes
 
 SIZES = ("length", "width", "height")
 PARTS = 5
@@ -64,15 +65,14 @@ def _part(values: np.ndarray, rows: Sequence[EpisodeRow]) -> Part:
     return Part(float(values.min()), float(values.max()), *rates)
 
 
-def size_table(by_policy: Mapping[str, Mapping[str, Sequence[Part]]]) -> Table:
-    """Rates of policies by size."""
-    rows = [
-        (policy, f"{name}, {part.low:.2f} to {part.high:.2f} m", part.kinematic, part.stays)
-        for policy, found in by_policy.items()
-        for name, parts in found.items()
-        for part in parts
-    ]
-    return Table("sizes", "Success by the size of objects", ("Policy", "Objects of", "K", "Stays"), tuple(rows))
+def of_policies(episodes: Episodes) -> dict[str, dict[str, list[Part]]]:
+    """Rates over sizes of every policy, the best first, all of whose objects are known."""
+    told = {}
+    for s, rows in episodes.methods:
+        known = s.stage == "imitate" and all(row.object_id in episodes.objects for row in rows)
+        if known and (parts := by_size(rows, episodes.objects)):
+            told[label(s.policy, s.preset)] = parts
+    return told
 
 
 def size_plot(name: str, found: Mapping[str, Sequence[Part]]) -> str:

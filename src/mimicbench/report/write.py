@@ -1,20 +1,23 @@
 """The report of one task: a page that stands alone, and beside it the same tables and plots as files."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import IO
 
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.files import write_atomic
-from mimicbench.evaluate.rows import EpisodeRow, Summary, group, write_rows
-from mimicbench.objects.shape import SceneObject
-from mimicbench.report import compare, plots, sizes
+from mimicbench.evaluate.rows import EpisodeRow, Summary, write_rows
+from mimicbench.report import plots
 from mimicbench.report.curves import Curve
+from mimicbench.report.grouping import breakdowns, failures, label
 from mimicbench.report.paper_tables import methods
 from mimicbench.report.pictures.gallery import MOST_OBJECTS, counted, draw_failures, draw_objects
 from mimicbench.report.pictures.showcase import draw
 from mimicbench.report.sections import COMPARED, Pictures, ReportInputs, page_of
-from mimicbench.report.tables import Table, to_csv, to_latex, to_markdown
+from mimicbench.report.sizes import of_policies, size_plot
+from mimicbench.report.table import to_csv, to_latex, to_markdown
+from mimicbench.report.tables.registry import TABLES
+from mimicbench.report.tables.spec import Episodes
 from mimicbench.sensors.opengl import NoPictures
 
 
@@ -27,85 +30,56 @@ def write_report(
     drawn again. `say` hears of pictures that had to be left out; unless `quiet` there is a progress bar for those that
     are drawn.
     """
-    found = compare.summaries(inputs.rows)
+    episodes = Episodes(inputs.rows, inputs.objects)
+    found = episodes.summaries
     if strange := sorted({s.task for s in found} - {inputs.task}):
         raise MimicbenchError(f"a report is of one task; the rows for {inputs.task} also hold {', '.join(strange)}")
     if not found:
         raise MimicbenchError(
             f"there are no episodes of {inputs.task} to report; run `mimicbench evaluate --task {inputs.task}` first"
         )
-    ordered = [
-        row
-        for s in found
-        for row in inputs.rows
-        if (row.stage, row.policy, row.preset) == (s.stage, s.policy, s.preset)
-    ]
-    of_sizes = _of_sizes(found, ordered, inputs.objects)
-    tables = [*headline_tables(inputs.task, found), compare.failures_table(ordered), compare.breakdown_table(ordered)]
-    drawn = draw_plots(inputs.task, found, ordered, inputs.curves)
-    if of_sizes:
-        tables.append(sizes.size_table(of_sizes))
-        drawn["sizes"] = sizes.size_plot("sizes", next(iter(of_sizes.values())))
+    tables = [table for spec in TABLES.all() if spec.per_task for table in spec.of(episodes)]
+    drawn = draw_plots(inputs.task, episodes, inputs.curves)
     for data in tables:
         for suffix, write in (("md", to_markdown), ("tex", to_latex), ("csv", to_csv)):
             _write(folder / "tables" / f"{data.name}.{suffix}", write(data))
     for name, svg in drawn.items():
         _write(folder / "plots" / f"{name}.svg", svg)
-    write_rows(folder / "episodes.parquet", ordered)
-    best = [row for row in ordered if (row.stage, row.policy) == (found[0].stage, found[0].policy)]
+    write_rows(folder / "episodes.parquet", episodes.ordered)
     try:
-        pictures = _draw(inputs, best, folder / "media", workers, quiet)
+        pictures = _draw(inputs, episodes.methods[0][1], folder / "media", workers, quiet)
     except NoPictures as error:
         pictures = Pictures(str(error))
         if say:
             say(str(error))
-    html = page_of(inputs, found, ordered, {data.name: data for data in tables}, drawn, pictures)
+    html = page_of(inputs, episodes, {data.name: data for data in tables}, drawn, pictures)
     _write(folder / "index.html", html)
     return folder / "index.html"
 
 
-def headline_tables(task: str, found: Sequence[Summary]) -> tuple[Table, Table, Table]:
-    """Ours beside the paper's, all results, and the energy limits: for the terminal too."""
-    return compare.beside_paper_table(task, found), compare.results_table(found), compare.energy_table(found)
-
-
-def draw_plots(
-    task: str, found: Sequence[Summary], rows: Sequence[EpisodeRow], curves: Sequence[Curve]
-) -> dict[str, str]:
+def draw_plots(task: str, episodes: Episodes, curves: Sequence[Curve]) -> dict[str, str]:
     """All plots as SVG by name."""
     drawn = {
         "rates": plots.rates_plot(
-            "rates", {title: _lines(task, found, energy) for title, energy in (("K", False), ("K and P", True))}
+            "rates",
+            {title: _lines(task, episodes.summaries, energy) for title, energy in (("K", False), ("K and P", True))},
         )
     }
     for i, curve in enumerate(curves):
         if not plots.shown(curve):  # stopped before it recorded anything
             continue
         drawn[f"curve-{i}"] = plots.curve_plot(f"curve-{i}", curve)
-    by_policy = {compare.label(policy, preset): of_one for (_, _, policy, preset), of_one in group(rows).items()}
-    if any(not row.success for row in rows):
-        drawn["failures"] = plots.failures_plot(
-            "failures", {name: compare.failures(of_one) for name, of_one in by_policy.items()}
-        )
-    shown = [*[s for s in found if s.stage == "imitate"][:COMPARED], *[s for s in found if s.stage == "track"][:1]]
-    parts = {
-        name: compare.breakdowns(by_policy[name], rows) for name in (compare.label(s.policy, s.preset) for s in shown)
-    }
+    if any(not row.success for row in episodes.rows):
+        by_policy = {label(s.policy, s.preset): failures(rows) for s, rows in episodes.methods}
+        drawn["failures"] = plots.failures_plot("failures", by_policy)
+    policies = [one for one in episodes.methods if one[0].stage == "imitate"][:COMPARED]
+    trackers = [one for one in episodes.methods if one[0].stage == "track"][:1]
+    parts = {label(s.policy, s.preset): breakdowns(rows, episodes.rows) for s, rows in (*policies, *trackers)}
     if any(parts.values()):
         drawn["breakdown"] = plots.breakdown_plot("breakdown", parts)
+    if by_size := of_policies(episodes):
+        drawn["sizes"] = size_plot("sizes", next(iter(by_size.values())))
     return drawn
-
-
-def _of_sizes(
-    found: Sequence[Summary], rows: Sequence[EpisodeRow], objects: Mapping[str, SceneObject]
-) -> dict[str, dict[str, list[sizes.Part]]]:
-    """Rates over sizes of every policy, the best first, all of whose objects are known."""
-    told = {}
-    for s in (s for s in found if s.stage == "imitate"):
-        mine = [row for row in rows if (row.stage, row.policy, row.preset) == (s.stage, s.policy, s.preset)]
-        if all(row.object_id in objects for row in mine) and (parts := sizes.by_size(mine, objects)):
-            told[compare.label(s.policy, s.preset)] = parts
-    return told
 
 
 def _lines(task: str, found: Sequence[Summary], energy: bool) -> list[tuple[str, plots.Mark]]:
@@ -113,9 +87,7 @@ def _lines(task: str, found: Sequence[Summary], energy: bool) -> list[tuple[str,
     lines: list[tuple[str, plots.Mark]] = []
     for color, (stage, measures) in enumerate((("imitate", "imitation"), ("track", "tracking"))):
         ours = [s for s in found if s.stage == stage]
-        lines += [
-            (compare.label(s.policy, s.preset), plots.Mark(s.energy if energy else s.kinematic, color)) for s in ours
-        ]
+        lines += [(label(s.policy, s.preset), plots.Mark(s.energy if energy else s.kinematic, color)) for s in ours]
         for method, rate in methods(task, measures).items() if ours else ():
             lines.append((f"paper: {method}", plots.Mark(float(rate.energy if energy else rate.kinematic), color)))
     return lines

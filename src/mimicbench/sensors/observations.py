@@ -259,13 +259,13 @@ class LazyObservations(Observations):
         self._context, self._noise = context, noise
         self._terms = {term.name: term for term in chosen_terms(names, context.task)}
 
-    @one_torch_thread()
+    @one_torch_thread
     def __getitem__(self, name: str) -> Tensor:
         if name not in self._seen:
             self._seen[name] = self._measured(name, self._term(name).compute(self._context))
         return self._seen[name]
 
-    @one_torch_thread()
+    @one_torch_thread
     def of(self, name: str, ids: Tensor) -> Tensor:
         """(n, *shape) the term of robots `ids` (n,) alone."""
         term = self._term(name)

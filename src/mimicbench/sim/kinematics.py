@@ -55,8 +55,7 @@ class Kinematics:
         self._qpos[:], self._qvel[:] = qpos[:, : self._qpos.shape[1]], qvel[:, : self._qvel.shape[1]]
         self._batch.forward(stage=mujoco.mjtStage.mjSTAGE_VEL.value)
         # each number of all robots side by side: what is worked out of it then runs along the robots
-        seen = np.empty(self._seen.shape[::-1], np.float32)
-        seen[:] = self._seen.T
+        seen = np.ascontiguousarray(self._seen.astype(np.float32).T)
         parts, first = [], 0
         for size in _SENSORS.values():  # (N, L, size) views
             part = seen[first : first + self._links * size].reshape(self._links, size, self._num_envs)

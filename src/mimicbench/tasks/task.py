@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -13,15 +12,13 @@ from mimicbench.objects.shape import SLOTS, SceneObject
 from mimicbench.references.body.body import body_of
 from mimicbench.robots.description import Robot
 from mimicbench.robots.rigs import Rig
+from mimicbench.tasks.body_points import Array, BodyPoints
 from mimicbench.tasks.goal import GoalSpec
 
 _FAR = 1e6
 """[m] Where boxes are that an object does not have."""
 REST = 1.5
 """[s] What is learned from a clip ends so long after it first fulfils K; clips rest for much longer."""
-
-
-Array = Any  # np.ndarray or torch.Tensor, the same kind throughout
 
 
 @dataclass(frozen=True)
@@ -101,45 +98,6 @@ class ObjectInfo:
         away = rot.rotate_inverse(self.box_quat[:, None], local[:, :, None] - self.box_pos[:, None])
         outside = (abs(away) - self.box_half[:, None]).clip(0.0)
         return ((outside * outside).sum(-1) <= reach * reach).any(-1)
-
-
-@dataclass(frozen=True)
-class BodyPoints:
-    """Key positions of the robot, or of a person, in N scenes, world frame [m]."""
-
-    pelvis_pos_w: Array
-    """(N, 3) the root."""
-    ankle_pos_w: Array
-    """(N, 2, 3) left, right."""
-    wrist_pos_w: Array
-    """(N, 2, 3) left, right."""
-
-    @staticmethod
-    def of(robot: Robot, link_pos_w: Array, link_quat_w: Array) -> "BodyPoints":
-        """From link poses (N, L, 3) and (N, L, 4)."""
-        found = {}
-        for name in ("ankle", "wrist"):
-            links, offsets = zip(*(robot.keypoints[f"{side}_{name}"] for side in ("left", "right")), strict=True)
-            found[name] = link_pos_w[:, list(links)]
-            if any(any(offset) for offset in offsets):  # the others are their links' origins
-                quat = link_quat_w[:, list(links)]
-                found[name] = found[name] + rot.rotate(quat, _constant(offsets, quat))
-        return BodyPoints(link_pos_w[:, 0], found["ankle"], found["wrist"])
-
-
-def _constant(numbers: tuple[tuple[float, ...], ...], like: Array) -> Array:
-    """Numbers as an array of the kind, precision and place of another."""
-    return (
-        np.array(numbers, like.dtype) if isinstance(like, np.ndarray) else _on_device(numbers, like.dtype, like.device)
-    )
-
-
-@lru_cache(maxsize=64)
-def _on_device(numbers: tuple[tuple[float, ...], ...], dtype: Any, device: Any) -> Array:
-    """Numbers as a tensor, copied from the host once and not in every step."""
-    import torch
-
-    return torch.tensor(numbers, dtype=dtype, device=device)
 
 
 @dataclass(frozen=True)

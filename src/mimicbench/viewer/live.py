@@ -112,7 +112,7 @@ class Episode:
             self.step()
 
     @torch.no_grad()
-    @one_torch_thread()  # networks for one robot are too small to share, and threads wait by spinning
+    @one_torch_thread  # networks for one robot are too small to share, and threads wait by spinning
     def step(self) -> None:
         """One control step."""
         chosen = self.act()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Protocol
 
 import numpy as np
@@ -148,7 +148,8 @@ class StoredTrack:
     def lacks(self, frame: int) -> str:
         """What the condition of K lacks in a frame."""
         one = slice(frame, frame + 1)
-        points = BodyPoints(*(values[one] for values in vars(self.points).values()))
+        names = (entry.name for entry in fields(BodyPoints))
+        points = BodyPoints(*(getattr(self.points, name)[one] for name in names))
         return self.task.failure_reason(points, self.info.map(lambda values: values[one]))[0]
 
     def fulfilled(self) -> int | None:

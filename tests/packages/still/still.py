@@ -35,7 +35,7 @@ class StillConfig:
 class Still:
     """The policy."""
 
-    observations = ("proprio",)
+    observations: tuple[str, ...] = ("proprio",)
 
     def __init__(self, pose: Tensor, gains: str) -> None:
         self.pose, self.gains = pose, gains

@@ -35,9 +35,9 @@ def contact_sheet(
 
 def sheet_camera(objects: Sequence[SceneObject], cell: Picture) -> Camera:
     """One camera that sees all of each of them, one by one."""
-    bounds = [obj.bounds() for obj in objects]
-    reach = max(float(np.linalg.norm(high - low)) / 2 for low, high in bounds)
-    middle = 0.45 * max(float(high[2]) for _, high in bounds)
+    corners = np.concatenate([obj.corners().reshape(-1, 3) for obj in objects])
+    middle = 0.45 * float(corners[:, 2].max())
+    reach = float(np.linalg.norm(corners - [0.0, 0.0, middle], axis=-1).max())
     narrow = np.arctan(np.tan(FIELD_OF_VIEW / 2) * min(1.0, cell.width / cell.height))
     return Camera((0.0, 0.0, middle), reach / float(np.sin(narrow)), 215.0, -22.0)
 

@@ -230,3 +230,7 @@ def to_terminal(table: Table, width: int | None = None) -> str:
     console.print(to_rich(table, columns))
     assert isinstance(console.file, io.StringIO)
     return console.file.getvalue()
+
+
+WRITERS = {"terminal": to_terminal, "markdown": to_markdown, "latex": to_latex, "csv": to_csv}
+"""By the form that they write."""

@@ -1,0 +1,51 @@
+"""`mimicbench table`, `table list`: what files of episode rows say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from mimicbench.core.errors import MimicbenchError
+from mimicbench.report.tables.registry import HEADLINES, TABLES
+
+Form = Annotated[
+    Literal["terminal", "markdown", "latex", "csv"], tyro.conf.arg(name="format", help="how to print them")
+]
+
+
+def table(
+    files: tyro.conf.Positional[tuple[Path, ...]],
+    show: Annotated[tuple[str, ...], tyro.conf.arg(help=f"which tables, of: {', '.join(TABLES)}")] = (),
+    form: Form = "terminal",
+) -> None:
+    """Print tables of the episodes in files of rows (`<workdir>/<task>/evaluate/*.parquet`).
+
+    By default ours beside the paper's, one table per task, and of several tasks the best of each.
+    `mimicbench table list` says what each table shows.
+    """
+    chosen = [TABLES.get(name) for name in show or HEADLINES]
+    from mimicbench.evaluate.rows import read_rows
+    from mimicbench.report.table import WRITERS
+    from mimicbench.report.tables.spec import Episodes
+
+    episodes = Episodes(tuple(row for path in files for row in read_rows(path)))
+    several = len(episodes.by_task) > 1
+    made = [one for spec in chosen if show or several or spec.per_task for one in spec.of(episodes)]
+    if not made:
+        raise MimicbenchError(
+            f"of these episodes there is nothing to show in: {', '.join(show)}"
+            if files and show
+            else "give at least one file of episode rows: mimicbench table work/*/evaluate/*.parquet"
+        )
+    for one in made:
+        print(WRITERS[form](one))
+
+
+def list_(form: Form = "terminal") -> None:
+    """Print which tables there are, ours and those of installed packages, and what each shows."""
+    from mimicbench.report.table import WRITERS, Table
+
+    rows = tuple((spec.name, spec.what) for spec in TABLES.all())
+    print(WRITERS[form](Table("tables", "Tables: mimicbench table FILES --show NAME", ("Name", "What it shows"), rows)))

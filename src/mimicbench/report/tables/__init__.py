@@ -1,0 +1,1 @@
+"""Tables of episodes, each one file, and the registry."""
