@@ -10,7 +10,7 @@ import torch
 from mimicbench.core.checkpoint import BadCheckpoint
 from mimicbench.core.errors import MimicbenchError, UnknownName
 from mimicbench.core.progress import Pulse
-from mimicbench.core.training import TorchRandom
+from mimicbench.core.training import METRICS, TorchRandom, read_metrics
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.track.checkpoint import CRITIC, TrackerConfig, load_critic, load_tracker, save_tracker
@@ -119,6 +119,7 @@ def test_training_end_to_end_and_again(tmp_path):
     # taken up with twice as many samples it goes on from there
     train_tracker(tmp_path, [clip_set()], [clip_set(CLIPS[1])], tiny(6), 0, ONE_THREAD, rows.append)
     assert rows[-1]["samples"] == tiny(6).samples and rows[-1]["iterations"] == 6
+    assert read_metrics(tmp_path / METRICS) == rows, "what it had learned by then is still told"
 
 
 def test_what_it_says_on_the_way_tells_how_many_fail(tmp_path, monkeypatch):
