@@ -564,6 +564,26 @@ def test_a_fork_of_who_has_drawn_is_told():
     assert "forked" in told and "spawn" in told
 
 
+_DRAWN_AND_LEFT_OPEN = """
+import gymnasium, mimicbench
+from mimicbench.sensors.opengl import NoPictures
+
+env = gymnasium.make("mimicbench/SitChair-v0", render_mode="rgb_array", height=60, width=80)
+env.reset(seed=0)
+try:
+    print(env.render().shape)
+except NoPictures as error:
+    print("none", error)
+"""
+
+
+def test_who_forgets_to_close_is_told_nothing():
+    done = subprocess.run([sys.executable, "-c", _DRAWN_AND_LEFT_OPEN], capture_output=True, text=True)
+    if done.stdout.startswith("none"):
+        pytest.skip(done.stdout)
+    assert (done.stdout.strip(), done.stderr, done.returncode) == ("(60, 80, 3)", "", 0)
+
+
 def test_pictures():
     envs = make_vec(num_envs=2, render_mode="rgb_array", height=64, width=96)
     envs.reset(seed=0)

@@ -13,6 +13,8 @@ from mimicbench.core.errors import BadFile
 from mimicbench.core.run import RunContext
 from mimicbench.imitate.demos import DemosConfig
 from mimicbench.imitate.lerobot import load_demos
+from mimicbench.viewer.catalog import Catalog
+from mimicbench.viewer.opened import open_item
 
 ROOT = Path(__file__).parents[1]
 SAMPLE = ROOT / "examples" / "sample"
@@ -27,6 +29,14 @@ def test_it_is_small_and_its_card_has_its_numbers():
     card = (SAMPLE / "README.md").read_text()
     assert f"{demos.episodes} episodes" in card and f"{len(demos.action)} frames" in card
     assert demos.state.shape == (len(demos.action), 300) and np.isfinite(demos.state).all()
+
+
+def test_all_of_it_can_be_looked_at():
+    catalog = Catalog(SAMPLE)
+    (sample,) = catalog.sets("sit-chair", "demos")
+    found = open_item(catalog, sample, sample.items[-1])
+    assert len(sample.items) == 4 and found.facts[0].startswith("demonstration 3: fulfills K")
+    assert set(found.tracks) == {"human", "retargeted", "robot"}
 
 
 def test_every_demonstration_sits_and_stays_by_its_states():

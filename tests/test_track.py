@@ -9,7 +9,8 @@ import torch
 
 from mimicbench.core.checkpoint import BadCheckpoint
 from mimicbench.core.errors import MimicbenchError, UnknownName
-from mimicbench.core.training import TorchRandom
+from mimicbench.core.progress import Pulse
+from mimicbench.core.training import METRICS, TorchRandom, read_metrics
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.track.checkpoint import CRITIC, TrackerConfig, load_critic, load_tracker, save_tracker
@@ -18,7 +19,7 @@ from mimicbench.track.parts import TrackingParts
 from mimicbench.track.ppo import PPOConfig, PPOLearner
 from mimicbench.track.rollout import RolloutConfig, track_clips
 from mimicbench.track.spec import Layout
-from mimicbench.track.tracking import TrackingConfig, TrackingEnv
+from mimicbench.track.tracking import EndConfig, TrackingConfig, TrackingEnv
 from mimicbench.track.train import TrackConfig, begin_from, robots_of, train_tracker
 from stool import H1, block
 from tracked import (
@@ -118,6 +119,17 @@ def test_training_end_to_end_and_again(tmp_path):
     # taken up with twice as many samples it goes on from there
     train_tracker(tmp_path, [clip_set()], [clip_set(CLIPS[1])], tiny(6), 0, ONE_THREAD, rows.append)
     assert rows[-1]["samples"] == tiny(6).samples and rows[-1]["iterations"] == 6
+    assert read_metrics(tmp_path / METRICS) == rows, "what it had learned by then is still told"
+
+
+def test_what_it_says_on_the_way_tells_how_many_fail(tmp_path, monkeypatch):
+    monkeypatch.setattr(Pulse.__init__, "__defaults__", (0.0,))
+    said = []
+    for name, allowed in (("nobody", 1e3), ("everybody", -1e3)):
+        ends = EndConfig(max_pos_error=1e3, max_angle_error=1e3, max_drop=allowed)
+        config = replace(tiny(1), tracking=TrackingConfig(ends=ends))
+        train_tracker(tmp_path / name, [clip_set()], [], config, 0, ONE_THREAD, say=said.append)
+    assert [line.partition("  reward ")[2].split()[1] for line in said] == ["0.0", "1000.0"], said
 
 
 def test_training_is_over_when_every_task_is_good_enough(tmp_path):

@@ -15,6 +15,7 @@ from mimicbench.core.errors import BadFile
 from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.envs.clips import ClipSet
 from mimicbench.evaluate.rows import EpisodeRow, write_rows
+from mimicbench.imitate.lerobot import DATASET
 from mimicbench.imitate.stored.demo_writer import Demonstration, DemoWriter
 from mimicbench.objects.make import read_objects
 from mimicbench.robots.registry import DEFAULT_ROBOT, ROBOTS
@@ -61,7 +62,7 @@ def workdir(tmp_path_factory):
         np.zeros((frames, 3)), qpos[:, 7:], qpos[:, 7:] + 0.1, qpos, qvel, motion.object_id, motion.id, True
     )
     demos = folder / TASK.name / "demos" / "by-hand"
-    writer = DemoWriter(demos, ROBOT.name, TASK.name, ROBOT.joint_names)
+    writer = DemoWriter(demos / DATASET, ROBOT.name, TASK.name, ROBOT.joint_names)
     writer.add(demo)
     writer.finish()
     reads = {"retarget": f"retarget/{clips.folder.name}"}

@@ -18,8 +18,9 @@ from mimicbench.report.provenance import package_versions, this_machine
 State = Literal["ok", "note", "fault"]
 """Fine; works, but there is something to know; something does not work."""
 EXTRAS = {
-    "train": (("rsl-rl-lib", "tensorboard"), "training trackers and policies"),
+    "train": (("rsl-rl-lib", "tensorboard"), "training trackers, and policies by PPO"),
     "view": (("viser", "mjviser"), "the page of `mimicbench view`"),
+    "onnx": (("onnx", "onnxruntime", "onnxscript"), "policies as ONNX files"),
     "gpu": (("warp-lang", "mujoco-warp"), "physics on an NVIDIA GPU"),
     "cluster": (("ray",), "stages on several machines"),
     "bench": (("mink", "daqp"), "retargeting beside mink"),

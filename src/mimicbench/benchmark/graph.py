@@ -248,6 +248,7 @@ def _learned_from(run: Run) -> tuple[ClipSet, Path | None]:
 
 def make_imitate_stage(run: Run) -> Stage:
     """Learn the recipe's policy: its folder holds copies of the tracker and of the eyes, if it uses any."""
+    from mimicbench.imitate.lerobot import DATASET
     from mimicbench.imitate.registry import LEARNERS
     from mimicbench.imitate.spec import Given
     from mimicbench.policies.loading import load_policy
@@ -266,7 +267,7 @@ def make_imitate_stage(run: Run) -> Stage:
             gains = gains or load_tracker(tracker, run.robot).spec.gains
         if eyes is not None:
             copy_checkpoint(eyes.folder, stage.folder / keys.PERCEPTION)
-        dataset = None if demos is None else demos.folder / "dataset"
+        dataset = None if demos is None else demos.folder / DATASET
         given = Given(clips, dataset, run.recipe.seed, gains, run.context, load_policy)
         summary = LEARNERS.get(config.learner).learn(stage.folder / keys.POLICY, given, config)
         return stage.finish(**summary, device=run.context.device)

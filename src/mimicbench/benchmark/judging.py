@@ -135,7 +135,7 @@ def episodes_of(run: Run, count: int) -> Clips:
         return replace(found, set=found.set.first(count))
     raise MimicbenchError(
         f"{found.stage.folder} has {len(found.set)} clips of the split {split!r} that fulfil K, not {count}; "
-        "ask for fewer episodes, or make more clips"
+        "ask for fewer (--episodes of policies, --tracked of trackers), or make more clips (--references.count)"
     )
 
 

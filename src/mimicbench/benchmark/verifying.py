@@ -15,7 +15,7 @@ def verify_demos(run: Run) -> dict[str, Any]:
     """How many of a recipe's stored demonstrations fulfil K and stay, by their states, and which do not; nothing is
     made. Raises BadFile if there are none.
     """
-    from mimicbench.imitate.lerobot import load_demos
+    from mimicbench.imitate.lerobot import DATASET, load_demos
     from mimicbench.imitate.stored.verify import unfulfilled
 
     tracker = keys.tracker_folder(run)
@@ -25,7 +25,7 @@ def verify_demos(run: Run) -> dict[str, Any]:
             f"this recipe has no demonstrations in {run.workdir}; make them with `mimicbench demos --task "
             f"{run.recipe.task} --workdir {run.workdir}`"
         )
-    demos = load_demos(stage / "dataset", run.recipe.robot, state=False)
+    demos = load_demos(stage / DATASET, run.recipe.robot, state=False)
     clips = published_clips(run)
     wrong = unfulfilled(demos, retargeted(run).set if clips is None else clips)
     return {

@@ -111,7 +111,7 @@ def save_training(
         folder: Of the training.
         identity: What decides its course, as plain JSON values; a training of another identity does not go on from it.
         parts: Everything with a state, by name.
-        progress: How far it has come.
+        progress: How far it has come; the first entry is what it counts by.
     """
     tensors = {
         f"{name}/{key}": value.detach().to("cpu", copy=True).contiguous()
@@ -203,9 +203,13 @@ def read_metrics(path: Path) -> list[dict[str, Any]]:
 
 
 def forget_after(path: Path, progress: Mapping[str, float]) -> None:
-    """Drop the lines of a metrics file that were written after a save of that progress, and TensorBoard's, too."""
+    """Drop the lines of a metrics file that were written after a save of that progress, and TensorBoard's, too.
+
+    The first entry of a progress is what a training counts by; others may begin anew on the way.
+    """
     if not path.exists():
         return
-    kept = [row for row in read_metrics(path) if all(row.get(name, 0) <= value for name, value in progress.items())]
+    name, most = next(iter(progress.items()))
+    kept = [row for row in read_metrics(path) if row.get(name, 0) <= most]
     write_atomic(path, lambda stream: stream.writelines(f"{json.dumps(row)}\n".encode() for row in kept))
     write_events(path.parent, kept)

@@ -19,7 +19,7 @@ from mimicbench.imitate.demos import DaggerConfig, make_driven
 from mimicbench.imitate.goals import goals_of, known_goal
 from mimicbench.imitate.inputs import InputConfig, NetworkConfig
 from mimicbench.imitate.learned import load_learner, save_learner
-from mimicbench.imitate.lerobot import Demos, load_demos
+from mimicbench.imitate.lerobot import DATASET, Demos, load_demos
 from mimicbench.imitate.policy import VisionPolicy
 from mimicbench.imitate.spec import Given, ImitateConfig, LearnerSpec
 from mimicbench.imitate.train import TrainConfig, train
@@ -74,7 +74,7 @@ def clone(folder: Path, given: Given, config: CloneImitation) -> dict[str, Any]:
         place = beside(folder, "rounds") / str(number)
         before = train(network, demo_frames(demos, clips, network, config), course, place, given.context.quiet, before)
         save_learner(folder, before, clips.robot.name, notes)
-        demos = demos.joined(_driven(place / "dataset", folder, number, given, config.dagger, demos.state is not None))
+        demos = demos.joined(_driven(place / DATASET, folder, number, given, config.dagger, demos.state is not None))
     frames = demo_frames(demos, clips, network, config)
     trained = train(network, frames, course, folder, given.context.quiet, before)
     told = {"demonstrations": demos.episodes, "batches": course.steps * (config.dagger.rounds + 1)}

@@ -19,6 +19,7 @@ from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.disturbance import Disturbance
 from mimicbench.envs.policy import Policy
 from mimicbench.envs.vec_env import EnvConfig
+from mimicbench.imitate.lerobot import DATASET
 from mimicbench.imitate.stored.demo_writer import Demonstration, DemoWriter
 from mimicbench.objects.make import MADE
 from mimicbench.robots.description import Robot
@@ -72,7 +73,7 @@ def make_demos(
     if stage.complete:
         return stage
     robot, task, seed = clips.robot, clips.task, stage.header["seed"]
-    dataset = stage.folder / "dataset"
+    dataset = stage.folder / DATASET
     names = robot.joint_names, s_current_names(robot)
     writer = DemoWriter(
         dataset, robot.name, task.title, names[0], 1 / CONTROL_DT, config.batch, names[1], scene_names(task)

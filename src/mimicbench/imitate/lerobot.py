@@ -23,6 +23,8 @@ from mimicbench.core.files import read_json
 from mimicbench.imitate.stored.digests import check_digests
 from mimicbench.imitate.stored.tables import matrix, read_table, read_tasks, schema_names
 
+DATASET = "dataset"
+"""The folder of them in a stage of demonstrations."""
 VERSION = "v3.0"
 FILES_PER_CHUNK = 1000
 DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"

@@ -1,8 +1,11 @@
 """A place to draw without a screen: EGL on Linux, what the platform has elsewhere."""
 
+import atexit
 import os
 import sys
+import weakref
 from collections.abc import Callable, Sequence
+from functools import cache
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
@@ -60,6 +63,7 @@ class Canvas:
             if context is not None:
                 context.free()
             raise NoPictures(f"there is no OpenGL to draw with ({type(error).__name__}: {error}); {_ADVICE}") from None
+        _open_canvases().add(self)
         if self.drawing.offWidth < width or self.drawing.offHeight < height:
             self.close()
             raise NoPictures(f"OpenGL gives no off-screen buffer of {width}x{height}; {_ADVICE}")
@@ -70,6 +74,7 @@ class Canvas:
 
     def close(self) -> None:
         """Give the GL context back."""
+        _open_canvases().discard(self)
         self._context.make_current()
         self.drawing.free()
         self._context.free()
@@ -81,6 +86,23 @@ class Canvas:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+@cache
+def _open_canvases() -> weakref.WeakSet[Canvas]:
+    """Those that nobody has closed. At the end of the process they are, before MuJoCo ends EGL: it complains otherwise.
+
+    First asked for when EGL is there, for what is to be done at the end is done in the reverse order.
+    """
+    canvases: weakref.WeakSet[Canvas] = weakref.WeakSet()
+
+    def close_all() -> None:
+        if os.getpid() == _process:  # in a fork, drivers hang
+            for canvas in list(canvases):
+                canvas.close()
+
+    atexit.register(close_all)
+    return canvases
 
 
 def _refuse_after_fork() -> None:

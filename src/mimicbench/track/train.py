@@ -158,12 +158,12 @@ def train_tracker(
     finished = progress["samples"] >= config.samples
     while not finished:
         alone = bool(config.begin_from) and progress["iterations"] < config.critic_first
-        obs, total, losses = _learn(env, learner, obs, config, alone)
+        obs, total, failed, losses = _learn(env, learner, obs, config, alone)
         check_losses(losses, folder, progress["samples"])
         due = _count(progress, config, total)
         finished = progress["samples"] >= config.samples
         progress["seconds"] += time.monotonic() - now
-        pulse(lambda mean=total / config.ppo.steps: _so_far(progress, config.samples, mean))
+        pulse(lambda sums=(total, failed): _so_far(progress, config, *sums))
         if finished or due:
             row: dict[str, Any] = {**progress, **losses, "reward": progress["reward"] / progress["steps"]}
             tracker = build_tracker(shape, learner.network_tensors())
@@ -197,17 +197,20 @@ def _shape(config: TrackConfig, layout: Layout, joints: int) -> TrackerConfig:
 
 def _learn(
     env: TrackingParts, learner: "PPOLearner", obs: torch.Tensor, config: TrackConfig, critic_alone: bool
-) -> tuple[torch.Tensor, float, dict[str, float]]:
-    """One round of collecting and updating: the observation after it, the sum of mean rewards, the losses."""
-    total = torch.zeros((), device=env.device)
+) -> tuple[torch.Tensor, float, float, dict[str, float]]:
+    """One round of collecting and updating: the observation after it, the sums over its steps of the mean reward and of
+    the share of robots that failed, the losses.
+    """
+    total, failed = torch.zeros((), device=env.device), torch.zeros((), device=env.device)
     for _ in range(config.ppo.steps):
         obs, reward, done, time_out = env.step(learner.act(obs), config.settings)
         learner.record(obs, reward, done, time_out)
         total += reward.mean()
+        failed += (done & ~time_out).float().mean()
     torch.set_num_threads(config.threads)
     losses = learner.update(obs, critic_alone)
     torch.set_num_threads(1)
-    return obs, float(total), losses
+    return obs, float(total), float(failed), losses
 
 
 def _count(progress: dict[str, Any], config: TrackConfig, total: float) -> bool:
@@ -268,9 +271,11 @@ def _ended(env: TrackingParts) -> dict[str, dict[str, int]]:
     return {task: dict(zip(env.ends, counts.tolist(), strict=True)) for task, counts in env.ended().items()}
 
 
-def _so_far(progress: Mapping[str, float], samples: int, reward: float) -> str:
+def _so_far(progress: Mapping[str, float], config: TrackConfig, total: float, failed: float) -> str:
+    """How far it is, and how the last round went. The reward alone would mislead: at first nobody has fallen yet."""
     done, rate = progress["samples"], progress["samples"] / max(progress["seconds"], 1e-9)
-    return f"{done / 1e6:6.2f} of {samples / 1e6:.2f} M samples  {rate:6.0f}/s  reward {reward:.3f}"
+    told = f"{done / 1e6:6.2f} of {config.samples / 1e6:.2f} M samples  {rate:6.0f}/s  reward"
+    return f"{told} {total / config.ppo.steps:.3f}  {1000 * failed / config.ppo.steps:.1f} failures per 1000 steps"
 
 
 def _plain(settings: Any) -> dict[str, Any]:

@@ -50,9 +50,9 @@ class ItemSet:
     def items(self) -> tuple[str, ...]:
         """Names of all items, in order."""
         if self.kind == "demos":
-            from mimicbench.imitate.lerobot import episode_rows
+            from mimicbench.imitate.lerobot import DATASET, episode_rows
 
-            rows = episode_rows(self.path)
+            rows = episode_rows(self.path / DATASET)
             return tuple(f"{row['episode_index']:05d} {row['reference_id']}" for row in rows)
         if self.kind == "evaluate":
             return tuple(f"{row.id} {outcome(row)}" for row in self.rows)

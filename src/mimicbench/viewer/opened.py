@@ -66,13 +66,13 @@ def _open_retargeted(catalog: Catalog, one: ItemSet, item: str) -> Opened:
 
 
 def _open_demonstration(catalog: Catalog, one: ItemSet, item: str) -> Opened:
-    from mimicbench.imitate.lerobot import load_episode
+    from mimicbench.imitate.lerobot import DATASET, load_episode
 
     clips = catalog.read_by(one, "retarget")
     number = one.places.get(item)
     if number is None:
         raise BadFile(f"{one.path} has no {item!r}; open the page anew if it was just made")
-    demo, row = load_episode(one.path, number)
+    demo, row = load_episode(one.path / DATASET, number)
     motion = RobotMotion.load(clips.file(row["reference_id"]))
     found = _clip(catalog, clips, _human_of(catalog, clips, motion), motion, item)
     recording = Recording(demo["qpos"], demo["qvel"], demo["executed_action"], _gains_of(one))
