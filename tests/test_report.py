@@ -347,7 +347,11 @@ def test_curves(tmp_path):
     assert curve.x == "samples"
     assert curve.series["k"] == ((2000.0, 0.5), (3000.0, 0.5))
     assert set(curve.series) == {"reward", "k"}
-    assert plots.curve_plot("c", curve) == plots.curve_plot("c", curve)
+    both = plots.curve_plot("c", curve)
+    assert both == plots.curve_plot("c", curve)
+    alone = plots.curve_plot("c", replace(curve, series={"reward": curve.series["reward"]}))
+    wide = [float(re.search(r'width="([\d.]+)pt"', svg)[1]) for svg in (both, alone)]
+    assert wide[1] == pytest.approx(wide[0], rel=0.1), "a page shows both at one width: letters are as large"
     path.write_text("".join(json.dumps({"samples": x, "k": x / 10}) + "\n" for x in (1, 2, 3, 2, 4)))
     assert [x for x, _ in read_curve(path, "resumed").series["k"]] == [1, 2, 4]
     path.write_text(json.dumps({"samples": 1, "other": 2}) + "\n")

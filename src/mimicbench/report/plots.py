@@ -248,8 +248,9 @@ def curve_plot(name: str, curve: Curve) -> str:
         )
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(9.2, 2.3))
-        axes = figure.subplots(1, 2, squeeze=False)[0]
-        for axis, (title, names, factor) in zip(axes, panels, strict=False):
+        # one panel alone is as wide as two: a page shows all plots at one width, and would enlarge its letters
+        axes = figure.subplots(1, len(panels), squeeze=False)[0]
+        for axis, (title, names, factor) in zip(axes, panels, strict=True):
             for i, (key, word) in enumerate(names.items()):
                 points = curve.series[key]
                 marker = "o" if len(points) < 30 else ""
@@ -270,8 +271,6 @@ def curve_plot(name: str, curve: Curve) -> str:
                 axis.yaxis.set_major_formatter("{x:g} %")
             if len(names) > 1:
                 axis.legend(loc="best")
-        for axis in axes[len(panels) :]:
-            axis.remove()
         return svg(figure, name)
 
 

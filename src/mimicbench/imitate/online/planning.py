@@ -152,7 +152,14 @@ def from_standing(robot: Robot, root: np.ndarray, joint_pos: np.ndarray) -> Begi
 
 
 def from_walking(robot: Robot, state: RobotState, row: int) -> Begin:
-    """Where a robot of some is in motion: somebody upright there whose pelvis and feet move as its root and feet do."""
+    """Where a robot is in motion: somebody upright there whose pelvis and feet move as its root and feet do, with the
+    foot in the air that it has in the air.
+
+    Args:
+        robot: Which.
+        state: Of N robots, in the frame of the plan.
+        row: Which of them.
+    """
     parts = (state.root_pos_w, state.root_quat_w, state.joint_pos)
     rates = (state.root_lin_vel_w, state.root_ang_vel_b, state.joint_vel)
     pos, quat, joint_pos = (part[row].double().cpu().numpy() for part in parts)
