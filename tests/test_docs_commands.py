@@ -10,15 +10,17 @@ import pytest
 import tyro
 
 from mimicbench.cli import COMMANDS
+from mimicbench.commands.compare import CompareOptions
 from mimicbench.commands.judge import RunOptions
-from mimicbench.commands.parsing import Options, read_call
+from mimicbench.commands.parsing import Options, read_call, read_compared
+from mimicbench.comparisons.registry import COMPARISONS
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 BLOCK = re.compile(r"^```(?:sh)?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 LINE = re.compile(r"^(?:\.venv/bin/)?mimicbench (.+)$", re.MULTILINE)
 INLINE = re.compile(r"`mimicbench ([^`]+)`")
-OTHERS = {"stand-by", "still", "standing"}
+OTHERS = {"stand-by", "still", "standing", "focus"}
 """Names of packages that are not installed here (tests/packages)."""
 STAGE = {"demos verify": "demos", "run": "evaluate"}
 """Commands that read a recipe -> up to which stage, if it is not called the same."""
@@ -40,6 +42,9 @@ def take(words):
     assert name in COMMANDS, f"there is no command {name!r}"
     command, rest = COMMANDS[name], words[len(name.split()) :]
     if rest in ([], ["--help"]):
+        return
+    if name == "compare":
+        read_compared(COMPARISONS.get(rest[0]), rest[1:], CompareOptions)
         return
     if command.recipe:
         stage = STAGE.get(name, name)

@@ -56,6 +56,7 @@ MAY = {
     "policies/planner.py": "the same",
     "policies/ppo.py": "the same",
     "benchmark/presets.py": "named recipes",
+    "comparisons/": "one file a comparison of methods",
     "report/paper_tables.py": "the paper's numbers, by its tasks and methods",
     "report/person.py": "the drawn person's trousers are called after what is sat on",
     "objects/registry.py": "order of the names",

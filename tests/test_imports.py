@@ -20,6 +20,7 @@ LEVELS = (
     {"policies"},
     {"evaluate"},
     {"benchmark"},
+    {"comparisons"},
     {"report"},
     {"viewer"},
     {"bench", "doctor"},

@@ -77,6 +77,7 @@ def call(environment, *arguments):
         ("imitate", "LEARNERS", "still", "still"),
         ("policies", "LOADERS", "still", "still"),
         ("report.tables", "TABLES", "prompt", "time-to-success"),
+        ("comparisons", "COMPARISONS", "prompt", "focus"),
     ],
 )
 def test_names_are_known_without_an_import(installed, package, registry, module, name):

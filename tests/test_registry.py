@@ -5,6 +5,7 @@ import sys
 
 import pytest
 
+from mimicbench.comparisons.registry import COMPARISONS
 from mimicbench.core import registry
 from mimicbench.core.errors import MimicbenchError, UnknownName
 from mimicbench.objects.registry import FAMILIES
@@ -15,7 +16,7 @@ from mimicbench.retarget.registry import METHODS
 from mimicbench.robots.registry import ROBOTS
 from mimicbench.tasks.registry import TASKS
 
-REGISTRIES = (TASKS, ROBOTS, FAMILIES, SYNTHESES, FORMATS, METHODS, TABLES)
+REGISTRIES = (TASKS, ROBOTS, FAMILIES, SYNTHESES, FORMATS, METHODS, TABLES, COMPARISONS)
 STOOLS = """
 from mimicbench.objects.family import Family
 from mimicbench.objects.families.chair import make_chair
@@ -41,12 +42,12 @@ def test_the_papers_order():
 
 
 def test_names_import_nothing():
-    modules = ("tasks", "robots", "objects", "references.importers", "retarget", "report.tables")
+    modules = ("tasks", "robots", "objects", "references.importers", "retarget", "report.tables", "comparisons")
     script = "import sys\n" + "".join(
         f"import mimicbench.{module}.registry as r{i}\n" for i, module in enumerate(modules)
     )
     script += "print(r0.TASKS.names(), r1.ROBOTS.names(), r2.FAMILIES.names(), r3.FORMATS.names())\n"
-    script += "print(r4.METHODS.names(), r5.TABLES.names())\n"
+    script += "print(r4.METHODS.names(), r5.TABLES.names(), r6.COMPARISONS.names())\n"
     script += "assert not {'numpy', 'torch', 'mujoco', 'scipy', 'pyarrow'} & set(sys.modules)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -46,6 +46,8 @@ COMMANDS = {
     "imitate": Command("Learn a policy that sees.", "stages", "imitate", True),
     "evaluate": Command("Judge policies and trackers.", "judge", "evaluate", True),
     "run": Command("Do the whole task, and report on it.", "judge", "run", True),
+    "compare": Command("Learn and judge recipes side by side.", "compare", "compare", True),
+    "compare list": Command("Say which comparisons there are.", "compare", "list_"),
     "export policy": Command("Write a policy as an ONNX file.", "export_policy", "export_policy"),
     "export scene": Command("Write a robot and an object as MJCF.", "export", "scene"),
     "export motion": Command("Write a clip for BeyondMimic and mjlab.", "export", "motion"),

@@ -34,6 +34,9 @@ Device = Annotated[
 Json = Annotated[
     bool, tyro.conf.arg(name="json", help="print the summary as one line of JSON and nothing else on stdout")
 ]
+Format = Literal["terminal", "markdown", "latex", "csv"]
+"""How tables are printed."""
+Form = Annotated[Format, tyro.conf.arg(name="format", help="how to print them")]
 Source = Annotated[str, tyro.conf.arg(help="`made`, or the name of an imported or augmented set")]
 SetName = Annotated[str, tyro.conf.arg(help="name of the set: <workdir>/<task>/objects/<name>, and so on")]
 Axis = Literal["x+", "x-", "y+", "y-", "z+", "z-"]

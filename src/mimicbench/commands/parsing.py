@@ -8,17 +8,19 @@ given without the stage's name: `mimicbench track --samples 1e6` is `mimicbench 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import Field, dataclass, field, fields, replace
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any
 
 import tyro
 
 from mimicbench.benchmark.recipe import PARTS, Common, Recipe, check_recipe, read_recipe, recipe_tree, stage_type
+from mimicbench.comparisons.spec import Comparison, Said, recipe_of
 from mimicbench.core.run import RunContext
-from mimicbench.core.settings import BadSetting, merge
+from mimicbench.core.settings import BadSetting, differences, merge
 
 CHOOSING = ("imitate.learner", "track.tracker")
 """Settings on which depends what other settings there are."""
@@ -57,6 +59,18 @@ class Call:
     """One per task."""
 
 
+@dataclass(frozen=True)
+class ComparisonCall:
+    """A command line that asks for a comparison, read and checked."""
+
+    options: Any
+    """An Options, or what the command has in its place."""
+    comparison: Comparison
+    """With the variants that are wanted."""
+    recipes: tuple[tuple[Recipe, ...], ...]
+    """Of each task, one for each variant."""
+
+
 def read_call(
     stage: str,
     argv: Sequence[str],
@@ -76,16 +90,35 @@ def read_call(
     Raises:
         BadSetting: A recipe is not possible. Nothing has been done yet.
     """
+    presets = tuple(presets)
+    lines = [_read((stage,), part, kind, presets, command or stage) for part in _by_task(argv)]
+    return Call(lines[0].options, tuple(line.recipe for line in lines))
+
+
+def read_compared(comparison: Comparison, argv: Sequence[str], kind: type[Any]) -> ComparisonCall:
+    """Read what follows a comparison's name: settings that all its variants share.
+
+    `kind` is an Options with the labels `only` that are wanted. Raises as `read_call` does.
+    """
+    command = f"compare {comparison.name}"
+    stages = (comparison.of, PARTS[-1])
+    lines = [_read(stages, part, kind, (), command, comparison.common) for part in _by_task(argv)]
+    options = lines[0].options
+    wanted = comparison.chosen(options.only)
+    recipes = tuple(tuple(recipe_of(wanted, one, line.said) for one in wanted.variants) for line in lines)
+    return ComparisonCall(options, wanted, recipes)
+
+
+def _by_task(argv: Sequence[str]) -> Iterator[Sequence[str]]:
+    """The arguments for each task that they mean. Raises BadSetting for a folder without a name."""
     if said(argv, "workdir") == "":
         raise BadSetting("--workdir is empty; give a folder, such as --workdir work")
-    task = said(argv, "task")
-    if task != ALL:
-        options, recipe = _read(stage, argv, kind, presets, command or stage)
-        return Call(options, (recipe,))
+    if said(argv, "task") != ALL:
+        yield argv
+        return
     from mimicbench.tasks.registry import TASKS
 
-    found = [_read(stage, list(_with_task(argv, name)), kind, presets, command or stage) for name in TASKS]
-    return Call(found[0][0], tuple(recipe for _, recipe in found))
+    yield from (list(_with_task(argv, name)) for name in TASKS)
 
 
 def said(argv: Sequence[str], name: str) -> str | None:
@@ -98,42 +131,60 @@ def said(argv: Sequence[str], name: str) -> str | None:
     return found
 
 
+@dataclass(frozen=True)
+class _Line:
+    options: Any
+    recipe: Recipe
+    said: Said
+
+
 def _read(
-    stage: str, argv: Sequence[str], kind: type[Options], presets: Sequence[str], command: str
-) -> tuple[Any, Recipe]:
-    parts = PARTS[: PARTS.index(stage) + 1]
+    stages: tuple[str, ...],
+    argv: Sequence[str],
+    kind: type[Any],
+    presets: tuple[str, ...],
+    command: str,
+    common: Mapping[str, Any] = MappingProxyType({}),
+) -> _Line:
+    """Of one task: settings up to the last of the stages, of which all have short names. `common` comes before presets,
+    file and arguments.
+    """
+    parts = PARTS[: PARTS.index(stages[-1]) + 1]
     names: dict[str, Any] = {}
     for name in ("task", *CHOOSING):
-        value = said(argv, name) or said(argv, name.removeprefix(f"{stage}."))
+        part, _, short = name.partition(".")
+        value = said(argv, name) or (said(argv, short) if part in stages else None)
         if value is not None:
             names = merge(names, _nested(name, value))
-    file = said(argv, "config")
-    chosen = [*presets, *_presets(argv)]
-    tree = recipe_tree(chosen, None if file is None else Path(file), names)
-    recipe = read_recipe(tree, file or "")
-    argv = list(_in_full(argv, stage, fields(stage_type(stage, tree.get(stage, {}))), kind))
+    place = said(argv, "config")
+    file = None if place is None else Path(place)
+    presets = (*presets, *_presets(argv))
+    tree = merge(common, recipe_tree(presets, file, names))
+    before = read_recipe(tree, place or "")
+    before = replace(
+        before, **{part: getattr(before, part) or stage_type(part, tree.get(part, {}))() for part in parts}
+    )
+    for stage in reversed(stages):
+        argv = list(_in_full(argv, stage, fields(stage_type(stage, tree.get(stage, {}))), kind))
     parsed = tyro.cli(
-        _command(recipe, parts, tree, kind),
+        _command(before, parts, kind),
         args=argv,
         prog=f"mimicbench {command}",
-        description=f"Settings of {stage} may be given without `{stage}.` before them.",
+        description=" ".join(f"Settings of {stage} may be given without `{stage}.` before them." for stage in stages),
     )
     given = parsed.recipe
-    recipe = replace(
-        recipe, task=given.task, robot=given.robot, seed=given.seed, **{part: getattr(given, part) for part in parts}
-    )
+    recipe = replace(before, **{name: getattr(given, name) for name in ("task", "robot", "seed", *parts)})
     check_recipe(recipe)
     parsed.options.context()
-    return parsed.options, recipe
+    return _Line(parsed.options, recipe, Said(presets, file, merge(names, differences(recipe, before))))
 
 
-def _command(recipe: Recipe, parts: Sequence[str], tree: dict[str, Any], kind: type[Options]) -> Any:
-    """What tyro is to fill in: the options, and a recipe with the parts given, each of the class that it chooses."""
+def _command(recipe: Recipe, parts: Sequence[str], kind: type[Any]) -> Any:
+    """What tyro is to fill in: the options, and a recipe with the parts given, each of the class that it has."""
     made: list[Any] = []
     for part in parts:
-        chosen = stage_type(part, tree.get(part, {}))
-        default = getattr(recipe, part) or chosen()
-        made.append((part, chosen, field(default_factory=partial(_same, default))))
+        default = getattr(recipe, part)
+        made.append((part, type(default), field(default_factory=partial(_same, default))))
     shape = dataclasses.make_dataclass("Recipe", made, bases=(Common,), frozen=True)
     default = shape(task=recipe.task, robot=recipe.robot, seed=recipe.seed)
     unnamed = tyro.conf.arg(name="")

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import tyro
 
+from mimicbench.commands.options import Form
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.report.tables.registry import HEADLINES, TABLES
-
-Form = Annotated[
-    Literal["terminal", "markdown", "latex", "csv"], tyro.conf.arg(name="format", help="how to print them")
-]
 
 
 def table(

@@ -103,6 +103,18 @@ def to_tree(config: Any) -> dict[str, Any]:
     return json.loads(json.dumps(asdict(config)))
 
 
+def differences(config: Any, other: Any) -> dict[str, Any]:
+    """The tree of values in which a configuration differs from another one of its class."""
+    found: dict[str, Any] = {}
+    for entry in fields(config):
+        value, before = getattr(config, entry.name), getattr(other, entry.name)
+        if is_dataclass(value) and type(value) is type(before):
+            found |= {entry.name: inner} if (inner := differences(value, before)) else {}
+        elif value != before:
+            found[entry.name] = json.loads(json.dumps(asdict(value) if is_dataclass(value) else value))
+    return found
+
+
 def read(kind: type[Config], tree: Mapping[str, Any], where: str = "", source: str = "") -> Config:
     """The configuration that a tree of values gives; what it leaves out has its default.
 

@@ -1,7 +1,10 @@
-"""A table of somebody else: how long each method takes until it succeeds."""
+"""A table of somebody else: how long each method takes until it succeeds. And a comparison: what it is worth to train a
+tracker where it fails.
+"""
 
 import numpy as np
 
+from mimicbench.comparisons.spec import Comparison, Variant
 from mimicbench.report.grouping import label
 from mimicbench.report.table import Table
 from mimicbench.report.tables.spec import Episodes, TableSpec
@@ -19,3 +22,9 @@ def make(episodes: Episodes) -> list[Table]:
 
 
 TABLE = TableSpec("time-to-success", "how long each method takes until it succeeds", make)
+COMPARISON = Comparison(
+    "focus",
+    "a tracker that begins where it fails, always, half of the time, and never",
+    "track",
+    tuple(Variant(f"{share:.0%}", {"track": {"tracking": {"focus": share}}}) for share in (1.0, 0.5, 0.0)),
+)

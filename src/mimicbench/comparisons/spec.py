@@ -1,0 +1,91 @@
+"""What a comparison is: recipes that have everything in common but one thing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+from mimicbench.benchmark.recipe import Recipe, read_recipe, recipe_tree, stage_type
+from mimicbench.core.settings import BadSetting, Share, merge
+
+Tree = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One of the recipes."""
+
+    label: str
+    """What is different in it, in a few words: the name of a row."""
+    change: Tree = field(default_factory=dict)
+    """Settings on top of those that all share, as in a recipe's file."""
+    share: Share = 1.0
+    """Part of the human clips that it learns from."""
+    counterpart: str = ""
+    """The row of the paper's table that it is; empty if it is none."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A list of recipes, whose trackers or policies are learned and judged on the same episodes."""
+
+    name: str
+    what: str
+    """What it finds out, in one line."""
+    of: Literal["track", "imitate"]
+    """The stage whose result is judged."""
+    variants: tuple[Variant, ...]
+    common: Tree = field(default_factory=dict)
+    """Settings that all share. Presets, a file and the command line come on top."""
+    paper: tuple[str, ...] = ()
+    """LaTeX labels of the paper's tables that its rows are of, the first that has one."""
+
+    def __post_init__(self) -> None:
+        labels = [variant.label for variant in self.variants]
+        if len(set(labels)) < len(labels):
+            raise BadSetting(f"comparison {self.name!r} has two variants of one label; give each its own")
+
+    def chosen(self, labels: tuple[str, ...]) -> Comparison:
+        """The same with these variants alone; with all of them if none is named. Raises BadSetting."""
+        known = {variant.label: variant for variant in self.variants}
+        for label in labels:
+            if label not in known:
+                raise BadSetting(f"{self.name} has no variant {label!r}; there are: {', '.join(known)}")
+        return replace(self, variants=tuple(known[label] for label in labels)) if labels else self
+
+
+@dataclass(frozen=True)
+class Said:
+    """What whoever asks for a comparison wants besides."""
+
+    presets: tuple[str, ...] = ()
+    file: Any = None
+    """Path of a TOML file with a recipe, or None."""
+    settings: Tree = field(default_factory=dict)
+    """On top of both."""
+
+
+def recipe_of(comparison: Comparison, variant: Variant, said: Said) -> Recipe:
+    """The recipe of a variant.
+
+    A preset may say something else for another tracker or learner, so it is asked for each variant anew.
+
+    Raises BadSetting or UnknownName for what does not exist, or cannot go together in this variant.
+    """
+    settings = merge(_choosing(comparison.common), said.settings, variant.change)
+    tree = merge(comparison.common, recipe_tree(said.presets, said.file, settings))
+    try:
+        recipe = read_recipe(tree)
+    except BadSetting as error:
+        raise BadSetting(f"{comparison.name}, {variant.label}: {error}") from None
+    if variant.share == 1.0:
+        return recipe
+    references = recipe.references or stage_type("references")()
+    return replace(recipe, references=replace(references, count=max(1, round(variant.share * references.count))))
+
+
+def _choosing(common: Tree) -> Tree:
+    """Of what is common: who learns, on which a preset may depend."""
+    learner = common.get("imitate", {}).get("learner")
+    return {} if learner is None else {"imitate": {"learner": learner}}

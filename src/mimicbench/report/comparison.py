@@ -1,0 +1,40 @@
+"""The table of a comparison: a row for each variant, beside the paper's."""
+
+from collections.abc import Sequence
+
+from mimicbench.comparisons.comparing import Compared
+from mimicbench.comparisons.spec import Comparison
+from mimicbench.evaluate.rows import summarize
+from mimicbench.report.paper_tables import CITATION, TABLES, PaperRate
+from mimicbench.report.table import Cell, Reported, Table
+
+
+def comparison_table(comparison: Comparison, found: Sequence[Compared]) -> Table:
+    """Rates of one task, in the order of the variants; the paper's columns only if it has any of these."""
+    told = [summarize(one.rows) for one in found]
+    theirs = [paper_rate(comparison, one.variant.counterpart, s.task) for one, s in zip(found, told, strict=True)]
+    beside = any(rate is not None for rate in theirs)
+    rows: list[tuple[Cell, ...]] = []
+    for one, s, rate in zip(found, told, theirs, strict=True):
+        paper = (None, None) if rate is None else (Reported(rate.kinematic), Reported(rate.energy))
+        cells = (s.kinematic, paper[0], s.energy, paper[1]) if beside else (s.kinematic, s.energy)
+        rows.append((one.variant.label, *cells, s.stays, s.fell))
+    rates = ("K, ours", "K, paper", "K and P, ours", "K and P, paper") if beside else ("K", "K and P")
+    return Table(
+        comparison.name,
+        f"{comparison.what[0].upper()}{comparison.what[1:]} ({told[0].task})",
+        ("Variant", *rates, "Stays", "Fell"),
+        tuple(rows),
+        "Rates on the same episodes, with 95 % Wilson intervals and k/n.",
+        CITATION if beside else "",
+    )
+
+
+def paper_rate(comparison: Comparison, counterpart: str, task: str) -> PaperRate | None:
+    """What the paper says of a row at a task, where it says anything."""
+    measures = "tracking" if comparison.of == "track" else "imitation"
+    for label in comparison.paper:
+        for table in TABLES:
+            if table.label == label and table.measures == measures and task in table.rates.get(counterpart, {}):
+                return table.rates[counterpart][task]
+    return None

@@ -1,0 +1,189 @@
+"""Comparisons: recipes that differ in one thing, learned and judged side by side."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from mimicbench import cli
+from mimicbench.benchmark import Recipe
+from mimicbench.benchmark.recipe import stage_type
+from mimicbench.commands.compare import CompareOptions
+from mimicbench.commands.parsing import read_compared
+from mimicbench.comparisons.comparing import Compared
+from mimicbench.comparisons.registry import COMPARISONS
+from mimicbench.comparisons.spec import Comparison, Said, Variant, recipe_of
+from mimicbench.core.errors import MimicbenchError
+from mimicbench.core.settings import BadSetting, differences, to_tree
+from mimicbench.evaluate.rows import EpisodeRow
+from mimicbench.report.comparison import comparison_table, paper_rate
+from mimicbench.report.paper_tables import TABLES
+from mimicbench.report.table import Reported
+from mimicbench.tasks.registry import TASKS
+
+ROW = EpisodeRow(
+    task="sit-chair",
+    stage="imitate",
+    policy="bc",
+    preset="improved",
+    robot="h1",
+    seed=0,
+    episode=0,
+    object_id="chair-0-00001",
+    object_kind="dining",
+    split="test",
+    reference_id="sit-chair-0-00001",
+    steps=1000,
+    success=True,
+    success_at_end=True,
+    stays=True,
+    first_success_time=5.5,
+    fell=False,
+    fell_time=None,
+    fell_phase="",
+    diverged=False,
+    max_energy=5e4,
+    seat_height=0.45,
+    start_distance=2.5,
+    end_distance=0.0,
+    mimicbench="0.1.0",
+    mujoco="3.17.0",
+)
+SHARED = Comparison(
+    "shared",
+    "whether a clone copies itself",
+    "imitate",
+    (
+        Variant("as it is"),
+        Variant("relative", {"imitate": {"network": {"relative": True}}}),
+        Variant("of a tenth", share=0.1, counterpart="10 %"),
+    ),
+    common={"imitate": {"learner": "bc", "train": {"steps": 7}}},
+    paper=("tab:data_scale_comparison",),
+)
+
+
+def recipes_of(comparison, *words):
+    """Of the one task of a command line."""
+    (recipes,) = read_compared(comparison, words, CompareOptions).recipes
+    return dict(zip((one.label for one in comparison.variants), recipes, strict=True))
+
+
+@pytest.mark.parametrize("name", list(COMPARISONS))
+@pytest.mark.parametrize("task", list(TASKS))
+def test_every_variant_of_every_task_is_a_recipe_of_its_own(name, task):
+    comparison = COMPARISONS.get(name)
+    found = [recipe_of(comparison, one, Said(settings={"task": task})) for one in comparison.variants]
+    assert all(isinstance(recipe, Recipe) and recipe.task == task for recipe in found)
+    trees = [json.dumps(recipe.tree("references", "retarget", "track", "demos", "imitate")) for recipe in found]
+    assert len(set(trees)) == len(trees), "two variants are the same recipe"
+
+
+@pytest.mark.parametrize("name", list(COMPARISONS))
+def test_what_it_calls_the_papers_is_the_papers(name):
+    comparison = COMPARISONS.get(name)
+    assert {*comparison.paper} <= {table.label for table in TABLES}
+    assert bool(comparison.paper) == any(one.counterpart for one in comparison.variants)
+    for one in comparison.variants:
+        if one.counterpart:
+            assert any(paper_rate(comparison, one.counterpart, task) for task in TASKS), one.label
+
+
+def test_common_settings_then_presets_then_what_is_said_then_the_variant(tmp_path):
+    found = recipes_of(SHARED)
+    assert {one.imitate.learner for one in found.values()} == {"bc"}
+    assert [one.imitate.train.steps for one in found.values()] == [7, 7, 7]
+    assert [one.imitate.network.relative for one in found.values()] == [False, True, False]
+    assert found["of a tenth"].references.count == 200
+    words = ("--train.steps", "9", "--references.count", "50", "--network.hidden", "32", "--task", "lie-bed")
+    found = recipes_of(SHARED, *words)
+    assert {one.task for one in found.values()} == {"lie-bed"}
+    assert [one.imitate.train.steps for one in found.values()] == [9, 9, 9]
+    assert [one.imitate.network.hidden for one in found.values()] == [32, 32, 32]
+    assert [one.references.count for one in found.values()] == [50, 50, 5]
+    (tmp_path / "my.toml").write_text("preset = 'paper'\n[imitate]\ntrain.batch = 3\n")
+    found = recipes_of(SHARED, "--config", str(tmp_path / "my.toml"), "--network.relative")
+    assert {one.imitate.train.batch for one in found.values()} == {3}
+    assert {one.imitate.network.hidden for one in found.values()} == {1024}
+    assert all(one.imitate.network.relative for one in found.values())
+
+
+def test_a_preset_is_asked_for_each_learner():
+    found = recipes_of(COMPARISONS.get("learners"), "--preset", "paper")
+    assert [one.imitate.learner for one in found.values()] == ["act", "hit", "bc", "diffusion"]
+    assert found["HIT"].imitate.network.blocks == 6 and found["HIT"].imitate.train.steps == 100_000
+    assert found["Diffusion Policy"].imitate.network.chunk == 16
+
+
+def test_what_a_variant_has_not_is_told_with_its_name():
+    with pytest.raises(BadSetting, match="learners, HIT: unknown setting imitate.network.kl_weight"):
+        recipes_of(COMPARISONS.get("learners"), "--imitate.learner", "act", "--network.kl-weight", "3")
+
+
+def test_some_variants_alone():
+    call = read_compared(SHARED, ("--only", "relative", "as it is"), CompareOptions)
+    assert [one.label for one in call.comparison.variants] == ["relative", "as it is"]
+    assert [len(one) for one in call.recipes] == [2]
+    with pytest.raises(BadSetting, match="shared has no variant 'nothing'; there are: as it is, relative, of a tenth"):
+        read_compared(SHARED, ("--only", "nothing"), CompareOptions)
+
+
+def test_all_tasks():
+    call = read_compared(SHARED, ("--task", "all"), CompareOptions)
+    assert [one[0].task for one in call.recipes] == list(TASKS)
+
+
+def test_labels_are_told_apart():
+    with pytest.raises(BadSetting, match="comparison 'twice' has two variants of one label"):
+        Comparison("twice", "nothing", "track", (Variant("a"), Variant("a")))
+
+
+def test_differences_are_what_has_to_be_said():
+    act = stage_type("imitate", {"learner": "act"})
+    one, other = act(), act(learner="act", network=act().network.small())
+    assert differences(one, other) == {}
+    changed = replace(one, train=replace(one.train, steps=5, betas=(0.5, 0.6)))
+    assert differences(changed, one) == {"train": {"steps": 5, "betas": [0.5, 0.6]}}
+    assert to_tree(changed)["train"]["steps"] == 5
+
+
+def test_the_table_has_the_papers_numbers_beside_ours():
+    found = [
+        Compared(one, Path(), [replace(ROW, episode=i, success=i < n) for i in range(4)])
+        for one, n in zip(SHARED.variants, (3, 2, 1), strict=True)
+    ]
+    table = comparison_table(SHARED, found)
+    assert table.columns == ("Variant", "K, ours", "K, paper", "K and P, ours", "K and P, paper", "Stays", "Fell")
+    assert [row[0] for row in table.rows] == ["as it is", "relative", "of a tenth"]
+    assert [row[1].successes for row in table.rows] == [3, 2, 1]
+    assert [row[2] for row in table.rows] == [None, None, Reported(69)] and table.rows[2][4] == Reported(69)
+    alone = comparison_table(Comparison("alone", "nothing", "imitate", (found[0].variant,)), found[:1])
+    assert alone.columns == ("Variant", "K", "K and P", "Stays", "Fell")
+
+
+def test_a_comparison_end_to_end_is_not_made_twice(tmp_path, capsys):
+    words = "compare learners --only BC --task sit-chair --objects.count 8 --references.count 6"
+    words += " --imitate.learner bc --train.steps 3 --train.batch 4 --evaluate.episodes 1 --workers 1"
+    argv = [*words.split(), "--workdir", str(tmp_path)]
+    cli.main([*argv, "--json"])
+    told = json.loads(capsys.readouterr().out)
+    assert told["comparison"] == "learners" and told["variant"] == "BC" and told["policy"] == "bc"
+    assert told["kinematic"]["episodes"] == 1 and told["folder"].startswith(str(tmp_path))
+    made = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*") if path.is_file()}
+    cli.main(argv)
+    told = capsys.readouterr().out
+    assert "BC" in told and "Learners that clone the same demonstrations (sit-chair)" in told
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*") if path.is_file()} == made
+
+
+@pytest.mark.parametrize("words", [[], ["--task", "sit-chair"], ["nothing"]])
+def test_a_comparison_has_to_be_named(words):
+    with pytest.raises(MimicbenchError, match="pipelines"):
+        cli._call(["compare", *words])
+
+
+def test_comparisons_are_listed(capsys):
+    cli.main(["compare", "list"])
+    told = capsys.readouterr().out
+    assert all(name in told for name in COMPARISONS)
