@@ -11,11 +11,11 @@ from mimicbench.objects.families.bed import make_bed
 from mimicbench.objects.families.box import make_box
 from mimicbench.objects.families.chair import make_chair
 from mimicbench.robots.rigs import HEAD_RIG, PELVIS_RIG
-from mimicbench.sensors import surfaces
 from mimicbench.sensors.elevation import ElevationMaps, camera_map, down_map
 from mimicbench.sensors.elevation_cpu import RANGE, Poses, maps_by_cameras, maps_by_rays
 from mimicbench.sensors.elevation_torch import TorchMaps
 from mimicbench.sensors.heightmap import CELL, CELLS, MapView
+from mimicbench.sensors.sight import surfaces
 from mimicbench.sim.native import NativePhysics
 from stool import H1, block
 

@@ -25,7 +25,7 @@ from mimicbench.imitate.clock import clock_features
 from mimicbench.imitate.dataset import DemoFrames
 from mimicbench.imitate.demos import demonstrations, scene_names, scene_terms
 from mimicbench.imitate.goals import GivenGoal
-from mimicbench.imitate.inputs import Window
+from mimicbench.imitate.inputs import InputConfig, Window
 from mimicbench.imitate.learners.bc import BCImitation
 from mimicbench.imitate.learners.bc_clock import BCClockImitation
 from mimicbench.imitate.learners.planner import PlannerImitation
@@ -148,14 +148,14 @@ def test_what_is_learned_from_is_what_will_be_observed(name, demonstrated):
     demos = load_demos(folder, ROBOT.name, state=False)
     scene = list(clips.objects.values())
     frames = DemoFrames(
-        demos, clips.objects, inputs, Window(), cloning._plain_maps(scene, clips.task), cloning._goals(demos, clips)
+        demos, clips.objects, inputs, Window(), cloning._maker(scene, clips.task, inputs), cloning._goals(demos, clips)
     )
     bank = ReferenceBank(clips.motions, ROBOT)
     env = VecEnv(clips.task, ROBOT, clips.scenes, ONE, bank=bank)
     starts = ClipStarts(bank, env.physics.add_objects(clips.scenes), ROBOT)
     env.reset(Rows.every(1, env.device), starts.at(torch.zeros(1).long(), torch.zeros(1).long()))
     known = GivenGoal(clips.task.goal)
-    senses = ("proprio", "time", "odometry", "heightmap", "targets", "target_elevation")
+    senses = ("proprio", "time", "odometry", "heightmap", "targets", "target_elevation", "views")
     obs = first = env.observe(senses)
     dict(first)  # while the robot is there
     for step in range(int(bank.lengths[0])):
@@ -165,15 +165,23 @@ def test_what_is_learned_from_is_what_will_be_observed(name, demonstrated):
         env.step(torch.from_numpy(demos.executed_action[step])[None])
     last = torch.tensor([int(bank.lengths[0]) - 1])
     batch = frames.batch(last)
-    assert batch.elevation is not None
+    assert batch.picture is not None
     torch.testing.assert_close(batch.vector[:, : 48 + 13], inputs_of(obs), atol=1e-4, rtol=0)
-    torch.testing.assert_close(batch.elevation[:, 0], obs["heightmap"], atol=2e-3, rtol=0)
+    torch.testing.assert_close(batch.picture[:, 0], obs["heightmap"], atol=2e-3, rtol=0)
     if clips.task.goal.given:
-        told = frames.elevation(torch.tensor([0]))[:, 1]
+        told = frames.pictures(torch.tensor([0]))[:, 1]
         assert 1 <= (told > -first["proprio"][:, 3] + 0.1).sum() <= 2, "each target in one cell"
         torch.testing.assert_close(told, first["target_elevation"], atol=2e-3, rtol=0)
         memory = batch.vector[:, -clips.task.goal.memory_size :]
         torch.testing.assert_close(memory, known.recall(obs), atol=5e-3, rtol=0)
+    sees = InputConfig(views=True, elevation=False).of(ROBOT, clips.task)
+    demos = load_demos(folder, ROBOT.name)
+    frames = DemoFrames(
+        demos, clips.objects, sees, Window(), cloning._maker(scene, clips.task, sees), cloning._goals(demos, clips)
+    )
+    picture = frames.batch(last).picture
+    assert picture is not None and picture.shape == obs["views"].shape
+    assert (picture - obs["views"]).abs().mean() < 0.01, "but for pixels on an edge"
 
 
 def inputs_of(obs):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mimicbench.core import rotations as rot
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.rigs import HEAD_RIG, PELVIS_RIG
-from mimicbench.sensors.surfaces import Surfaces, faces_of
+from mimicbench.sensors.sight.surfaces import Surfaces, faces_of
 from mimicbench.sim.native import NativePhysics
 from stool import H1, block
 

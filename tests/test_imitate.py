@@ -30,6 +30,7 @@ from mimicbench.objects.families.chair import make_chair
 from mimicbench.policies.loading import load_policy
 from mimicbench.robots.registry import ROBOTS
 from mimicbench.sensors.observations import Observations
+from mimicbench.sensors.sight.views import CameraViews
 from mimicbench.tasks.sit_chair import TASK as SIT_CHAIR
 
 TINY = EncoderConfig(pool=4, widths=(8, 8, 8, 8), blocks=(1, 1, 1, 1))
@@ -39,6 +40,7 @@ INPUTS = {
     "timed": InputConfig.timed(),
     "blind": InputConfig(body="state", clock=True, memory=True, elevation=False),
     "history": InputConfig(history=3),
+    "cameras": InputConfig(views=True),
 }
 SMALL = {
     "act": {"hidden": 32, "feedforward": 32, "heads": 2, "chunk": 5, "latent": 4, "dropout": 0.0},
@@ -110,7 +112,9 @@ def goals_of(demos, chairs):
 def frames(demos, chairs, network):
     """Frames of demonstrations as a network is shown them."""
     plans = Waves(network) if network.action_size != 19 else None
-    return DemoFrames(demos, chairs, network.inputs, network.window, goals=goals_of(demos, chairs), plans=plans)
+    scene = [chairs[name] for name in sorted(set(demos.object_ids))]
+    views = CameraViews(scene, SIT_CHAIR.rig).sample if network.inputs.views else None
+    return DemoFrames(demos, chairs, network.inputs, network.window, views, goals_of(demos, chairs), plans)
 
 
 class Waves:
@@ -136,7 +140,7 @@ def test_learner_contract(kind, inputs, demos, chairs, tmp_path):
     history = (config.inputs.history,) if config.inputs.history > 1 else ()
     assert batch.vector.shape == (10, *history, config.inputs.size)
     assert batch.actions.shape == (10, config.window.chunk, config.action_size)
-    assert (batch.elevation is None) == (not config.inputs.elevation)
+    assert (batch.picture is None) == (not config.inputs.sees)
     learner.normalize_by(data.vector(torch.arange(demos.frames)), data.samples(torch.arange(demos.frames)))
     # the loss falls
     optimizer = torch.optim.Adam(learner.parameters(), 3e-3)
@@ -154,16 +158,16 @@ def test_learner_contract(kind, inputs, demos, chairs, tmp_path):
     # using it has no randomness, and does not depend on its neighbors in the batch
     learner.eval()
     with torch.no_grad():
-        plan = learner.plan(batch.vector, batch.elevation)
-        first = learner.predict(batch.vector, batch.elevation)
-        alone = learner.predict(batch.vector[3:4], None if batch.elevation is None else batch.elevation[3:4])
+        plan = learner.plan(batch.vector, batch.picture)
+        first = learner.predict(batch.vector, batch.picture)
+        alone = learner.predict(batch.vector[3:4], None if batch.picture is None else batch.picture[3:4])
     assert first.shape == (10, config.action_size) and (plan[:, 0] == first).all()
     assert plan.shape[1] >= learner.executes
     torch.testing.assert_close(first[3:4], alone, atol=1e-5, rtol=1e-4)
     # saved and loaded, it is the same
     save_learner(tmp_path, learner, "h1")
     with torch.no_grad():
-        assert (load_learner(tmp_path, H1, type(config))[0].predict(batch.vector, batch.elevation) == first).all()
+        assert (load_learner(tmp_path, H1, type(config))[0].predict(batch.vector, batch.picture) == first).all()
     with pytest.raises(BadCheckpoint, match="another robot"):
         load_learner(tmp_path, replace(H1, name="g1"), type(config))
 
@@ -375,8 +379,8 @@ def test_what_is_foreseen_is_the_map_after_the_chunk(demos, chairs):
     config = tiny("hit", INPUTS["paper"])
     batch = frames(demos, chairs, config).batch(torch.tensor([3, 17]))
     data = frames(demos, chairs, config)
-    assert config.window.chunk == 5 and batch.ahead.shape == batch.elevation.shape
-    assert (batch.ahead == data.elevation(torch.tensor([8, 19]))).all(), "none lies after the end"
+    assert config.window.chunk == 5 and batch.ahead.shape == batch.picture.shape
+    assert (batch.ahead == data.pictures(torch.tensor([8, 19]))).all(), "none lies after the end"
 
 
 def test_a_plan_is_carried_out_before_the_next():

@@ -15,6 +15,6 @@ COMPARISONS: Registry[Comparison] = Registry(
     attribute="COMPARISON",
     kind="mimicbench.comparisons.spec:Comparison",
     group="mimicbench.comparisons",
-    first=("pipelines", "retargeting", "trackers", "learners", "data-scale"),
+    first=("pipelines", "retargeting", "trackers", "learners", "vision", "data-scale"),
 )
 """Those of the paper's tables first, in its order."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -27,6 +28,7 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.elevation import ElevationMaps
 from mimicbench.sensors.heightmap import MapView, ObjectMaps
+from mimicbench.sensors.sight.views import CameraViews
 from mimicbench.sim.devices import tensor_device
 from mimicbench.tasks.task import Task
 from mimicbench.track.checkpoint import load_tracker
@@ -105,16 +107,21 @@ def _driven(place: Path, folder: Path, number: int, given: Given, config: Dagger
 def demo_frames(demos: Demos, clips: ClipSet, network: NetworkConfig, config: CloneImitation) -> DemoFrames:
     """The frames of demonstrations that follow these clips, as a network is shown them."""
     scene = [clips.objects[object_id] for object_id in sorted(set(demos.object_ids))]
-    maps = _plain_maps(scene, clips.task) if network.inputs.elevation else None
+    maps = _maker(scene, clips.task, network.inputs) if network.inputs.sees else None
     goals = _goals(demos, clips) if network.inputs.memory or network.inputs.targets else None
     return DemoFrames(demos, clips.objects, network.inputs, network.window, maps, goals, config.plans(demos, clips))
 
 
-def _plain_maps(scene: list[SceneObject], task: Task) -> MapMaker:
-    """Maps as vertical rays make them (sensors.elevation.down_map)."""
+def _maker(scene: list[SceneObject], task: Task, inputs: InputConfig) -> MapMaker:
+    """What a learner sees: maps as vertical rays make them (sensors.elevation.down_map), or the cameras' views."""
+    if inputs.views:
+        return CameraViews(scene, task.rig).sample
     still, moved = ObjectMaps(scene), ElevationMaps(scene, MapView(None, task.map_cell))
 
-    def make(index: Tensor, root_pos: Tensor, root_yaw: Tensor, pose: Tensor | None) -> Tensor:
+    def make(
+        index: Tensor, root_pos: Tensor, root_quat: Tensor, pose: Tensor | None, places: np.ndarray | None
+    ) -> Tensor:
+        root_yaw = rot.yaw_of(root_quat).float()
         if pose is None:
             return still.sample(index, root_pos, root_yaw, cell=task.map_cell)
         return moved.sample(root_pos, rot.from_yaw(root_yaw), pose[:, :3], pose[:, 3:], index)

@@ -22,9 +22,10 @@ from mimicbench.tasks.goal import GoalSpec
 
 MAP_NOISE = 0.01
 """[m] deviation of the heights in the maps that are learned from."""
-MapMaker = Callable[[Tensor, Tensor, Tensor, Tensor | None], Tensor]
-"""(object index (N,), root position (N, 3), heading (N,), the object's position and quaternion (N, 7), None where it
-stands still at the origin) -> maps (N, 128, 128) relative to the root [m]."""
+MapMaker = Callable[[Tensor, Tensor, Tensor, Tensor | None, np.ndarray | None], Tensor]
+"""(object index (N,), root position (N, 3) and orientation (N, 4), the object's position and quaternion (N, 7), None
+where it stands still at the origin, places (N, 2, 3) that the robot is told, None if it is told none) -> maps
+(N, 128, 128) relative to the root [m], or what the cameras see, (N, channels, 128, 128)."""
 
 
 @dataclass(frozen=True)
@@ -83,8 +84,8 @@ class DemoFrames:
             objects: By id, at least those of the demonstrations.
             inputs: What the learner sees.
             window: Which frames it is shown.
-            maps: Makes the elevation maps; by default the surfaces of objects that stay where they are, as seen from
-                the root, with noise.
+            maps: Makes the elevation maps, or what the cameras see; by default the surfaces of objects that stay where
+                they are, as seen from the root, with noise.
             goals: What they were to do; needed if the learner has a memory or is told.
             plans: What it is to say; joint targets by default.
             validation: Share of the episodes that is kept apart.
@@ -107,12 +108,13 @@ class DemoFrames:
         self.proprio = torch.from_numpy(proprioception(demos.qpos, demos.qvel, len(demos.joint_names)))
         self.action = torch.from_numpy(demos.action.astype(np.float32))
         self.root_pos = torch.from_numpy(demos.qpos[:, :3].astype(np.float32))
+        self.root_quat = torch.from_numpy(demos.qpos[:, 3:7])
         self.root_yaw = torch.from_numpy(rot.yaw_of(demos.qpos[:, 3:7]).astype(np.float32))
         self.time = (torch.arange(demos.frames) - self.starts[self.episode]) / demos.fps
         rest = demos.qpos[:, 7 + len(demos.joint_names) :]
         self.object_pose = torch.from_numpy(rest.astype(np.float32)) if rest.shape[1] else None
         self._maps = maps
-        if inputs.elevation and maps is None:
+        if inputs.sees and maps is None:
             self._surfaces = ObjectMaps(scene)
         if inputs.memory or inputs.targets:
             if goals is None:
@@ -138,10 +140,10 @@ class DemoFrames:
         ahead = self._history(torch.minimum(steps[:, -1] + 1, last[:, 0]))
         return Batch(
             vector,
-            self._maps_of(seen, generator) if self.inputs.elevation else None,
+            self._seen(seen, generator) if self.inputs.sees else None,
             self._actions(frames, steps, last),
             steps > last,
-            self._maps_of(ahead, generator) if self.window.looks_ahead and self.inputs.elevation else None,
+            self._seen(ahead, generator) if self.window.looks_ahead and self.inputs.sees else None,
         )
 
     def samples(self, frames: Tensor) -> Tensor:
@@ -180,27 +182,32 @@ class DemoFrames:
         state = self.proprio[frames] if self.state is None else self.state[frames]
         return self.inputs.vector(state, self.proprio[frames], self.time[frames], memory)
 
-    def _maps_of(self, frames: Tensor, generator: torch.Generator | None) -> Tensor:
-        """The maps of frames (B, history), as Batch.elevation has them."""
-        maps = self.elevation(frames.flatten(), generator)
-        return maps.unflatten(0, frames.shape) if self.inputs.history > 1 else maps
+    def _seen(self, frames: Tensor, generator: torch.Generator | None) -> Tensor:
+        """What is seen in frames (B, history), as Batch.picture has it."""
+        pictures = self.pictures(frames.flatten(), generator)
+        return pictures.unflatten(0, frames.shape) if self.inputs.history > 1 else pictures
 
-    def elevation(self, frames: Tensor, generator: torch.Generator | None = None) -> Tensor:
-        """The maps (B, channels, 128, 128) of frames (B,)."""
-        seen = self._seen(frames, generator)
-        if not self.inputs.targets:
+    def pictures(self, frames: Tensor, generator: torch.Generator | None = None) -> Tensor:
+        """What is seen (B, channels, 128, 128) in frames (B,)."""
+        places = None
+        if self.inputs.targets:
+            places = self._goals.start_w[self.episode[frames]].unflatten(-1, (2, 3)).numpy()
+        seen = self._around(frames, places, generator)
+        if self.inputs.views:
+            return seen
+        if places is None:
             return seen[:, None]
-        places = self._goals.start_w[self.episode[frames]].unflatten(-1, (2, 3)).numpy()
         heading = rot.from_yaw(self.root_yaw[frames].numpy())
         told = target_map(self.root_pos[frames].numpy(), heading, places, self._goals.map_cell)
         return torch.stack([seen, told], 1)
 
-    def _seen(self, frames: Tensor, generator: torch.Generator | None) -> Tensor:
-        """(B, 128, 128) what surrounds the robots."""
-        arguments = self.object_index[self.episode[frames]], self.root_pos[frames], self.root_yaw[frames]
+    def _around(self, frames: Tensor, places: np.ndarray | None, generator: torch.Generator | None) -> Tensor:
+        """(B, 128, 128), or (B, channels, 128, 128), what surrounds the robots."""
+        index, root_pos = self.object_index[self.episode[frames]], self.root_pos[frames]
         if self._maps is not None:
-            return self._maps(*arguments, None if self.object_pose is None else self.object_pose[frames])
-        maps = self._surfaces.sample(*arguments, occlusion=True)
+            pose = None if self.object_pose is None else self.object_pose[frames]
+            return self._maps(index, root_pos, self.root_quat[frames], pose, places)
+        maps = self._surfaces.sample(index, root_pos, self.root_yaw[frames], occlusion=True)
         return maps if generator is None else maps + MAP_NOISE * torch.randn(maps.shape, generator=generator)
 
 

@@ -10,6 +10,7 @@ from mimicbench.core.settings import BadSetting, Positive
 from mimicbench.imitate.clock import SIZE as CLOCK_SIZE
 from mimicbench.imitate.clock import clock_features
 from mimicbench.robots.description import Robot
+from mimicbench.sensors.sight.views import CHANNELS as VIEW_CHANNELS
 from mimicbench.tasks.task import Task
 
 
@@ -30,8 +31,10 @@ class InputConfig:
     """Numbers in that memory. The task decides."""
     elevation: bool = True
     """Show the elevation map of the present frame."""
+    views: bool = False
+    """Show color and depth of the robot's cameras in its place (C.2)."""
     targets: bool = False
-    """Beside it show a map of what the robot is told. The task decides."""
+    """Beside it show a map of what the robot is told, or mark that in what the cameras see. The task decides."""
     history: Positive = 1
     """Frames that are seen, the present one last."""
     joints: int = 0
@@ -51,7 +54,7 @@ class InputConfig:
     def of(self, robot: Robot, task: Task) -> "InputConfig":
         """The same for a robot at a task."""
         memory_size = task.goal.memory_size if self.memory else 0
-        return replace(self.on(robot), memory_size=memory_size, targets=self.elevation and task.goal.given)
+        return replace(self.on(robot), memory_size=memory_size, targets=self.sees and task.goal.given)
 
     @property
     def last_action_place(self) -> slice:
@@ -65,9 +68,14 @@ class InputConfig:
         return self.last_action and not self.clock
 
     @property
+    def sees(self) -> bool:
+        """Whether it sees anything but its body."""
+        return self.elevation or self.views
+
+    @property
     def channels(self) -> int:
-        """Of the maps."""
-        return 2 if self.targets else 1
+        """Of what it sees in a frame."""
+        return VIEW_CHANNELS if self.views else 2 if self.targets else 1
 
     @property
     def size(self) -> int:
@@ -84,7 +92,7 @@ class InputConfig:
 
     @property
     def seen_channels(self) -> int:
-        """Of the maps of all frames that are seen."""
+        """Of what it sees in all frames."""
         return self.history * self.channels
 
     def vector(self, state: Tensor, proprio: Tensor, time: Tensor, memory: Tensor | None) -> Tensor:
@@ -129,14 +137,15 @@ class Batch:
 
     vector: Tensor
     """(B, size) input vectors; (B, history, size) where more than one frame is seen."""
-    elevation: Tensor | None
-    """(B, channels, 128, 128) maps of the same frames [m], or (B, history, ...); None if the learner sees none."""
+    picture: Tensor | None
+    """(B, channels, 128, 128) what is seen in the same frames, maps [m] or color and depth, or (B, history, ...); None
+    if the learner sees none."""
     actions: Tensor
     """(B, chunk, A) joint position targets of the window's frames [rad], or what else is learned."""
     pad: Tensor
     """(B, chunk) true after the end of the episode."""
     ahead: Tensor | None = None
-    """(B, channels, 128, 128) maps of the frame after the chunk [m], or (B, history, ...), for who looks ahead."""
+    """(B, channels, 128, 128) what is seen in the frame after the chunk, or (B, history, ...), for who looks ahead."""
 
 
 @dataclass(frozen=True)
@@ -219,20 +228,20 @@ class Learner(nn.Module):
         """Actions (..., *shape) with mean 0 and deviation 1."""
         return (actions - self.action_mean) / self.action_std
 
-    def normalized_map(self, elevation: Tensor) -> Tensor:
-        """(N, history * channels, cells, cells) maps (N, [history,] channels, ...) with the floor near 0, as padding of
-        the convolutions.
+    def normalized_map(self, picture: Tensor) -> Tensor:
+        """(N, history * channels, 128, 128) what is seen (N, [history,] channels, ...), maps with the floor near 0, as
+        padding of the convolutions; color and depth as they are, from 0 to 1.
         """
-        return elevation.flatten(1, -3) + 1.0
+        return picture.flatten(1, -3) + (0.0 if self.inputs.views else 1.0)
 
     def loss(self, batch: Batch, generator: torch.Generator | None = None) -> dict[str, Tensor]:
         """The parts of the loss by name; `loss` is what to minimize."""
         raise NotImplementedError
 
-    def predict(self, vector: Tensor, elevation: Tensor | None) -> Tensor:
+    def predict(self, vector: Tensor, picture: Tensor | None) -> Tensor:
         """The action (N, A) [rad] for the present frame, without randomness."""
-        return self.plan(vector, elevation)[:, 0]
+        return self.plan(vector, picture)[:, 0]
 
-    def plan(self, vector: Tensor, elevation: Tensor | None) -> Tensor:
+    def plan(self, vector: Tensor, picture: Tensor | None) -> Tensor:
         """(N, K, A) the actions of the present frame and of those after it, without randomness; K >= `executes`."""
         raise NotImplementedError

@@ -1,6 +1,6 @@
 """Learners in their closed loop."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import torch
 from torch import Tensor, nn
@@ -23,8 +23,8 @@ class Senses:
             raise MimicbenchError("this policy remembers its goal; give it what it knows of that, too")
         self._inputs, self.goal = inputs, goal if inputs.memory else None
         self._maps = (
-            *(("heightmap",) if inputs.elevation else ()),
-            *(("target_elevation",) if inputs.targets else ()),
+            *(("views",) if inputs.views else ("heightmap",) if inputs.elevation else ()),
+            *(("target_elevation",) if inputs.targets and not inputs.views else ()),
         )
         wanted = (
             *(("state",) if inputs.body == "state" else ()),
@@ -77,7 +77,7 @@ class Senses:
         ]
 
     def see(self, obs: Observations) -> tuple[Tensor, Tensor | None]:
-        """The vectors (N, size) and the maps (N, channels, 128, 128), or (N, history, ...) of both."""
+        """The vectors (N, size) and what is seen (N, channels, 128, 128), or (N, history, ...) of both."""
         frame = self._frame(obs)
         if self._inputs.history == 1:
             return frame
@@ -90,7 +90,13 @@ class Senses:
         memory = None if self.goal is None else self.goal.recall(obs)
         state = obs["state"] if self._inputs.body == "state" else obs["proprio"]
         vector = self._inputs.vector(state, obs["proprio"], obs["time"][:, 0], memory)
-        return vector, torch.stack([obs[name] for name in self._maps], 1) if self._maps else None
+        return vector, _layers(obs, self._maps) if self._maps else None
+
+
+def _layers(obs: Observations, names: Sequence[str]) -> Tensor:
+    """(N, channels, 128, 128) terms of one channel or of several, one behind the other."""
+    seen = [obs[name] for name in names]
+    return torch.cat([one[:, None] if one.dim() == 3 else one for one in seen], 1)
 
 
 class Ensemble:

@@ -251,7 +251,7 @@ class CloneTraining:
             return None
         batch = self.data.batch(frames[:: max(1, len(frames) // _VALIDATION_FRAMES)])
         present = batch.actions[:, self.data.window.past]
-        return float((learner.predict(batch.vector, batch.elevation) - present).abs().mean())
+        return float((learner.predict(batch.vector, batch.picture) - present).abs().mean())
 
     def _seed(self, *keys: str | int) -> int:
         return digest(self.config.seed, "imitate", *keys) % (1 << 63)
@@ -269,7 +269,7 @@ def _to(batch: Batch, device: str) -> Batch:
 
     return Batch(
         move(batch.vector),
-        None if batch.elevation is None else move(batch.elevation),
+        None if batch.picture is None else move(batch.picture),
         move(batch.actions),
         move(batch.pad),
         None if batch.ahead is None else move(batch.ahead),

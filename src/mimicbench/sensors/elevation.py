@@ -4,7 +4,7 @@ Three makers of the same map. From depth images, as the paper does it: depth bey
 becomes a point in the robot's frame, and each cell keeps its highest point. By rays through the cameras' pixels, which
 is the same without drawing anything. And by rays straight down, which is what many looks from all sides would add up
 to: the cameras do not see what is hidden behind something else, and miss cells that lie between their pixels. Rays are
-not followed one by one: `faces.py` knows what all of them meet.
+not followed one by one: `sight/faces.py` knows what all of them meet.
 
 All see shapes only, never labels, and leave out the robot's own body. The frame is the heading frame: its origin is the
 root and its x axis the root's heading, but z is up, so that the floor stays level when the robot leans. A cell without
@@ -22,7 +22,7 @@ from mimicbench.robots.rigs import PELVIS_RIG, Rig
 from mimicbench.sensors.elevation_cpu import RANGE, Poses, maps_by_cameras, maps_by_rays, tilts
 from mimicbench.sensors.elevation_torch import TorchMaps
 from mimicbench.sensors.heightmap import CELL, CELLS, MapView
-from mimicbench.sensors.surfaces import ObjectFaces, faces_of
+from mimicbench.sensors.sight.surfaces import ObjectFaces, faces_of
 from mimicbench.sim.physics import Physics
 
 

@@ -16,9 +16,9 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.parallel import cpu_count
 from mimicbench.robots.rigs import Rig
-from mimicbench.sensors.faces import raise_to
 from mimicbench.sensors.heightmap import CELLS, cell_centers
-from mimicbench.sensors.surfaces import ObjectFaces, Surfaces
+from mimicbench.sensors.sight.faces import Faces, raise_to
+from mimicbench.sensors.sight.surfaces import ObjectFaces, Surfaces
 
 RANGE = 6.0
 """[m] Depth beyond this is left out (C.2)."""
@@ -71,7 +71,7 @@ def maps_by_cameras(
     def make(some: slice) -> None:
         _Pictures.of(faces[some], poses.part(some), rig, size).raise_cells(maps[some], cell)
 
-    _in_threads(make, len(faces), workers)
+    in_threads(make, len(faces), workers)
     return maps
 
 
@@ -90,7 +90,7 @@ def maps_by_rays(faces: Sequence[ObjectFaces], poses: Poses, cell: float, worker
         maps[some] = -part.root_pos_w[:, 2].astype(np.float32)[:, None, None]
         seen.fill(maps[some].reshape(-1, CELLS), np.arange(len(maps[some])) * CELLS)
 
-    _in_threads(make, len(faces), workers)
+    in_threads(make, len(faces), workers)
     return maps
 
 
@@ -99,8 +99,8 @@ def tilts(root_quat: np.ndarray) -> np.ndarray:
     return rot.to_matrix(rot.multiply(rot.from_yaw(-rot.yaw_of(root_quat)), root_quat)).astype(np.float32)
 
 
-def _in_threads(make: Callable[[slice], None], robots: int, workers: int) -> None:
-    """Call `make` for parts of the robots, on several threads."""
+def in_threads(make: Callable[[slice], None], robots: int, workers: int) -> None:
+    """Call `make` for parts of the robots, on several threads; 0 for all processors."""
     workers = workers or cpu_count()
     step = min(_ROBOTS, max(4, -(-robots // workers)))
     parts = [slice(first, first + step) for first in range(0, robots, step)]
@@ -123,6 +123,18 @@ def _threads(workers: int, process: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(workers, f"maps-of-{process}")
 
 
+def faces_seen(surfaces: Sequence[ObjectFaces], poses: Poses, rig: Rig, size: tuple[int, int]) -> Faces:
+    """The faces of N objects that the C cameras of N robots see, picture n C + c being that of camera c of robot n, by
+    the inverse of depth [1/m].
+    """
+    turn, object_turn = rot.to_matrix(poses.root_quat_w), rot.to_matrix(poses.object_quat_w)
+    # cameras and lines of sight in the objects' frames
+    eyes = (poses.root_pos_w - poses.object_pos_w)[:, None] + (turn[:, None] @ rig.origins()[..., None])[..., 0]
+    eyes = (eyes[..., None, :] @ object_turn[:, None])[:, :, 0]
+    looks = (object_turn.swapaxes(1, 2) @ turn)[:, None] @ rig.sights(*size)
+    return Surfaces.of(surfaces).seen_from(eyes, looks, *size)
+
+
 @dataclass(frozen=True)
 class _Pictures:
     """What the cameras of some robots see. Of each picture there are only the rows that have something in them."""
@@ -140,12 +152,7 @@ class _Pictures:
     def of(surfaces: Sequence[ObjectFaces], poses: Poses, rig: Rig, size: tuple[int, int]) -> "_Pictures":
         """Of some robots."""
         origins, sights = rig.origins(), rig.sights(*size)
-        turn, object_turn = rot.to_matrix(poses.root_quat_w), rot.to_matrix(poses.object_quat_w)
-        # cameras and lines of sight in the objects' frames
-        eyes = (poses.root_pos_w - poses.object_pos_w)[:, None] + (turn[:, None] @ origins[..., None])[..., 0]
-        eyes = (eyes[..., None, :] @ object_turn[:, None])[:, :, 0]
-        looks = (object_turn.swapaxes(1, 2) @ turn)[:, None] @ sights
-        faces = Surfaces.of(surfaces).seen_from(eyes, looks, *size)
+        faces = faces_seen(surfaces, poses, rig, size)
         first, last = np.full(len(surfaces) * len(sights), size[0]), np.full(len(surfaces) * len(sights), -1)
         np.minimum.at(first, faces.picture, faces.first)
         np.maximum.at(last, faces.picture, faces.last)

@@ -14,9 +14,9 @@ from torch import Tensor
 from mimicbench.core import rotations as rot
 from mimicbench.robots.rigs import Rig
 from mimicbench.sensors.elevation_cpu import RANGE, Poses
-from mimicbench.sensors.faces import CRACK
 from mimicbench.sensors.heightmap import CELLS, MapView, cell_centers
-from mimicbench.sensors.surfaces import EDGE_ON, ObjectFaces
+from mimicbench.sensors.sight.faces import CRACK
+from mimicbench.sensors.sight.surfaces import EDGE_ON, ObjectFaces
 
 _PIXELS = 1 << 23
 """Of pictures that are made at a time: 32 MB for each number of a pixel, and there are some ten."""

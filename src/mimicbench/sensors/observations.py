@@ -21,6 +21,7 @@ from mimicbench.sensors.proprioception import body_state, gravity, link_state, s
 from mimicbench.sensors.rays import FARTHEST, ray_depth
 from mimicbench.sensors.reference import object_in_root, reference_in_root, reference_links, walk_of
 from mimicbench.sensors.scene import gray, scene_in_root
+from mimicbench.sensors.sight.views import CHANNELS, SIDE, views_now
 from mimicbench.sensors.targets import target_map
 from mimicbench.sensors.term import Term
 from mimicbench.sim.threads import one_torch_thread
@@ -162,6 +163,7 @@ _TERMS = (
     Term("scene", _flat(12), scene_in_root, privileged=True),
     Term("target_elevation", _map, _target_elevation, exists=_given),
     Term("targets", lambda robot, task: (2, 3), _targets, exists=_given),
+    Term("views", lambda robot, task: (CHANNELS, SIDE, SIDE), views_now, low=0.0, high=1.0),
     Term("depth", _pictures(), _depth, low=0.0, high=FARTHEST),
     Term("color", _pictures(3), _color, low=0, high=255, dtype=torch.uint8),
     Term("labels", _pictures(), _labels, low=0, high=255, dtype=torch.uint8),

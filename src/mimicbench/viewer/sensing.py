@@ -14,7 +14,7 @@ from mimicbench.robots.rigs import Rig
 from mimicbench.sensors.elevation_cpu import Poses, maps_by_cameras
 from mimicbench.sensors.heightmap import MapView, cell_centers
 from mimicbench.sensors.rays import FARTHEST
-from mimicbench.sensors.surfaces import faces_of
+from mimicbench.sensors.sight.surfaces import faces_of
 from mimicbench.sim.physics import PhysicsConfig, compile_scene
 from mimicbench.tasks.task import Task
 from mimicbench.viewer.tracks import Pose, State

@@ -124,7 +124,7 @@ class ACT(Learner):
         self.latent_to_token = nn.Linear(config.latent, width)
         self.state_to_token = nn.Linear(config.inputs.seen_size, width)
         self.token_positions = nn.Parameter(torch.randn(1, 2, width))
-        if config.inputs.elevation:
+        if config.inputs.sees:
             self.map_encoder = Encoder(replace(config.encoder, channels=config.inputs.seen_channels))
             self.map_to_token = nn.Conv2d(config.encoder.widths[-1], width, 1)
             self.register_buffer("map_positions", sine_positions_2d(config.encoder.side, width), persistent=False)
@@ -143,15 +143,15 @@ class ACT(Learner):
         state, actions = self.normalized_input(batch.vector), self.normalized_actions(batch.actions)
         mean, log_variance = self._posterior(state, actions, batch.pad)
         z = mean + (0.5 * log_variance).exp() * torch.randn(mean.shape, generator=generator, device=mean.device)
-        found = self._decode(z, state, batch.elevation)
+        found = self._decode(z, state, batch.picture)
         l1 = ((found - actions).abs() * ~batch.pad[..., None]).mean()
         kl = -0.5 * (1 + log_variance - mean.square() - log_variance.exp()).sum(-1).mean()
         return {"loss": l1 + self.config.kl_weight * kl, "l1": l1, "kl": kl}
 
-    def plan(self, vector: Tensor, elevation: Tensor | None) -> Tensor:
+    def plan(self, vector: Tensor, picture: Tensor | None) -> Tensor:
         """The actions (N, chunk, A) [rad] for z = 0."""
         state = self.normalized_input(vector)
-        chunk = self._decode(state.new_zeros(len(state), self.config.latent), state, elevation)
+        chunk = self._decode(state.new_zeros(len(state), self.config.latent), state, picture)
         return chunk * self.action_std + self.action_mean
 
     def _posterior(self, state: Tensor, actions: Tensor, pad: Tensor) -> tuple[Tensor, Tensor]:
@@ -170,14 +170,14 @@ class ACT(Learner):
         mean, log_variance = self.posterior(tokens[:, 0]).chunk(2, -1)
         return mean, log_variance
 
-    def _decode(self, z: Tensor, state: Tensor, elevation: Tensor | None) -> Tensor:
+    def _decode(self, z: Tensor, state: Tensor, picture: Tensor | None) -> Tensor:
         """Normalized actions (B, chunk, A)."""
         tokens = [self.latent_to_token(z)[:, None], self.state_to_token(state)[:, None]]
         positions = self.token_positions
-        if self.inputs.elevation:
-            if elevation is None:
-                raise ValueError("this learner sees elevation maps; give it one")
-            features = self.map_to_token(self.map_encoder(self.normalized_map(elevation)))
+        if self.inputs.sees:
+            if picture is None:
+                raise ValueError("this learner sees pictures; give it one")
+            features = self.map_to_token(self.map_encoder(self.normalized_map(picture)))
             tokens.append(features.flatten(2).transpose(1, 2))
             positions = torch.cat([positions, self.get_buffer("map_positions")], 1)
         memory = torch.cat(tokens, 1)

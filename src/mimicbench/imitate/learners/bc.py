@@ -56,7 +56,7 @@ class BC(Learner):
         super().__init__(config.inputs, (*([1] if config.relative else []), config.action_size))
         self.config = config
         size = config.inputs.seen_size
-        if config.inputs.elevation:
+        if config.inputs.sees:
             self.map_encoder = Encoder(replace(config.encoder, channels=config.inputs.seen_channels))
             widths = (config.encoder.widths[-1], *config.reduce)
             self.reduce = nn.Sequential(
@@ -74,20 +74,20 @@ class BC(Learner):
     def loss(self, batch: Batch, generator: torch.Generator | None = None) -> dict[str, Tensor]:
         """Mean squared error of the normalized action."""
         mse = functional.mse_loss(
-            self._forward(batch.vector, batch.elevation), self.normalized_actions(batch.actions[:, 0])
+            self._forward(batch.vector, batch.picture), self.normalized_actions(batch.actions[:, 0])
         )
         return {"loss": mse}
 
-    def plan(self, vector: Tensor, elevation: Tensor | None) -> Tensor:
+    def plan(self, vector: Tensor, picture: Tensor | None) -> Tensor:
         """The action (N, 1, A) [rad]."""
-        return (self._forward(vector, elevation) * self.action_std + self.action_mean)[:, None]
+        return (self._forward(vector, picture) * self.action_std + self.action_mean)[:, None]
 
-    def _forward(self, vector: Tensor, elevation: Tensor | None) -> Tensor:
+    def _forward(self, vector: Tensor, picture: Tensor | None) -> Tensor:
         x = self.normalized_input(vector)
-        if self.inputs.elevation:
-            if elevation is None:
-                raise ValueError("this learner sees elevation maps; give it one")
-            x = torch.cat([self.reduce(self.map_encoder(self.normalized_map(elevation))).flatten(1), x], -1)
+        if self.inputs.sees:
+            if picture is None:
+                raise ValueError("this learner sees pictures; give it one")
+            x = torch.cat([self.reduce(self.map_encoder(self.normalized_map(picture))).flatten(1), x], -1)
         return self.mlp(x)
 
 

@@ -98,7 +98,7 @@ class Diffusion(Learner):
         if config.noise_steps < config.sample_steps:
             raise ValueError(f"{config.sample_steps} steps of sampling are more than the {config.noise_steps} learned")
         seen = config.inputs.size
-        if config.inputs.elevation:
+        if config.inputs.sees:
             self.map_encoder = Encoder(replace(config.encoder, channels=config.inputs.channels))
             seen += config.encoder.widths[-1]
         self.unet = _UNet(config, seen * config.inputs.history)
@@ -121,11 +121,11 @@ class Diffusion(Learner):
         step = torch.randint(self.config.noise_steps, (len(actions),), **place)
         kept = self.get_buffer("kept")[step][:, None, None]
         mixed = kept.sqrt() * actions + (1 - kept).sqrt() * noise
-        return {"loss": functional.mse_loss(self.unet(mixed, step, self._seen(batch.vector, batch.elevation)), noise)}
+        return {"loss": functional.mse_loss(self.unet(mixed, step, self._seen(batch.vector, batch.picture)), noise)}
 
-    def plan(self, vector: Tensor, elevation: Tensor | None) -> Tensor:
+    def plan(self, vector: Tensor, picture: Tensor | None) -> Tensor:
         """The actions (N, chunk - history + 1, A) [rad] from the present on."""
-        seen, kept = self._seen(vector, elevation), self.get_buffer("kept")
+        seen, kept = self._seen(vector, picture), self.get_buffer("kept")
         stride = self.config.noise_steps // self.config.sample_steps
         actions = self.get_buffer("noise").expand(len(seen), -1, -1)
         for number in range((self.config.sample_steps - 1) * stride, -1, -stride):
@@ -136,13 +136,13 @@ class Diffusion(Learner):
             actions = then.sqrt() * clean + (1 - then).sqrt() * noise
         return (actions * self.action_std + self.action_mean)[:, self.inputs.history - 1 :]
 
-    def _seen(self, vector: Tensor, elevation: Tensor | None) -> Tensor:
+    def _seen(self, vector: Tensor, picture: Tensor | None) -> Tensor:
         """(N, history * features) of vectors (N, [history,] size) and maps (N, [history,] channels, cells, cells)."""
         parts = [self.normalized_input(vector)]
-        if self.inputs.elevation:
-            if elevation is None:
-                raise ValueError("this learner sees elevation maps; give it some")
-            frames = elevation.reshape(-1, *elevation.shape[-3:])
+        if self.inputs.sees:
+            if picture is None:
+                raise ValueError("this learner sees pictures; give it some")
+            frames = picture.reshape(-1, *picture.shape[-3:])
             features = self.map_encoder(self.normalized_map(frames)).mean((-1, -2))
             parts.append(features.reshape(len(vector), -1))
         return torch.cat(parts, -1)

@@ -78,7 +78,7 @@ class HITConfig(NetworkConfig):
     @property
     def window(self) -> Window:
         """Which frames it is shown."""
-        return Window(self.chunk, looks_ahead=self.inputs.elevation)
+        return Window(self.chunk, looks_ahead=self.inputs.sees)
 
     @property
     def layers(self) -> tuple[int, ...]:
@@ -106,7 +106,7 @@ class HIT(Learner):
         width = config.hidden
         self.state_to_token = nn.Linear(config.inputs.seen_size, width)
         self.state_position = nn.Parameter(torch.randn(1, 1, width) * 0.02)
-        if config.inputs.elevation:
+        if config.inputs.sees:
             self.map_encoder = Encoder(replace(config.encoder, channels=config.inputs.seen_channels))
             self.map_to_token = nn.Conv2d(config.encoder.widths[-1], width, 1)
             self.register_buffer("map_positions", sine_positions_2d(config.encoder.side, width), persistent=False)
@@ -116,28 +116,28 @@ class HIT(Learner):
 
     def loss(self, batch: Batch, generator: torch.Generator | None = None) -> dict[str, Tensor]:
         """L1 over the frames of the chunk that exist, and the error of the map's features after it."""
-        found, foreseen = self._forward(batch.vector, batch.elevation)
+        found, foreseen = self._forward(batch.vector, batch.picture)
         l1 = ((found - self.normalized_actions(batch.actions)).abs() * ~batch.pad[..., None]).mean()
         if batch.ahead is None:
             return {"loss": l1, "l1": l1}
         feature = functional.mse_loss(foreseen, self._features(batch.ahead))
         return {"loss": l1 + self.config.feature_weight * feature, "l1": l1, "feature": feature}
 
-    def plan(self, vector: Tensor, elevation: Tensor | None) -> Tensor:
+    def plan(self, vector: Tensor, picture: Tensor | None) -> Tensor:
         """The plans (N, chunk, P), in meters, radians and seconds."""
-        return self._forward(vector, elevation)[0] * self.action_std + self.action_mean
+        return self._forward(vector, picture)[0] * self.action_std + self.action_mean
 
-    def _features(self, elevation: Tensor) -> Tensor:
+    def _features(self, picture: Tensor) -> Tensor:
         """(N, side * side, hidden) one token per map feature."""
-        return self.map_to_token(self.map_encoder(self.normalized_map(elevation))).flatten(2).transpose(1, 2)
+        return self.map_to_token(self.map_encoder(self.normalized_map(picture))).flatten(2).transpose(1, 2)
 
-    def _forward(self, vector: Tensor, elevation: Tensor | None) -> tuple[Tensor, Tensor]:
+    def _forward(self, vector: Tensor, picture: Tensor | None) -> tuple[Tensor, Tensor]:
         """Normalized plans (N, chunk, P), and what has become of the map's tokens (N, side * side, hidden)."""
         tokens = [self.state_to_token(self.normalized_input(vector))[:, None] + self.state_position]
-        if self.inputs.elevation:
-            if elevation is None:
-                raise ValueError("this learner sees elevation maps; give it one")
-            tokens.append(self._features(elevation) + self.get_buffer("map_positions"))
+        if self.inputs.sees:
+            if picture is None:
+                raise ValueError("this learner sees pictures; give it one")
+            tokens.append(self._features(picture) + self.get_buffer("map_positions"))
         x = torch.cat([*tokens, self.queries.expand(len(vector), -1, -1)], 1)
         for block in self.blocks:
             x = block(x)

@@ -121,7 +121,7 @@ class PPONetworkConfig(NetworkConfig):
     @property
     def blueprint(self) -> Blueprint:
         """What actor and critic are built by."""
-        channels = self.inputs.seen_channels if self.inputs.elevation else 0
+        channels = self.inputs.seen_channels if self.inputs.sees else 0
         encoder = replace(self.encoder, channels=channels, cells=self.encoder.cells // self.encoder.pool, pool=1)
         sight = SightConfig(encoder, self.convolves, self.features, self.hidden)
         return Blueprint(sight, self.inputs.seen_size + sight.cells)
@@ -152,20 +152,20 @@ class Explorer(Learner):
         self.action_mean.copy_(pose)
         self.action_std.fill_(self.config.scale)
 
-    def flat(self, vector: Tensor, elevation: Tensor | None) -> Tensor:
+    def flat(self, vector: Tensor, picture: Tensor | None) -> Tensor:
         """(N, inputs) what the layers take, of vectors (N, ...) and maps (N, ..., 128, 128) as Senses gives them."""
-        if elevation is None:
+        if picture is None:
             return vector.flatten(1)
-        maps = HEIGHT_UNIT * functional.max_pool2d(elevation.flatten(1, -3), self.config.encoder.pool)
+        maps = HEIGHT_UNIT * functional.max_pool2d(picture.flatten(1, -3), self.config.encoder.pool)
         return torch.cat([vector.flatten(1), maps.flatten(1)], -1)
 
     def targets(self, action: Tensor) -> Tensor:
         """Joint targets (N, A) [rad] of actions (N, A)."""
         return self.action_mean + self.action_std * action
 
-    def plan(self, vector: Tensor, elevation: Tensor | None) -> Tensor:
+    def plan(self, vector: Tensor, picture: Tensor | None) -> Tensor:
         """The targets (N, 1, A) [rad] of the mean action."""
-        return self.targets(self.network(self.flat(vector, elevation)))[:, None]
+        return self.targets(self.network(self.flat(vector, picture)))[:, None]
 
 
 def _ppo() -> PPOConfig:

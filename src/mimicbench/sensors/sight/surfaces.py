@@ -10,7 +10,7 @@ from scipy.spatial import ConvexHull
 
 from mimicbench.core import rotations as rot
 from mimicbench.objects.shape import SceneObject
-from mimicbench.sensors.faces import Faces
+from mimicbench.sensors.sight.faces import Faces
 
 EDGE_ON = 1e-9
 """Faces are not seen by who is so little before their plane [m], or looks along it but for so small a cosine."""
@@ -43,6 +43,8 @@ class ObjectFaces(NamedTuple):
     """(F, 4, 3) [m]; of a triangle the first comes twice."""
     most_seen: int
     """How many of them one eye can see at most."""
+    piece: np.ndarray
+    """(F,) which of the object's pieces or boxes it is of."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,7 @@ class Surfaces:
         # a line of sight meets the plane at eye + look / value; whether that is within the bounds, all times value
         room = self.offsets[face, 1:] - (normals[:, 1:] @ eyes)[..., 0]
         edges = room[..., None] * value[:, None] - across[:, 1:]
-        return Faces(picture, value, edges, first, last)
+        return Faces(picture, value, edges, first, last, face)
 
     def seen_along(self, starts: np.ndarray, looks: np.ndarray, height: int, width: int) -> "Faces":
         """The faces that parallel lines of sight meet, by how far they are from the starts against the lines'
@@ -118,7 +120,7 @@ class Surfaces:
         room[..., 0] += self.offsets[face]
         value = room[:, 0] / facing[:, :1]
         edges = room[:, 1:] - facing[:, 1:, None] * value[:, None]
-        return Faces(scene, value, edges, first, last)
+        return Faces(scene, value, edges, first, last, face)
 
 
 def _into(inverse: np.ndarray, origin: np.ndarray, picture: np.ndarray, corners: np.ndarray) -> np.ndarray:
@@ -172,15 +174,16 @@ def _of_boxes(obj: SceneObject) -> ObjectFaces:
         offsets[:, _BOX_FACES].reshape(-1, 5),
         obj.corners()[:, _BOX_CORNERS].reshape(-1, 4, 3),
         3 * len(pos),  # of two that are opposite one is turned away
+        np.repeat(np.arange(len(pos)), len(_BOX_FACES)),
     )
 
 
 @lru_cache(maxsize=_KEPT_HULLS)
 def _of_hulls(obj: SceneObject) -> ObjectFaces:
-    normals, offsets, corners = map(
-        np.concatenate, zip(*(_hull(hull.astype(float)) for hull in obj.hulls), strict=True)
-    )
-    return ObjectFaces(normals, offsets, corners, len(normals))
+    made = [_hull(hull.astype(float)) for hull in obj.hulls]
+    normals, offsets, corners = map(np.concatenate, zip(*made, strict=True))
+    piece = np.repeat(np.arange(len(made)), [len(part[0]) for part in made])
+    return ObjectFaces(normals, offsets, corners, len(normals), piece)
 
 
 def _hull(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -6,6 +6,7 @@ pixels, those that see the face begin and end. Pixels get the value at their cen
 through each, and only those that see a face cost anything. No simulator is asked, so it is the same for all of them.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,6 +34,8 @@ class Faces:
     """(F,) row that it can be in."""
     last: np.ndarray
     """(F,) row that it can be in."""
+    surface: np.ndarray
+    """(F,) which surface of the scenes it is."""
 
     def fill(self, rows: np.ndarray, start: np.ndarray) -> None:
         """Raise the pixels of rows (R, width), float32, to the faces that they see.
@@ -41,7 +44,22 @@ class Faces:
             rows: Of all pictures.
             start: (P,) which of them is row 0 of each picture.
         """
-        width = rows.shape[1]
+        for pixel, value, _, _ in self._pixels(rows.shape[1], start):
+            raise_to(rows, pixel, value)
+
+    def surfaces(self, rows: np.ndarray, start: np.ndarray) -> np.ndarray:
+        """(R, width) which surface each pixel of the filled rows shows; -1 where it is none of them."""
+        found = np.full(rows.size, -1)
+        filled = rows.reshape(-1)
+        for pixel, value, face, count in self._pixels(rows.shape[1], start):
+            seen = value >= filled[pixel]
+            found[pixel[seen]] = np.repeat(self.surface[face], count)[seen]
+        return found.reshape(rows.shape)
+
+    def _pixels(self, width: int, start: np.ndarray) -> Iterator[tuple[np.ndarray, ...]]:
+        """All pixels of all faces, some at a time: their places in the rows and their values (K,), float32, and, of
+        each of the spans that they make up in turn, the face and how many pixels it has.
+        """
         face, row, begin, end = self._spans(width)
         length = end - begin + 1
         some = np.flatnonzero(length > 0)
@@ -63,7 +81,7 @@ class Faces:
             np.subtract(_COUNTING_FLOAT[: len(step)], step, out=step)
             step *= slope
             step += base
-            raise_to(rows, pixel, step)
+            yield pixel, step, face[part], count
             first = last
 
     def _spans(self, width: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
