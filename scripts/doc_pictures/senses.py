@@ -22,7 +22,9 @@ from mimicbench.report.render import Camera, Painter, Picture
 from mimicbench.robots.registry import ROBOTS
 from mimicbench.robots.rigs import HEAD_RIG, PELVIS_RIG, Rig
 from mimicbench.sensors.elevation import down_map, map_from_depth
+from mimicbench.sensors.elevation_cpu import Poses
 from mimicbench.sensors.render import ROBOT, RigCameras, Views
+from mimicbench.sensors.sight.views import views as camera_views
 from mimicbench.sensors.targets import mark_targets, target_map
 from mimicbench.sim.native import NativePhysics
 from mimicbench.sim.physics import PhysicsConfig, RobotState
@@ -142,6 +144,25 @@ def modalities(scenes: Scenes) -> np.ndarray:
     return pixels(figure)
 
 
+def views(scenes: Scenes) -> np.ndarray:
+    """Color and depth in small, as networks see them."""
+    figure, axes = panels(1, 4, 12, 3.3)
+    told = (
+        ("pelvis rig, before a chair", walk_of(scenes), PELVIS_RIG),
+        ("head, at a thing", near_of(scenes), HEAD_RIG),
+    )
+    for (name, physics, rig), (left, right) in zip(told, axes.reshape(2, 2), strict=True):
+        qpos = physics.qpos()
+        poses = Poses(qpos[:, :3], qpos[:, 3:7], *physics.object_pose())
+        targets = scenes.targets[None] if rig is HEAD_RIG else None
+        (seen,) = camera_views(physics.objects, poses, rig, targets)
+        left.imshow(seen[:3].transpose(1, 2, 0), interpolation="nearest")
+        left.set_title(f"{name}: color", fontsize=9)
+        right.imshow(seen[3], cmap="viridis_r", interpolation="nearest", vmin=0, vmax=1)
+        right.set_title("depth up to 6 m", fontsize=9)
+    return pixels(figure)
+
+
 def elevation(scenes: Scenes) -> np.ndarray:
     """Maps of both scenes."""
     walk, near = walk_of(scenes), near_of(scenes)
@@ -165,4 +186,4 @@ def elevation(scenes: Scenes) -> np.ndarray:
 
 def pictures() -> list[DocPicture]:
     """All."""
-    return [DocPicture(f"{draw.__name__}.png", make, arrays, draw) for draw in (cameras, modalities, elevation)]
+    return [DocPicture(f"{draw.__name__}.png", make, arrays, draw) for draw in (cameras, modalities, views, elevation)]
