@@ -9,7 +9,8 @@ COMPARISON = Comparison(
     (
         Variant("elevation map", counterpart="Elevation map"),
         Variant(
-            "color and depth", {"imitate": {"network": {"inputs": {"views": True, "elevation": False}}}},
+            "color and depth",
+            {"imitate": {"network": {"inputs": {"views": True, "elevation": False}}}},
             counterpart="Color and depth, four cameras",
         ),
     ),

@@ -13,6 +13,7 @@ from mimicbench.envs.disturbance import Disturbance
 from mimicbench.envs.policy import Policy
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.threads import one_torch_thread
 from mimicbench.track.history import Follower
 from mimicbench.track.rollout import Recording, at_their_beginning
 from mimicbench.track.spec import Tracker
@@ -31,6 +32,7 @@ class DrivenConfig:
 
 
 @torch.no_grad()
+@one_torch_thread
 def drive_clips(
     tracker: Tracker,
     policy: Policy,

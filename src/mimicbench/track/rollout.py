@@ -17,6 +17,7 @@ from mimicbench.sim.devices import tensor_device
 from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.rows import Rows
 from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.threads import one_torch_thread
 from mimicbench.track.history import Follower
 from mimicbench.track.spec import Tracker
 
@@ -73,6 +74,7 @@ class Rollout:
 
 
 @torch.no_grad()
+@one_torch_thread
 def track_clips(
     tracker: Tracker, clips: ClipSet, config: RolloutConfig | None = None, env_config: EnvConfig | None = None
 ) -> Rollout:

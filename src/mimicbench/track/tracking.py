@@ -21,6 +21,7 @@ from mimicbench.sim.devices import tensor_device
 from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.rows import Rows
 from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.threads import one_torch_thread
 from mimicbench.tasks.task import BodyPoints
 from mimicbench.track.failures import Failures
 from mimicbench.track.history import History
@@ -145,6 +146,7 @@ class TrackingEnv:
         """(N, F O) what the tracker observes now, after the frames before."""
         return self.history.seen(self.layout.flat(self.terms()))
 
+    @one_torch_thread
     def step(
         self, action: Tensor, settings: object, target: Tensor | None = None
     ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
