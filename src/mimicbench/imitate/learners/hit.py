@@ -11,10 +11,11 @@ have when the chunk is over, so that the map cannot be overlooked:
 In use only the first frames of the chunk count, as many as the tracker looks ahead: completed by differences and
 forward kinematics they are what the tracker is told, in every frame anew.
 
-Three things differ from the original program on purpose. It sees photographs of two cameras, with an image network that
+Four things differ from the original program on purpose. It sees photographs of two cameras, with an image network that
 was learned on others; here it sees the paper's elevation map, and learns to. Numbers of the poses have their mean and
 deviation in each frame of the chunk: the next frame is centimeters away, the last one a meter. And the original says
-the joint angles of one frame; here it says the paper's poses of two, from which velocities follow.
+the joint angles of one frame; here it says the paper's poses of two, from which velocities follow, the second one by
+how it differs from the first.
 """
 
 from collections.abc import Mapping
