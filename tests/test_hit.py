@@ -25,6 +25,7 @@ from mimicbench.objects.registry import FAMILIES
 from mimicbench.policies.loading import load_policy
 from mimicbench.sensors.observations import chosen_terms
 from mimicbench.sim.rows import Rows
+from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.registry import TRACKERS
 from test_imitate import TINY
@@ -114,7 +115,8 @@ def test_plans_of_the_frames_to_come():
     plan = ClipPlans(demos, clips).of(torch.tensor([5]), torch.tensor([[5, 8, FRAMES - 1]]))[0]
     size = 2 * JOINTS + 9
     for slot, (first, second) in enumerate([(6, 7), (9, 10), (FRAMES - 1, FRAMES - 1)]):
-        for part, index in ((plan[slot, :size], first), (plan[slot, size:], second)):
+        then = plan[slot, :size] + CONTROL_DT * plan[slot, size:]
+        for part, index in ((plan[slot, :size], first), (then, second)):
             frame = bank.frame(torch.tensor([0]), torch.tensor([index]))
             x, y, z = frame.root_pos_w[0].tolist()
             torch.testing.assert_close(part[-9:-6], torch.tensor([y - 2, 1 - x, z]), atol=1e-5, rtol=0)

@@ -66,9 +66,10 @@ class PosePlan:
     """The poses of the two frames after each frame of a chunk, as seen from where the robot is now (G.2).
 
     P numbers for each frame of the chunk: J, dJ, the root's position and its orientation (6D), 47 of the H1, and how
-    fast these change until the second frame [1/s], which is what the second pose comes to; where wrists are given targets, these (6); where an object is moved, its state then and in the frame after it, each
-    of position, orientation (6D), linear and angular velocity (15). All but J and dJ are in the root frame of the frame
-    in which the plan is made. Velocities of the root follow from the difference of its two poses, those of all links
+    fast these change until the second frame [1/s], which is what the second pose comes to; where wrists are given
+    targets, these (6); where an object is moved, its state then and in the frame after it, each of position,
+    orientation (6D), linear and angular velocity (15). All but J and dJ are in the root frame of the frame in which the
+    plan is made. Velocities of the root follow from the difference of its two poses, those of all links
     from forward kinematics.
 
     The second pose itself would say nothing of velocities: its errors of 7 mm are 0.35 m/s in the difference over
