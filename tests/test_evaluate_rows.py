@@ -1,6 +1,7 @@
 """Intervals by hand, the energy-averaged rate by hand, and files that are whole or refused."""
 
 import json
+import struct
 from dataclasses import replace
 from math import inf, nan
 
@@ -190,6 +191,43 @@ def test_an_effort_below_one_is_one_and_rows_are_held_against_their_digest(tmp_p
     pq.write_table(table.set_column(table.column_names.index("success"), "success", pa.array([False])), path)
     with pytest.raises(BadFile):
         read_rows(path)
+
+
+def test_rows_without_a_digest_are_held_against_their_pages(tmp_path):
+    path, effort = tmp_path / "rows.parquet", struct.pack("<d", 54321.0)
+    write_rows(path, [replace(ROW, max_energy=54321.0)])
+    table = pq.read_table(path)
+    header = json.loads(table.schema.metadata[b"mimicbench"])
+    del header["digest"]
+    old = table.replace_schema_metadata({"mimicbench": json.dumps(header)})
+    pq.write_table(old, path, compression="none", write_page_checksum=True, write_statistics=False)
+    assert read_rows(path)[0].max_energy == 54321.0
+    written = path.read_bytes()
+    assert written.count(effort) == 1
+    path.write_bytes(written.replace(effort, struct.pack("<d", 12345.0)))
+    with pytest.raises(BadFile, match="cut off or damaged"):
+        read_rows(path)
+
+
+def test_columns_that_differ_are_named(tmp_path):
+    path = tmp_path / "rows.parquet"
+    write_rows(path, [ROW])
+    table = pq.read_table(path)
+    column = table.column_names.index("steps")
+    for other, named in (
+        (table.set_column(column, "steps", pa.array([300], pa.int32())), "steps"),
+        (table.drop_columns(["fell"]), "fell"),
+        (table.select(table.column_names[::-1]), "another order"),
+    ):
+        pq.write_table(other.replace_schema_metadata(table.schema.metadata), path)
+        with pytest.raises(BadFile, match=rf"\({named}\)"):
+            read_rows(path)
+
+
+def test_the_order_in_which_something_is_said_changes_no_byte(tmp_path):
+    for name, made_from in (("a", {"clips": 1, "policy": 2}), ("b", {"policy": 2, "clips": 1})):
+        write_rows(tmp_path / name, [ROW], made_from)
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
 
 
 def test_errors_are_told_with_the_episodes_that_they_ended():

@@ -210,8 +210,8 @@ def test_rates_of_a_set_count_every_clip():
     assert (none.rate, none.k_rate, none.clips) == (0, 0, 0)
     many = summary([outcome({"goal_error": 1.0}, k, 5, Solved()) for k in (True, False)])
     assert (many.k_rate, many.rate) == (0.5, 0) and list(many.rejected_for.items()) == [("goal_error", 2), ("K", 1)]
-    tied = summary([outcome({"skate": 0.1, "position_error": 1.0}, False, 5, Solved())])
-    assert list(tied.rejected_for) == ["K", "position_error"], "as many: by name"
+    tied = summary([outcome({"goal_error": 1.0, "position_error": 1.0}, False, 5, Solved())])
+    assert list(tied.rejected_for) == ["K", "goal_error", "position_error"], "as many: by name"
 
 
 def test_clips_of_a_set_are_on_the_objects_that_they_were_made_on(tmp_path):

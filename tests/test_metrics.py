@@ -233,6 +233,37 @@ def test_a_fall_began_half_a_second_before(control_dt):
         assert trace.phase()[0] == phase
 
 
+def test_a_fall_began_in_the_frame_before_where_frames_last_half_a_second():
+    trace = Trace(control_dt=0.5)
+    trace.show(3, FAR)
+    trace.show(1, FAR, turning=1.0)
+    trace.fall()
+    assert trace.phase() == ("turning", pytest.approx(2.5))
+
+
+def test_whose_root_is_at_the_limit_has_not_fallen():
+    """A root 0.15 m below a seat at 0.65 m is at 0.5 m, to the last bit."""
+    for height, fallen in ((0.5, False), (np.nextafter(np.float32(0.5), np.float32(0.0)), True)):
+        trace = Trace(obj=block(0.65))
+        trace.show(1, np.array([*FAR[:2], height]))
+        assert float(trace.physics.links().pos_w[0, 0, 2]) == height
+        assert bool(trace.metrics.verdict().fell[0]) == fallen
+
+
+def test_what_was_seen_is_taken_up():
+    """Half a second ago it walked, and it has had an effort of 7: another judge that is told so says so."""
+    trace, other = Trace(), Trace()
+    trace.show(40, FAR)
+    trace.show(20, FAR, turning=1.0)
+    trace.metrics.max_effort += 7.0
+    other.metrics.load_state_tensors(trace.metrics.state_tensors())
+    for judged in (trace, other):
+        judged.show(3, FAR, turning=1.0)
+        judged.fall()
+        assert judged.phase() == ("walking", pytest.approx(64 * CONTROL_DT))
+        assert judged.metrics.effort().tolist() == [7.0] and judged.metrics.verdict().steps.tolist() == [64]
+
+
 def test_who_holds_a_box_at_once_stays_only_after_three_tenths_of_a_second():
     """K of lift-box asks for one frame; staying for 15 of 0.02 s. Wrists are within the box, which is 0.2 m up."""
     trace = Trace(task=TASKS.get("lift-box"), obj=replace(block(1.8, 0.6, movable=True, mass=2.0), seat_height=None))

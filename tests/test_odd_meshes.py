@@ -172,6 +172,21 @@ def test_small_furniture_of_games_gets_the_usual_size():
     assert place(as_mesh(shapes.y_up(small)), KINDS["chair"], "glb", Wishes(unit="m")).plane is None
 
 
+def test_a_unit_of_nobodys_gives_the_usual_size():
+    """5.4 units high, 3.1 deep: no chair in m, cm, mm or in; a chair all the same. Who names a unit is believed."""
+    odd = shapes.chair()
+    odd.vertices *= 6.0
+    placed = place(as_mesh(shapes.y_up(odd)), KINDS["chair"], "obj", Wishes())
+    assert placed.plane is not None and "no likely size" in placed.reasons[0]
+    logs = np.log(np.sort(np.ptp(placed.mesh.vertices, axis=0)) / np.sort(KINDS["chair"].size))
+    assert logs.sum() == pytest.approx(0.0, abs=1e-6), "as large as a chair in the mean of its sides"
+    with pytest.raises(BadObject, match="not the size of such an object"):
+        place(as_mesh(shapes.y_up(odd)), KINDS["chair"], "obj", Wishes(unit="m"))
+    odd.vertices *= [1.0, 1.0, 6.0]
+    with pytest.raises(BadObject, match="not the size of such an object"):
+        place(as_mesh(shapes.y_up(odd)), KINDS["chair"], "obj", Wishes())
+
+
 # -- files
 
 

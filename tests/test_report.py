@@ -9,6 +9,8 @@ import hashlib
 import io
 import json
 import re
+import subprocess
+import sys
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -19,6 +21,7 @@ import pytest
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError
+from mimicbench.core.files import remove_unfinished
 from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.core.skeleton import forward_kinematics
 from mimicbench.evaluate.failures import FAILURES
@@ -702,6 +705,32 @@ def test_strip_and_video_by_hand(tmp_path):
     video = iio.imread(tmp_path / "v.mp4", plugin="FFMPEG")
     assert video.shape == (10, 32, 48, 3)
     assert abs(video[5].astype(int).mean() - 100) < 8
+
+
+def test_what_a_killed_report_was_writing_is_removed(tmp_path):
+    """Killed in the middle of a video, it cannot tidy up; whoever holds the folder next does."""
+    script = f"""
+import time
+from pathlib import Path
+import numpy as np
+from mimicbench.report.video import write_video
+path = Path({str(tmp_path)!r}) / "videos" / "v.mp4"
+def frames():
+    while not list(path.parent.glob(".v.*")):
+        yield np.zeros((32, 48, 3), np.uint8)
+    print("drawn", flush=True)
+    time.sleep(60)
+write_video(path, frames(), 10)
+"""
+    child = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
+    assert child.stdout is not None and child.stdout.readline() == "drawn\n"
+    child.kill()
+    child.wait()
+    left = list((tmp_path / "videos").iterdir())
+    assert len(left) == 1 and left[0].name.startswith(".v.")
+    (tmp_path / "videos" / "other.mp4").touch()
+    remove_unfinished(tmp_path)
+    assert [path.name for path in (tmp_path / "videos").iterdir()] == ["other.mp4"]
 
 
 def test_video_leaves_nothing_behind_when_it_fails(tmp_path):

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError
+from mimicbench.core.files import write_record
 from mimicbench.core.stage import HEADER, StageKey, locked, opened, read_stage
 
 
@@ -150,10 +151,19 @@ def test_names_of_folders_do_not_drift(tmp_path):
     assert key().digest == key(settings=dict(reversed({"sizes": (1, 2)}.items()))).digest
     two, turned = {"a": 1, "b": 2}, {"b": 2, "a": 1}
     assert key(settings=two).digest == key(settings=turned).digest and len(key().digest) == 8
-    assert len(key().fingerprint) == 16
+    assert (key().digest, key().fingerprint) == ("a801caa5", "1a2efb4301c01dda"), "new only if SCHEMA was raised"
     reads = {"objects": tmp_path / "work" / "sit-chair" / "objects" / "chair-0"}
     with opened(tmp_path / "x", key(reads=reads)) as stage:
         assert stage.header["reads"] == {"objects": "objects/chair-0"}
+
+
+def test_what_another_schema_made_is_refused(tmp_path):
+    """A release that makes other items of the same key raises the schema, and does not go on with older ones."""
+    with opened(tmp_path / "x", key()) as stage:
+        older = {**stage.header, "schema": stage.header["schema"] - 1}
+    write_record(tmp_path / "x" / HEADER, older)
+    with pytest.raises(MimicbenchError, match="made with another schema"), opened(tmp_path / "x", key()):
+        pass
 
 
 def test_of_several_amounts_each_counts(tmp_path):

@@ -57,6 +57,47 @@ def test_when_an_episode_ends():
         assert bool(deviations(context_of(carried, 0, task=LIFT_BOX, obj=away), ends)[4]) is expected
 
 
+def test_a_training_is_by_default_as_documented():
+    """Ends at 0.4 m, 0.7 rad, 0.2 m lower, a box 0.3 m off; the last pose held for 2 s; pushed by 0.4 m/s every 2 s."""
+    bank, carried = ReferenceBank([CLIPS[0]], H1), ReferenceBank([lifted()], H1)
+    state, obj = context_of(bank, 0).state, context_of(carried, 0).object
+    for off, ended in ((-0.01, False), (0.01, True)):
+        turn = torch.tensor(rot.from_yaw(np.array([0.7 + off])), dtype=torch.float32)
+        found = [
+            deviations(context_of(bank, 0, replace(state, **changed)), EndConfig())[end]
+            for end, changed in (
+                (0, {"root_pos_w": state.root_pos_w + torch.tensor([0.4 + off, 0, 0])}),
+                (1, {"root_quat_w": turn}),
+                (2, {"root_pos_w": state.root_pos_w - torch.tensor([0, 0, 0.2 + off])}),
+            )
+        ]
+        away = replace(obj, pos_w=obj.pos_w + torch.tensor([0, 0.3 + off, 0]))
+        found.append(deviations(context_of(carried, 0, task=LIFT_BOX, obj=away), EndConfig())[4])
+        assert [bool(flag) for flag in found] == [ended] * 4
+    usual = TrackingConfig()
+    assert (usual.focus, usual.hold, usual.push, usual.push_interval) == (0.5, 2.0, 0.4, 2.0)
+    assert (usual.assist, usual.assist_steps) == (0.0, 5000)
+
+
+def test_targets_are_the_next_frame_of_the_clip():
+    env = TrackingEnv(RESIDUAL, clip_set(swing()), 1, CALM, 0, ONE_THREAD)
+    now, following = (env.context.reference(ahead).joint_pos.clone() for ahead in (0, 1))
+    env.step(torch.zeros(1, 19), OURS)
+    torch.testing.assert_close(env.env.last_target, following)
+    assert not torch.allclose(now, following) and not torch.allclose(env.context.reference(1).joint_pos, following)
+
+
+def test_a_failure_is_counted_where_in_its_clip_it_happens():
+    """Robot 0 is thrown a quarter into its clip, in part 8 of 32; robot 1 goes on in part 24."""
+    env = TrackingEnv(RESIDUAL, clip_set(CLIPS[1]), 2, CALM, 0, ONE_THREAD)
+    last = int(env.bank.lengths[0]) - 1
+    env.env.index[:] = torch.tensor([round(0.26 * last), round(0.76 * last)]) - 1
+    env.env.physics.push(torch.tensor([[40.0, 0, 0], [0, 0, 0]]))
+    env.step(torch.zeros(2, 19), OURS)
+    seen, failed = env.failures.steps - 99.9, env.failures.failed - 0.999
+    assert seen.round().nonzero()[:, 0].tolist() == [8, 24] and failed.round().nonzero()[:, 0].tolist() == [8]
+
+
 @pytest.mark.parametrize("spec", [RESIDUAL, HST, PHC], ids=lambda spec: spec.name)
 def test_environment(spec):
     env = TrackingEnv(spec, clip_set(), 4, CALM, 0, ONE_THREAD)

@@ -203,15 +203,17 @@ def _scale(size: np.ndarray, mesh: Mesh, kind: Kind, wishes: Wishes) -> tuple[fl
     if not all(1e-9 < value < 1e9 for value in (wishes.height, wishes.scale) if value is not None):
         raise BadObject("a height or a scale must be a positive number")
     given = wishes.scale if wishes.height is None else wishes.height / float(size[2])
+    limit = TOO_FAR + 0.7 * (kind.needs is None)
+    fits = [unit for unit, value in METERS.items() if np.abs(logs + np.log(value)).max() <= limit]
+    normalized = wishes.unit == "normalized" or (_normalized(size, mesh) and np.abs(logs).max() > 0.15)
     if given is not None:
         scale = given
         why = f"1 unit is {scale:.4g} m, as given"
-    elif wishes.unit == "normalized" or (wishes.unit is None and _normalized(size, mesh) and np.abs(logs).max() > 0.15):
+    elif wishes.unit in (None, "normalized") and (normalized or not fits):
         scale = float(np.exp(-logs.mean()))
-        why = (
-            f"1 unit is {scale:.4g} m: the mesh is normalized ({shape}), so it gets the usual size "
-            "of its family; give --height to set it"
-        )
+        what = "the mesh is normalized" if normalized else "it has no likely size in m, cm, mm or in"
+        why = f"1 unit is {scale:.4g} m: {what} ({shape}), so it gets the usual size of its family"
+        why += "; give --height to set it"
     elif wishes.unit is not None:
         scale, why = METERS[wishes.unit], f"the unit is {wishes.unit}, as given"
     else:
@@ -221,9 +223,8 @@ def _scale(size: np.ndarray, mesh: Mesh, kind: Kind, wishes: Wishes) -> tuple[fl
         if costs[second] < costs[first] + 1.0:
             why += f" ({second} is possible too: give --unit if this is wrong)"
     final = logs + np.log(scale)
-    if not (0 < scale < np.inf) or np.abs(final).max() > TOO_FAR + 0.7 * (kind.needs is None):
+    if not (0 < scale < np.inf) or np.abs(final).max() > limit:
         meters = " x ".join(f"{side * scale:.3g}" for side in size)
-        fits = [unit for unit, value in METERS.items() if np.abs(logs + np.log(value)).max() <= TOO_FAR]
         hint = (
             f"its numbers look like {fits[0]}: leave --unit out or give --unit {fits[0]}"
             if fits
