@@ -29,6 +29,7 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body.body import body_of
 from mimicbench.references.body.skeletons import SKELETONS, UNIHSI
 from mimicbench.report import grouping, page, plots
+from mimicbench.report.camera import FIELD_OF_VIEW, Camera, Picture, frame_all
 from mimicbench.report.curves import read_curve
 from mimicbench.report.paper_tables import TABLES as PAPER_TABLES
 from mimicbench.report.paper_tables import TASKS, methods
@@ -38,11 +39,7 @@ from mimicbench.report.pictures.sheet import CELL, contact_sheet, sheet_camera
 from mimicbench.report.pictures.showcase import Clip, Recording, Showcase, ShowConfig, draw, moments, positions
 from mimicbench.report.provenance import Provenance, package_versions, this_machine
 from mimicbench.report.render import (
-    FIELD_OF_VIEW,
-    Camera,
     Painter,
-    Picture,
-    frame_all,
     human_frames,
     robot_frames,
     with_object,
