@@ -29,7 +29,9 @@ def read(path: Path, wishes: Wishes) -> Recording:
     try:
         table = np.array([[float(number) for number in line.split()] for line in text.splitlines()])
     except ValueError:
-        raise BadMotion(f"{path} has other things than numbers, or lines of different lengths; write it again") from None
+        raise BadMotion(
+            f"{path} has other things than numbers, or lines of different lengths; write it again"
+        ) from None
     table = check_array(path, "the lines", table, (4 + 4 * JOINTS,))
     fps = check_rate(path, (len(table) - 1) / max(table[-1, 0] - table[0, 0], 1e-9), wishes)
     local = check_unit_quat(path, table[:, 4:].reshape(-1, JOINTS, 4), "wxyz")
