@@ -125,6 +125,7 @@ def test_a_policy_has_the_scene_for_itself(browser, page):
     eventually(lambda: page.session.hidden == {"human", "retargeted"})
     browser.click("Human")
     eventually(lambda: page.session.hidden == {"retargeted"})
+    browser.wait_for("Pause", SLOW)
     browser.click("Pause")
     browser.click("Next")
     eventually(lambda: not page.session.hidden)

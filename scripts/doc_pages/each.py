@@ -37,7 +37,7 @@ SENSORS = {
 FILES = {
     "stages": ("core.stage", "a-stages-folder"),
     "objects": ("objects.shape", "objects-objectsidjson"),
-    "motions": ("core.motion_file", "motions-referencesidnpz-retargetidnpz"),
+    "motions": ("core.motion", "motions-referencesidnpz-retargetidnpz"),
     "demonstrations": ("imitate.lerobot", "demonstrations"),
     "checkpoints": ("core.checkpoint", "checkpoints-a-folder-with-two-files"),
     "episodes": ("evaluate.rows", "results-episodesparquet"),
