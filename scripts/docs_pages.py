@@ -11,7 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from doc_pages import methods, settings, tasks
+from doc_pages import each, methods, settings, tasks
 from mimicbench.benchmark.recipe import PARTS
 from mimicbench.robots.registry import DEFAULT_ROBOT, ROBOTS
 from mimicbench.tasks.registry import TASKS
@@ -47,6 +47,7 @@ def pages() -> Mapping[str, str]:
         "methods/learners.md": methods.learners_page(),
         "methods/tables.md": methods.tables_page(),
         "methods/observations.md": tasks.observations_page(robot),
+        **dict(each.each_pages()),
         "settings/presets.md": settings.presets_page(),
         **{f"settings/{part}.md": settings.settings_page(part) for part in PARTS},
         **{f"api/{name}.md": api_page(name, modules) for name, modules in API.items()},
@@ -67,25 +68,32 @@ def moved_pages() -> dict[str, str]:
     return {path: linked(re.sub(r"\]\((?!docs/|\w+:|#)", "](../", text)) for path, text in found.items()}
 
 
-def linked(text: str) -> str:
-    """Links into docs/ as seen from there; what lies outside has no page, and is named instead."""
+def linked(text: str, depth: int = 0) -> str:
+    """Links into docs/ as seen from a page so many folders below it; what lies outside has no page, and is named."""
+    outside = r"\.\./" * (depth + 1)
     text = text.replace("](docs/", "](")
-    return re.sub(r"(?<!!)\[([^\]]+)\]\(\.\./([^)]+)\)", lambda m: f"{m[1]} (`{m[2]}`)" if m[1] != m[2] else m[1], text)
+    return re.sub(
+        rf"(?<!!)\[([^\]]+)\]\({outside}([^)]+)\)", lambda m: f"{m[1]} (`{m[2]}`)" if m[1] != m[2] else m[1], text
+    )
 
 
 def on_config(config: Any) -> Any:
     """MkDocs: entries of the navigation that end in a slash stand for all generated pages of that folder."""
-    made = list(pages())
     config.nav = [
-        {
-            title: [page for page in made if page.startswith(entry)]
-            if isinstance(entry, str) and entry[-1] == "/"
-            else entry
-        }
+        {title: listed(entry) if isinstance(entry, str) and entry[-1] == "/" else entry}
         for group in config.nav
         for title, entry in group.items()
     ]
     return config
+
+
+def listed(folder: str) -> list[Any]:
+    """The generated pages of a folder, and those of its folders below a title each."""
+    found: list[Any] = [page for page in pages() if page.startswith(folder) and "/" not in page[len(folder) :]]
+    for below, title in each.titles().items():
+        if below.startswith(folder):
+            found.append({title: [page for page in pages() if page.startswith(f"{below}/")]})
+    return found
 
 
 def on_files(files: Any, config: Any) -> Any:
@@ -96,9 +104,9 @@ def on_files(files: Any, config: Any) -> Any:
     return files
 
 
-def on_page_markdown(markdown: str, **_: Mapping[str, Any]) -> str:
+def on_page_markdown(markdown: str, page: Any, **_: Mapping[str, Any]) -> str:
     """MkDocs: what lies outside of docs/ has no page."""
-    return linked(markdown)
+    return linked(markdown, page.file.src_uri.count("/"))
 
 
 def on_post_page(output: str, **_: Any) -> str:

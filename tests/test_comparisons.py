@@ -162,6 +162,14 @@ def test_the_table_has_the_papers_numbers_beside_ours():
     assert alone.columns == ("Variant", "K", "K and P", "Stays", "Fell")
 
 
+def test_a_variant_that_cannot_be_judged_is_told_and_the_others_are():
+    failed = Compared(SHARED.variants[0], None, (), "there are no clips")
+    found = [failed, *(Compared(one, Path(), [ROW]) for one in SHARED.variants[1:])]
+    table = comparison_table(SHARED, found)
+    assert table.rows[0] == ("as it is", *(None,) * 6) and "as it is: there are no clips." in table.note
+    assert table.rows[1][1].successes == 1
+
+
 def test_a_comparison_end_to_end_is_not_made_twice(tmp_path, capsys):
     words = "compare learners --only BC --task sit-chair --objects.count 8 --references.count 6"
     words += " --imitate.learner bc --train.steps 3 --train.batch 4 --evaluate.episodes 1 --workers 1"

@@ -20,7 +20,7 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").g
 BLOCK = re.compile(r"^```(?:sh)?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 LINE = re.compile(r"^(?:\.venv/bin/)?mimicbench (.+)$", re.MULTILINE)
 INLINE = re.compile(r"`mimicbench ([^`]+)`")
-OTHERS = {"stand-by", "still", "standing", "focus"}
+OTHERS = {"stand-by", "still", "standing", "follow", "focus"}
 """Names of packages that are not installed here (tests/packages)."""
 STAGE = {"demos verify": "demos", "run": "evaluate"}
 """Commands that read a recipe -> up to which stage, if it is not called the same."""

@@ -8,9 +8,13 @@ from pathlib import Path
 
 import pytest
 
+from mimicbench.imitate.registry import LEARNERS
+from mimicbench.references.importers.registry import FORMATS
+from mimicbench.retarget.registry import METHODS
 from mimicbench.sensors.observations import TERMS
 from mimicbench.sensors.term import WORDS
 from mimicbench.tasks.registry import TASKS
+from mimicbench.track.registry import TRACKERS
 
 ROOT = Path(__file__).parents[1]
 
@@ -51,6 +55,34 @@ def test_pages_say_what_the_code_says(made):
     assert "| `depth` | (4, height, width) | any policy |" in made["tasks/sit-chair.md"]
     assert "| `object` | (12) | privileged |" in made["tasks/lift-box.md"]
     assert "`targets`" in made["tasks/touch-points.md"] and "`targets`" not in made["tasks/lie-bed.md"]
+
+
+def test_there_is_a_page_of_every_method_sensor_and_kind_of_file(made):
+    for folder, registry in (
+        ("trackers", TRACKERS),
+        ("learners", LEARNERS),
+        ("retargeting", METHODS),
+        ("recordings", FORMATS),
+    ):
+        for name in registry:
+            page = made[f"methods/{folder}/{name}.md"]
+            assert name in page.splitlines()[0] and len(page.splitlines()[2]) > 20 and "::: mimicbench." in page
+    assert "`--track.settings.ankles` | `0.2`" in made["methods/trackers/residual.md"]
+    sensed = [made[name] for name in made if name.startswith("methods/sensors/")]
+    for term in TERMS.values():
+        assert sum(f"| `{term.name}` |" in page for page in sensed) == (not term.privileged), term.name
+    assert {"stages", "objects", "motions", "demonstrations", "checkpoints", "episodes"} <= {
+        Path(name).stem for name in made if name.startswith("methods/files/")
+    }
+
+
+def test_links_of_pages_in_folders_stay_links(site):
+    page = (site / "tasks" / "sit-chair.html").read_text(encoding="utf8")
+    assert 'href="../definitions.html"' in page and 'href="../methods/observations.html"' in page
+    assert (
+        'href="../../formats.html#demonstrations"' in (site / "methods" / "files" / "demonstrations.html").read_text()
+    )
+    assert "tests/packages" in (site / "extending.html").read_text(encoding="utf8")
 
 
 def test_settings_have_their_defaults_bounds_and_words(made):

@@ -2,25 +2,32 @@
 
 import json
 import os
+import shutil
 import struct
 import subprocess
 import sys
 import time
+import zipfile
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 import recordings
 import shapes
 from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError, UnknownName
 from mimicbench.core.names import LONGEST, printable, safe_name
+from mimicbench.imitate.lerobot import load_demos, load_episode
+from mimicbench.imitate.stored.tables import read_table
 from mimicbench.objects.importing.mesh import read_mesh
 from mimicbench.objects.importing.own import ImportConfig, import_objects
 from mimicbench.references.importers.recording import Wishes
 from mimicbench.references.importers.registry import FORMATS, detect_format, import_recording
 from mimicbench.references.recordings.real_clips import find_clips
 
+SAMPLE = Path(__file__).parents[1] / "examples" / "sample" / "sit-chair" / "demos" / "sample" / "dataset"
 POINTER = b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a21\nsize 12345\n"
 
 
@@ -41,6 +48,53 @@ def command(*arguments, cwd):
         check=False,
         timeout=120,
     )
+
+
+# -- archives and data sets
+
+
+def test_names_in_an_archive_lead_nowhere(tmp_path):
+    inner = tmp_path / "a" / "b"
+    inner.mkdir(parents=True)
+    plain = recordings.states(inner / "plain.npy")
+    mean = inner / "mean.npz"
+    with zipfile.ZipFile(mean, "w") as archive:
+        archive.writestr("states.npy", plain.read_bytes())
+        for name in ("../../stolen.npy", "/tmp/mimicbench-stolen.npy", "..\\..\\stolen.npy"):
+            archive.writestr(name, plain.read_bytes())
+    before = sorted(tmp_path.rglob("*"))
+    try:
+        assert import_recording(mean).name == "mean"
+    except MimicbenchError as error:
+        assert str(error).isprintable()
+    assert sorted(tmp_path.rglob("*")) == before and not Path("/tmp/mimicbench-stolen.npy").exists()
+
+
+@pytest.mark.parametrize(("length", "end"), [(10**15, None), (10**15, 10**15), (-5, None), (3, None)])
+def test_demonstrations_of_absurd_sizes_are_refused(tmp_path, length, end):
+    folder = tmp_path / "dataset"
+    shutil.copytree(SAMPLE, folder)
+    (path,) = sorted((folder / "meta" / "episodes").rglob("*.parquet"))[:1]
+    rows = pq.read_table(path)
+    told = rows.to_pylist()
+    told[0]["length"] = length
+    if end is not None:
+        told[-1]["dataset_to_index"] = end
+    pq.write_table(pa.Table.from_pylist(told, schema=rows.schema), path)
+    assert "frames" in refused(lambda where: load_episode(where, told[0]["episode_index"]), folder)
+    refused(load_demos, folder)
+
+
+def test_a_few_bytes_do_not_become_gigabytes(tmp_path):
+    """A billion times the same number is a kilobyte of parquet."""
+    path = tmp_path / "bomb.parquet"
+    schema = pa.schema([("length", pa.int64())])
+    with pq.ParquetWriter(path, schema, compression="zstd") as writer:
+        part = pa.Table.from_arrays([pa.array(np.zeros(20_000_000, np.int64))], schema=schema)
+        for _ in range(8):
+            writer.write_table(part)
+    assert path.stat().st_size < 1e6
+    assert "160000000 numbers" in refused(read_table, path)
 
 
 # -- names

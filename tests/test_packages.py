@@ -1,5 +1,5 @@
-"""Packages of other people: a task, a robot, a tracker, a learner with its policy, and a table, each of a single file,
-are installed and run through the whole command without a change to ours.
+"""Packages of other people: a task, a robot, a tracker, a learner with its policy, a format of recordings and a table,
+each of a single file, are installed and run through the whole command without a change to ours.
 """
 
 import csv
@@ -10,9 +10,13 @@ import sys
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from mimicbench.core.motion import HumanMotion
 from mimicbench.evaluate.rows import read_rows
+from mimicbench.objects.registry import make_object
+from mimicbench.references.synthesis.registry import synthesize
 
 PACKAGES = Path(__file__).with_name("packages")
 ROWS = Path(__file__).parents[1] / "runs" / "sit-chair" / "evaluate"
@@ -76,6 +80,7 @@ def call(environment, *arguments):
         ("track", "TRACKERS", "follow", "follow"),
         ("imitate", "LEARNERS", "still", "still"),
         ("policies", "LOADERS", "still", "still"),
+        ("references.importers", "FORMATS", "lines", "lines"),
         ("report.tables", "TABLES", "prompt", "time-to-success"),
         ("comparisons", "COMPARISONS", "prompt", "focus"),
     ],
@@ -97,6 +102,25 @@ def test_each_of_them_needs_no_other(name, tmp_path):
     told = json.loads(call(alone, "-m", "mimicbench.cli", *ALONE[name], "--workdir", str(tmp_path / "work")))
     header = json.loads((Path(told["folder"]) / "header.json").read_text())
     assert header["stage"] == ALONE[name][0] and {"standing": "stand-by"}.get(name, name) in json.dumps(header)
+
+
+def test_recordings_in_their_format_become_clips(tmp_path):
+    alone, obj = environment(tmp_path, [PACKAGES / "lines"]), make_object("chair-0-00003")
+    person = synthesize("sit-chair", 0, obj, 0)
+    times = np.arange(person.frames) / person.fps
+    table = np.column_stack([times, person.root_pos_w, person.local_quat.reshape(person.frames, -1)])
+    np.savetxt(tmp_path / "take.lines", table, "%.6f")
+    (tmp_path / "torn.lines").write_text("1 2 3\n4 5\n")
+    words = ("import", str(tmp_path / "take.lines"), str(tmp_path / "torn.lines"), "--workdir", str(tmp_path / "work"))
+    script = "import sys; from mimicbench.cli import main; sys.exit(main())"
+    done = subprocess.run(
+        [sys.executable, "-c", script, *words], env=alone, capture_output=True, text=True, timeout=600
+    )
+    told = done.stdout + done.stderr
+    assert "as its times say" in told and "lines of different lengths; write it again" in told, told
+    (clip,) = (tmp_path / "work").rglob("real-take-0.npz")
+    found = HumanMotion.load(clip)
+    assert found.fps == pytest.approx(person.fps) and found.frames > 0.5 * person.frames
 
 
 def test_their_tables_are_printed_beside_ours(tmp_path):

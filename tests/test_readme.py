@@ -3,6 +3,7 @@ the pages can run.
 """
 
 import importlib
+import re
 from pathlib import Path
 
 import pytest
@@ -22,6 +23,13 @@ def test_results_follow_from_the_rows(monkeypatch):
         assert results.rows_of(folder.parent), f"{folder} holds no episode rows"
         assert f"<!-- runs/{folder.parent.name} -->\n**" in results.RESULTS.read_text()
     assert "<!-- results -->\n**" in results.README.read_text()
+
+
+def test_the_readme_begins_with_the_worst_and_best_of_its_table():
+    text = (ROOT / "README.md").read_text()
+    rates = [float(rate) for rate in re.findall(r"^\| \w+ +\| \w+ +\| +([\d.]+) %", text, re.MULTILINE)]
+    told = re.search(r"\[K (\d+) to (\d+) %\]\(#results\)", text)
+    assert len(rates) == 6 and told and (int(told[1]), int(told[2])) == (int(min(rates)), int(max(rates)))
 
 
 def test_rows_are_of_unseen_objects():

@@ -32,6 +32,7 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body.body import body_of
 from mimicbench.references.body.skeletons import SKELETONS, UNIHSI
 from mimicbench.report import grouping, page, plots
+from mimicbench.report.camera import FIELD_OF_VIEW, Camera, Picture, frame_all
 from mimicbench.report.curves import read_curve
 from mimicbench.report.paper_tables import TABLES as PAPER_TABLES
 from mimicbench.report.paper_tables import TASKS, methods
@@ -41,11 +42,7 @@ from mimicbench.report.pictures.sheet import CELL, contact_sheet, sheet_camera
 from mimicbench.report.pictures.showcase import Clip, Recording, Showcase, ShowConfig, draw, moments, positions
 from mimicbench.report.provenance import Provenance, package_versions, this_machine
 from mimicbench.report.render import (
-    FIELD_OF_VIEW,
-    Camera,
     Painter,
-    Picture,
-    frame_all,
     human_frames,
     robot_frames,
     with_object,
@@ -397,6 +394,21 @@ class Addresses(HTMLParser):
         ]
 
 
+def test_on_a_phone_panels_stand_below_each_other_and_cells_behind_their_columns():
+    drawn, narrow = (draw_plots("sit-chair", JUDGED, [], narrow) for narrow in (False, True))
+    assert set(drawn) == set(narrow)
+    for name, svg in drawn.items():
+        sizes = [
+            [float(n) for n in re.findall(r'(?:width|height)="([\d.]+)pt"', one)[:2]] for one in (svg, narrow[name])
+        ]
+        assert sizes[1][0] < 0.55 * sizes[0][0], f"{name} is as wide as a phone"
+    assert "narrow" in narrow["rates"] and not set(re.findall(r'id="([^"]+)"', narrow["rates"])) & set(
+        re.findall(r'id="([^"]+)"', drawn["rates"])
+    )
+    told = str(page.table(Table("t", "t", ("Method", "K & P"), (("a", None), ("b", Rate(1, 2))))))
+    assert 'class="none" data-name="K &amp; P">–' in told or 'class="n none" data-name="K &amp; P">–' in told
+
+
 def test_report_without_pictures_stands_alone_and_regenerates(tmp_path):
     path = write_report(tmp_path / "a", INPUTS)
     html = path.read_text()
@@ -467,7 +479,7 @@ def test_nothing_unescaped_gets_into_a_page(tmp_path):
         page.gallery(evil, [(evil, tmp_path / "picture")]),
         page.objects([(tmp_path / "picture", evil, evil, 1, 2)]),
         page.judging(20.0, 0.3),
-        page.plot(plots.rates_plot("rates", {evil: [(evil, plots.Mark(Rate(1, 2), 0))]}), evil),
+        page.plot([plots.rates_plot("rates", {evil: [(evil, plots.Mark(Rate(1, 2), 0))]})] * 2, evil),
     )
     sections = [page.Section(evil, page.joined(pieces)), page.Section("plain text", evil), page.Section("none", "")]
     html = page.page(evil, evil, evil, [page.Tile(evil, evil, evil, (evil,))], sections, evil)

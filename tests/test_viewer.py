@@ -323,7 +323,7 @@ def test_without_opengl_the_color_cameras_say_so(workdir, monkeypatch):
 
 
 def test_power_is_told_against_every_limit():
-    assert told_power(9e5).endswith("P holds for λ = 1e6, 2e6, 4e6, 8e6")
+    assert told_power(9e5).endswith("P holds for every λ")
     assert told_power(2e6).endswith("P holds for λ = 4e6, 8e6")
     assert told_power(9e6).endswith("P holds for no λ")
 

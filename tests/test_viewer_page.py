@@ -2,6 +2,7 @@
 
 import time
 
+import numpy as np
 import pytest
 
 import chromium
@@ -93,11 +94,16 @@ def test_the_timeline_plays_and_steps(browser, page):
 def test_two_methods_act_side_by_side_and_are_pushed(browser, page):
     browser.choose("Method", "tracker")
     browser.choose("Compare with", "bc")
+    alone = page.server.initial_camera
+    middle, distance = alone.look_at[1], np.linalg.norm(np.subtract(alone.position, alone.look_at))
     eventually(lambda: [box.value for box in page.act.who.values()] == ["tracker", "bc"])
     browser.click("Act")
     browser.wait_for("largest e so far", SLOW)
     eventually(lambda: set(page.act.episodes) == {"robot", "other"})
     eventually(lambda: page.session.hidden == {"human"})  # the clip stays for who follows it
+    both = page.server.initial_camera
+    assert both.look_at[1] < middle - 0.5, "between the two"
+    assert np.linalg.norm(np.subtract(both.position, both.look_at)) > distance + 0.3, "farther away"
     browser.click("Forward")
     browser.wait_for("bc · ", SLOW)
     browser.click("Pause")
@@ -119,6 +125,7 @@ def test_a_policy_has_the_scene_for_itself(browser, page):
     eventually(lambda: page.session.hidden == {"human", "retargeted"})
     browser.click("Human")
     eventually(lambda: page.session.hidden == {"retargeted"})
+    browser.wait_for("Pause", SLOW)
     browser.click("Pause")
     browser.click("Next")
     eventually(lambda: not page.session.hidden)

@@ -14,10 +14,15 @@ from mimicbench.track.registry import TRACKERS
 from mimicbench.track.spec import Layout
 
 
+def linked(folder: str, name: str) -> str:
+    """A method's name that leads to its page."""
+    return f"[`{name}`]({folder}/{name}.md)"
+
+
 def retargeting_page() -> str:
     """The ways to retarget, and what a solved clip of each measures at most."""
     methods = METHODS.all()
-    what = ((f"`{m.name}`", m.title, ", ".join(m.presets), described(METHODS, m.name)) for m in methods)
+    what = ((linked("retargeting", m.name), m.title, ", ".join(m.presets), described(METHODS, m.name)) for m in methods)
     limits = fields(methods[0].limits)
     words = field_docs(type(methods[0].limits))
     most = ((f"`{f.name}`", *(f"{getattr(m.limits, f.name):.3g}" for m in methods), words[f.name]) for f in limits)
@@ -34,7 +39,7 @@ def trackers_page(robot: Robot) -> str:
     """The trackers."""
     rows = [
         (
-            f"`{t.name}`",
+            linked("trackers", t.name),
             described(TRACKERS, t.name),
             t.gains,
             Layout.of(t, robot, [TASKS.get("sit-chair")]).size,
@@ -60,7 +65,7 @@ def learners_page() -> str:
     """The learners."""
     rows = (
         (
-            f"`{learner.name}`",
+            linked("learners", learner.name),
             described(LEARNERS, learner.name),
             _source_of(learner.config),
             f"`{learner.config.tracker}`" if learner.config.tracker else "any, or none",

@@ -26,18 +26,26 @@ def presets_page() -> str:
 
 def settings_page(part: str) -> str:
     """Every setting of a stage; those that follow from a name in it, for each of the names."""
-    made = stage_type(part)
-    # a stage whose settings follow from a name says so in `chosen`; what all names share stands where that does
-    kind = next((base for base in made.__mro__ if "chosen" in vars(base)), made)
+    kind = _shared(part)
     found = [f"# Settings: {part}", summary(kind.__doc__), settings_table(kind, part, seen=set())]
     for choice, registry in (("tracker", TRACKERS), ("learner", LEARNERS)):
         if hasattr(kind, choice) and hasattr(kind, "chosen"):
-            shared = set(dotted(kind()))
             for name in registry:
-                own = settings_table(stage_type(part, {choice: name}), part, seen=shared)
+                own = own_settings(part, choice, name)
                 found.append(f"## With `--{part}.{choice} {name}`\n\n{own or 'Nothing else.'}")
     found.append(f"`mimicbench {part} --help` says the same. How they are given: [recipes](../recipes.md).")
     return "\n\n".join(found)
+
+
+def own_settings(part: str, choice: str, name: str) -> str:
+    """Settings of a stage that only the item of that name has, such as a tracker; empty if there are none."""
+    return settings_table(stage_type(part, {choice: name}), part, seen=set(dotted(_shared(part)())))
+
+
+def _shared(part: str) -> type:
+    """What all of a stage's items share: a stage whose settings follow from a name says so in `chosen`."""
+    made = stage_type(part)
+    return next((base for base in made.__mro__ if "chosen" in vars(base)), made)
 
 
 def settings_table(kind: type, part: str, seen: set[str]) -> str:

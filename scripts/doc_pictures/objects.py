@@ -20,8 +20,8 @@ from doc_pictures.picture import DocPicture, of_objects
 from mimicbench.objects.importing.own import ImportConfig, import_mesh
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.objects.shape import SceneObject
+from mimicbench.report.camera import Picture
 from mimicbench.report.pictures.sheet import contact_sheet
-from mimicbench.report.render import Picture
 
 SHEETS = {"chair": 24, "sofa": 18, "bed": 18, "couch": 18, "box": 24, "household": 35}
 """Family -> objects on its sheet."""

@@ -10,7 +10,8 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.synthesis.registry import synthesize
-from mimicbench.report.render import Picture, frame_all, human_frames
+from mimicbench.report.camera import Picture, frame_all
+from mimicbench.report.render import human_frames
 from mimicbench.report.video import strip
 from mimicbench.robots.registry import ROBOTS
 from mimicbench.sim.scene import build_model

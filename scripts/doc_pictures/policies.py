@@ -17,7 +17,8 @@ from mimicbench.objects.registry import FAMILIES
 from mimicbench.objects.shape import SceneObject
 from mimicbench.policies.loading import load_policy
 from mimicbench.references.synthesis.registry import synthesize
-from mimicbench.report.render import Picture, frame_all, robot_frames
+from mimicbench.report.camera import Picture, frame_all
+from mimicbench.report.render import robot_frames
 from mimicbench.report.video import strip
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.registry import DEFAULT_METHOD, METHODS
@@ -78,7 +79,7 @@ def draw(shown: Sequence[Episode]) -> np.ndarray:
         gone = np.linalg.norm(np.diff(qpos[:, :3], axis=0), axis=1).cumsum()
         moments = [*np.searchsorted(gone, np.linspace(0, 0.99 * gone[-1], MOMENTS - 1)), len(qpos) - 1]
         model, camera = build_model(H1, one.obj, visuals=True), frame_all(one.obj, qpos[:, :3], 1.0)
-        frames = robot_frames(model, qpos[moments], camera, Picture(240, 240), one.start.wrist_goal_w)
+        frames = robot_frames(model, qpos[moments], camera, Picture(240, 240, 2048, suns=32), one.start.wrist_goal_w)
         rows.append(strip(list(frames), [f"{moment * CONTROL_DT:.1f} s" for moment in moments]))
     return np.concatenate(rows)
 

@@ -16,7 +16,8 @@ from mimicbench.references.checks.signals import RATE
 from mimicbench.references.importers.recording import Wishes
 from mimicbench.references.importers.registry import import_recording
 from mimicbench.references.recordings.real_clips import find_clips
-from mimicbench.report.render import Picture, frame_all, human_frames
+from mimicbench.report.camera import Picture, frame_all
+from mimicbench.report.render import human_frames
 from mimicbench.report.video import strip
 from mimicbench.robots.registry import ROBOTS
 from mimicbench.sim.scene import build_model

@@ -15,7 +15,8 @@ from doc_pictures.real import recorded
 from mimicbench.core import rotations as rot
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.objects.shape import SceneObject
-from mimicbench.report.render import Camera, Painter, Picture
+from mimicbench.report.camera import Camera, Picture
+from mimicbench.report.render import Painter
 from mimicbench.report.retargeting import SideBySide, draw_side_by_side
 from mimicbench.report.video import strip
 from mimicbench.retarget.clip import Clip

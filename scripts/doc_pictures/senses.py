@@ -18,7 +18,8 @@ from mimicbench.core.seeds import rng
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.touch import stance_before, touch_pair
-from mimicbench.report.render import Camera, Painter, Picture
+from mimicbench.report.camera import Camera, Picture
+from mimicbench.report.render import Painter
 from mimicbench.robots.registry import ROBOTS
 from mimicbench.robots.rigs import HEAD_RIG, PELVIS_RIG, Rig
 from mimicbench.sensors.elevation import down_map, map_from_depth

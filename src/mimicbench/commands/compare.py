@@ -44,8 +44,9 @@ def compare(argv: Sequence[str]) -> None:
             {
                 "comparison": name,
                 "variant": one.variant.label,
-                "folder": str(one.folder),
-                **summarize(one.rows).to_dict(),
+                **(
+                    {"folder": str(one.folder), **summarize(one.rows).to_dict()} if one.rows else {"error": one.problem}
+                ),
             }
             for one in found
         ]

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 from mimicbench.benchmark.graph import make_imitate_stage, start, tracker_for_learning
 from mimicbench.benchmark.judging import judge
-from mimicbench.benchmark.keys import TRACKER
+from mimicbench.benchmark.keys import TRACKER, Run
 from mimicbench.benchmark.recipe import Recipe
 from mimicbench.comparisons.spec import Comparison, Variant
+from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.run import RunContext
 
 if TYPE_CHECKING:
@@ -23,9 +24,12 @@ class Compared:
     """A variant, judged."""
 
     variant: Variant
-    folder: Path
+    folder: Path | None
     """Of what was learned, or of the shipped tracker."""
     rows: Sequence[EpisodeRow]
+    """None where it could not be judged."""
+    problem: str = ""
+    """Why, in a sentence."""
 
 
 def compare(
@@ -42,17 +46,29 @@ def compare(
         workdir: Where all stages go.
         context: How to run.
 
+    A variant that cannot be learned or judged, such as one whose clips all fail, does not keep the others from it.
+
     Raises:
-        MimicbenchError: A recipe contradicts itself, which is found out before any work, or a stage cannot be made.
+        MimicbenchError: A recipe contradicts itself, which is found out before any work, or no variant could be judged.
     """
     context = context or RunContext()
     runs = [start(recipe, workdir, context) for recipe in recipes]
     found = []
     for variant, run in zip(comparison.variants, runs, strict=True):
         context.say(f"{comparison.name}: {variant.label}")
-        if comparison.of == "track":
-            folder, name = tracker_for_learning(run), TRACKER
-        else:
-            folder, name = make_imitate_stage(run).folder, run.part("imitate").learner
-        found.append(Compared(variant, folder, judge(run, name)))
+        try:
+            found.append(_judged(comparison, variant, run))
+        except MimicbenchError as error:
+            context.say(f"{variant.label}: {error}")
+            found.append(Compared(variant, None, (), str(error)))
+    if not any(one.rows for one in found):
+        raise MimicbenchError(f"no variant of {comparison.name} could be judged: {found[0].problem}")
     return found
+
+
+def _judged(comparison: Comparison, variant: Variant, run: Run) -> Compared:
+    if comparison.of == "track":
+        folder, name = tracker_for_learning(run), TRACKER
+    else:
+        folder, name = make_imitate_stage(run).folder, run.part("imitate").learner
+    return Compared(variant, folder, judge(run, name))

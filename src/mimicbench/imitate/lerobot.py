@@ -181,10 +181,10 @@ def _filled(folder: Path, wanted: Mapping[str, str], shards: Sequence[Shard], fr
     at = 0
     for place, episodes, kept in shards:
         table = read_table(folder / DATA_PATH.format(**place), list(wanted.values()))
-        first = episodes[0]["dataset_from_index"]
-        if table.num_rows != episodes[-1]["dataset_to_index"] - first:
+        first, last = episodes[0]["dataset_from_index"], episodes[-1]["dataset_to_index"]
+        if table.num_rows != last - first or any(not _within(row, first, last) for row in episodes):
             raise BadFile(
-                f"{folder / DATA_PATH.format(**place)} lacks frames of its episodes; delete {folder} "
+                f"{folder / DATA_PATH.format(**place)} has not the frames of its episodes; delete {folder} "
                 "and run `mimicbench demos` again"
             )
         arrays = {name: matrix(table, column_name, folder) for name, column_name in wanted.items()}
@@ -196,6 +196,12 @@ def _filled(folder: Path, wanted: Mapping[str, str], shards: Sequence[Shard], fr
                 whole[name][at : at + row["length"]] = array[part]
             at += row["length"]
     return whole
+
+
+def _within(row: Mapping[str, Any], first: int, last: int) -> bool:
+    """Whether an episode is as long as its frames are, and these are of its shard."""
+    begin, end = row["dataset_from_index"], row["dataset_to_index"]
+    return first <= begin <= end <= last and row["length"] == end - begin
 
 
 def _shards(folder: Path, only_success: bool) -> list[Shard]:

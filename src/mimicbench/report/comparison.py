@@ -11,21 +11,28 @@ from mimicbench.report.table import Cell, Reported, Table
 
 def comparison_table(comparison: Comparison, found: Sequence[Compared]) -> Table:
     """Rates of one task, in the order of the variants; the paper's columns only if it has any of these."""
-    told = [summarize(one.rows) for one in found]
-    theirs = [paper_rate(comparison, one.variant.counterpart, s.task) for one, s in zip(found, told, strict=True)]
+    told = [summarize(one.rows) if one.rows else None for one in found]
+    task = next(s.task for s in told if s is not None)
+    theirs = [paper_rate(comparison, one.variant.counterpart, task) for one in found]
     beside = any(rate is not None for rate in theirs)
     rows: list[tuple[Cell, ...]] = []
     for one, s, rate in zip(found, told, theirs, strict=True):
         paper = (None, None) if rate is None else (Reported(rate.kinematic), Reported(rate.energy))
-        cells = (s.kinematic, paper[0], s.energy, paper[1]) if beside else (s.kinematic, s.energy)
-        rows.append((one.variant.label, *cells, s.stays, s.fell))
+        k, energy, stays, fell = (None,) * 4 if s is None else (s.kinematic, s.energy, s.stays, s.fell)
+        cells = (k, paper[0], energy, paper[1]) if beside else (k, energy)
+        rows.append((one.variant.label, *cells, stays, fell))
     rates = ("K, ours", "K, paper", "K and P, ours", "K and P, paper") if beside else ("K", "K and P")
     return Table(
         comparison.name,
-        f"{comparison.what[0].upper()}{comparison.what[1:]} ({told[0].task})",
+        f"{comparison.what[0].upper()}{comparison.what[1:]} ({task})",
         ("Variant", *rates, "Stays", "Fell"),
         tuple(rows),
-        "Rates on the same episodes, with 95 % Wilson intervals and k/n.",
+        " ".join(
+            [
+                "Rates on the same episodes, with 95 % Wilson intervals and k/n.",
+                *(f"{one.variant.label}: {one.problem}." for one in found if one.problem),
+            ]
+        ),
         CITATION if beside else "",
     )
 

@@ -6,7 +6,7 @@ one, and a plain text that is put beside it, or in its place, is escaped.
 
 import base64
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -48,6 +48,7 @@ class _Shown:
 
     words: str
     interval: str = ""
+    empty: bool = False
 
 
 def page(title: str, eyebrow: str, lead: str, tiles: Iterable[Tile], sections: Iterable[Section], footer: str) -> str:
@@ -89,12 +90,12 @@ def table(data: Table) -> Markup:
 def _shown(cell: Cell) -> _Shown:
     if isinstance(cell, Rate) and cell.episodes:
         return _Shown(cell.percent(), f"{cell.interval()} · {cell.counts()}")
-    return _Shown("–" if cell is None else text(cell))
+    return _Shown("–" if cell is None else text(cell), empty=cell is None)
 
 
-def plot(svg: str, caption: str = "") -> Markup:
-    """A plot of `plots`, in the page's colors."""
-    return _piece("plot", Markup(inline(svg)), caption)
+def plot(svgs: Sequence[str], caption: str = "") -> Markup:
+    """A plot of `plots` in the page's colors, for a wide page and for a phone; one alone is for both."""
+    return _piece("plot", [Markup(inline(svg)) for svg in svgs], caption)
 
 
 def data_uri(path: Path, kind: str) -> str:

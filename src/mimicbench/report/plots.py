@@ -74,6 +74,16 @@ class Mark:
     """Index into SERIES."""
 
 
+def panels(count: int, height: float, narrow: bool, share: bool = False) -> tuple[Figure, list[Axes]]:
+    """A figure of so many panels, each `height` inches high: beside each other, or below each other for a phone.
+
+    If they `share` their vertical axis, its labels stand once where they stand beside each other.
+    """
+    figure = Figure(figsize=(3.9, count * (height + 0.15)) if narrow else (9.2, height))
+    axes = figure.subplots(count if narrow else 1, 1 if narrow else count, sharey=share and not narrow, squeeze=False)
+    return figure, list(axes.flat)
+
+
 def svg(figure: Figure, name: str) -> str:
     """A figure as SVG without date and metadata; `name` keeps its inner ids apart from other plots'."""
     stream = io.StringIO()
@@ -102,84 +112,60 @@ def inline(plot: str) -> str:
     return body
 
 
-def rates_plot(name: str, panels: Mapping[str, Sequence[tuple[str, Mark]]]) -> str:
+def rates_plot(name: str, lines: Mapping[str, Sequence[tuple[str, Mark]]], narrow: bool = False) -> str:
     """Dots with intervals beside each other.
 
     Args:
         name: of the plot.
-        panels: title -> lines (label, mark); all panels have the same labels in the same order.
+        lines: title -> lines (label, mark); all panels have the same labels in the same order.
+        narrow: for a phone.
     """
     with mpl.rc_context(_STYLE):
-        count = max(len(lines) for lines in panels.values())
-        figure = Figure(figsize=(9.2, 0.55 + 0.27 * count))
-        axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
-        for axis, (title, lines) in zip(axes, panels.items(), strict=True):
-            for y, (_, mark) in enumerate(lines):
+        count = max(len(each) for each in lines.values())
+        figure, axes = panels(len(lines), 0.55 + 0.27 * count, narrow, share=True)
+        for axis, (title, each) in zip(axes, lines.items(), strict=True):
+            for y, (_, mark) in enumerate(each):
                 rate, color = mark.rate, SERIES[mark.color % len(SERIES)]
                 if isinstance(rate, Rate):
-                    axis.plot(
-                        [100 * rate.low, 100 * rate.high],
-                        [y, y],
-                        color=color,
-                        linewidth=2.6,
-                        alpha=0.45,
-                        solid_capstyle="butt",
-                    )
-                    axis.plot([100 * rate.rate], [y], "o", color=color, markersize=6)
+                    _dot(axis, rate, y, color, 6.0)
                 else:
-                    axis.plot(
-                        [rate],
-                        [y],
-                        "o",
-                        markersize=5.5,
-                        markerfacecolor="none",
-                        markeredgecolor=color,
-                        markeredgewidth=1.2,
-                    )
+                    axis.plot([rate], [y], "o", markersize=5.5, mfc="none", mec=color, mew=1.2)
             _percent(axis, title)
             axis.grid(axis="y", visible=False)
-        lines = next(iter(panels.values()))
-        axes[0].set_yticks(range(count), [words for words, _ in lines])
-        axes[0].set_ylim(count - 0.4, -0.6)
-        for tick, (_, mark) in zip(axes[0].get_yticklabels(), lines, strict=True):
-            tick.set_color(INK if isinstance(mark.rate, Rate) else MUTED)
-        figure.subplots_adjust(wspace=0.06)
+            axis.set_ylim(count - 0.4, -0.6)
+            if axis is not axes[0] and not narrow:  # the labels stand at the left
+                continue
+            axis.set_yticks(range(count), [words for words, _ in each])
+            for tick, (_, mark) in zip(axis.get_yticklabels(), each, strict=True):
+                tick.set_color(INK if isinstance(mark.rate, Rate) else MUTED)
+        figure.subplots_adjust(wspace=0.06, hspace=0.3)
         return svg(figure, name)
 
 
-def breakdown_plot(name: str, by_policy: Mapping[str, Sequence[Breakdown]]) -> str:
+def _dot(axis: Axes, rate: Rate, y: float, color: str, size: float, words: str | None = None) -> None:
+    """A rate with its interval."""
+    ends = [100 * rate.low, 100 * rate.high]
+    axis.plot(ends, [y, y], color=color, linewidth=0.44 * size, alpha=0.45, solid_capstyle="butt")
+    axis.plot([100 * rate.rate], [y], "o", color=color, markersize=size, label=words)
+
+
+def breakdown_plot(name: str, by_policy: Mapping[str, Sequence[Breakdown]], narrow: bool = False) -> str:
     """K over parts of the episodes: one panel per breakdown, one color per policy."""
     titles = list(dict.fromkeys(breakdown.title for breakdowns in by_policy.values() for breakdown in breakdowns))
     if not titles:
         raise MimicbenchError("there is nothing to break down: all episodes are alike")
     with mpl.rc_context(_STYLE):
         most = max(len(b.parts) for breakdowns in by_policy.values() for b in breakdowns)
-        figure = Figure(figsize=(9.2, 0.8 + most * (0.20 + 0.12 * len(by_policy))))
-        for axis, title in zip(figure.subplots(1, len(titles), squeeze=False)[0], titles, strict=True):
+        figure, axes = panels(len(titles), 0.8 + most * (0.20 + 0.12 * len(by_policy)), narrow)
+        for axis, title in zip(axes, titles, strict=True):
             parts = list(dict.fromkeys(p for bs in by_policy.values() for b in bs if b.title == title for p in b.parts))
             for i, (policy, breakdowns) in enumerate(by_policy.items()):
                 offset = (i - 0.5 * (len(by_policy) - 1)) * 0.7 / len(by_policy)
                 rates = {p: r for b in breakdowns if b.title == title for p, r in b.parts.items()}
-                color = SERIES[i % len(SERIES)]
                 for y, part in enumerate(parts):
                     if part in rates:
-                        rate = rates[part]
-                        axis.plot(
-                            [100 * rate.low, 100 * rate.high],
-                            [y + offset] * 2,
-                            color=color,
-                            linewidth=2.2,
-                            alpha=0.45,
-                            solid_capstyle="butt",
-                        )
-                        axis.plot(
-                            [100 * rate.rate],
-                            [y + offset],
-                            "o",
-                            color=color,
-                            markersize=4.5,
-                            label=policy if y == 0 else None,
-                        )
+                        color, told = SERIES[i % len(SERIES)], policy if y == 0 else None
+                        _dot(axis, rates[part], y + offset, color, 4.5, told)
             _percent(axis, title)
             axis.set_yticks(range(len(parts)), parts)
             axis.set_ylim(len(parts) - 0.4, -0.6)
@@ -187,17 +173,21 @@ def breakdown_plot(name: str, by_policy: Mapping[str, Sequence[Breakdown]]) -> s
         handles, labels = figure.axes[0].get_legend_handles_labels()
         if len(by_policy) > 1:
             figure.legend(
-                handles, labels, loc="lower left", bbox_to_anchor=(0.06, 0.97), ncols=len(by_policy), borderaxespad=0
+                handles,
+                labels,
+                loc="lower left",
+                bbox_to_anchor=(0.0, 0.93) if narrow else (0.06, 0.97),
+                ncols=1 if narrow else len(by_policy),
+                borderaxespad=0,
             )
-        figure.subplots_adjust(wspace=0.62)
+        figure.subplots_adjust(wspace=0.62, hspace=0.35)
         return svg(figure, name)
 
 
-def failures_plot(name: str, by_policy: Mapping[str, Mapping[str, Rate]]) -> str:
+def failures_plot(name: str, by_policy: Mapping[str, Mapping[str, Rate]], narrow: bool = False) -> str:
     """Stacked bars: the share of each way to fail, per policy."""
     with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(9.2, 0.95 + 0.3 * len(by_policy)))
-        axis = figure.subplots()
+        figure, (axis,) = panels(1, 0.95 + 0.3 * len(by_policy), narrow)
         kinds = list(dict.fromkeys(kind for failures in by_policy.values() for kind in failures))
         left = [0.0] * len(by_policy)
         for i, kind in enumerate(kinds):
@@ -213,7 +203,7 @@ def failures_plot(name: str, by_policy: Mapping[str, Mapping[str, Rate]]) -> str
         axis.set_xlim(0, max(1.0, 1.15 * max(left, default=0)))
         axis.set_xlabel("% of all episodes")
         axis.grid(axis="y", visible=False)
-        axis.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=3, borderaxespad=0)
+        axis.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=1 if narrow else 3, borderaxespad=0)
         return svg(figure, name)
 
 
@@ -239,18 +229,17 @@ def shown(curve: Curve) -> list[tuple[str, dict[str, str], float]]:
     return [panel for panel in panels if panel[1]][:2]
 
 
-def curve_plot(name: str, curve: Curve) -> str:
+def curve_plot(name: str, curve: Curve, narrow: bool = False) -> str:
     """A learning curve: success, reward, failures or loss, the first two that the training recorded."""
-    panels = shown(curve)
-    if not panels:
+    told = shown(curve)
+    if not told:
         raise MimicbenchError(
             f"the training {curve.name} recorded neither success nor reward nor loss; train it for longer"
         )
     with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(9.2, 2.3))
         # one panel alone is as wide as two: a page shows all plots at one width, and would enlarge its letters
-        axes = figure.subplots(1, len(panels), squeeze=False)[0]
-        for axis, (title, names, factor) in zip(axes, panels, strict=True):
+        figure, axes = panels(len(told), 2.3, narrow)
+        for axis, (title, names, factor) in zip(axes, told, strict=True):
             for i, (key, word) in enumerate(names.items()):
                 points = curve.series[key]
                 marker = "o" if len(points) < 30 else ""
@@ -271,6 +260,7 @@ def curve_plot(name: str, curve: Curve) -> str:
                 axis.yaxis.set_major_formatter("{x:g} %")
             if len(names) > 1:
                 axis.legend(loc="best")
+        figure.subplots_adjust(hspace=0.55)
         return svg(figure, name)
 
 

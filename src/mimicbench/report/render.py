@@ -6,7 +6,6 @@ in the same light on the same floor beside the same object.
 
 import copy
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
 
@@ -16,46 +15,22 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.motion import HumanMotion, RobotMotion
-from mimicbench.objects.shape import SceneObject
+from mimicbench.report.camera import FIELD_OF_VIEW, Camera, Picture
 from mimicbench.report.person import Placed, Solid, place, solids_of
 from mimicbench.sensors.opengl import Canvas
-from mimicbench.sim.scene import OBJECT_BODY, ROBOT_GROUP, VISUAL_GROUP
+from mimicbench.sim.scene import OBJECT_BODY, OBJECT_GROUP, ROBOT_GROUP, VISUAL_GROUP
 
-FIELD_OF_VIEW = 0.61
-"""Vertical opening of the camera [rad], 35 degrees: long enough that nothing near the edge is stretched."""
 _BACKDROP = (0.90, 0.915, 0.935)
 _MAX_SHAPES = 2000
 _GOAL_RADIUS = 0.022
 """Of the balls that show where wrists are to go [m]."""
 _GOAL_COLOR = (0.90, 0.13, 0.12)
-
-
-@dataclass(frozen=True)
-class Camera:
-    """A free camera that looks at a point."""
-
-    lookat: tuple[float, float, float]
-    """World point in the middle of the picture [m]."""
-    distance: float
-    """From the camera to that point [m]."""
-    azimuth: float
-    """Heading in which the camera looks [deg], 0 along +x, counter-clockwise."""
-    elevation: float = -13.0
-    """Pitch of the view [deg], negative looking down."""
-
-
-@dataclass(frozen=True)
-class Picture:
-    """Size and quality of a picture."""
-
-    width: int = 640
-    """[px]; even, as video wants it."""
-    height: int = 400
-    """[px]; even."""
-    shadow: int = 1024
-    """Side of the shadow map [px]; 0 for none."""
-    samples: int = 4
-    """Samples per pixel against jagged edges."""
+_SUN_RADIUS = 0.07
+"""Of the disk over which several suns are spread, at a distance of 1: what is half a meter above the floor has a shadow
+whose edge is 7 cm wide."""
+_APART = 1e-4
+"""[m] by which each box of an object is drawn larger than the one before it: where two have faces in one plane, the
+later one is seen, and not now one and now the other."""
 
 
 class Painter:
@@ -72,6 +47,7 @@ class Painter:
         self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
         self._scene.flags[mujoco.mjtRndFlag.mjRND_HAZE] = 0
         self._scene.flags[mujoco.mjtRndFlag.mjRND_FOG] = 1
+        self._suns = _suns(self.model.light_dir[0], picture.suns) if self.model.nlight else [np.zeros(3)]
         self._camera = mujoco.MjvCamera()
         self.aim(camera)
 
@@ -94,6 +70,11 @@ class Painter:
         if qpos is not None:
             self.data.qpos[:] = qpos
         mujoco.mj_kinematics(self.model, self.data)
+        return np.round(np.mean([self._in_light(sun, add) for sun in self._suns], axis=0)).astype(np.uint8)
+
+    def _in_light(self, sun: np.ndarray, add: Callable[[mujoco.MjvScene], None] | None) -> np.ndarray:
+        """The picture with the sun shining in a direction (3,)."""
+        self.model.light_dir[:1] = sun
         mujoco.mj_camlight(self.model, self.data)
         mujoco.mjv_updateScene(
             self.model, self.data, self.option, None, self._camera, mujoco.mjtCatBit.mjCAT_ALL, self._scene
@@ -105,7 +86,7 @@ class Painter:
         mujoco.mjr_render(rect, self._scene, self._canvas.drawing)
         pixels = np.empty((self.picture.height, self.picture.width, 3), np.uint8)
         mujoco.mjr_readPixels(pixels, None, rect, self._canvas.drawing)
-        return pixels[::-1].copy()
+        return pixels[::-1]
 
     def close(self) -> None:
         """Give the GL context back."""
@@ -186,53 +167,6 @@ def with_object(model: mujoco.MjModel, motion: HumanMotion | RobotMotion) -> np.
     return qpos
 
 
-def frame_all(
-    obj: SceneObject,
-    root_pos_w: np.ndarray,
-    aspect: float = 1.6,
-    height: float = 1.8,
-    reach: float = 0.4,
-    azimuth: float | None = None,
-) -> Camera:
-    """The nearest camera that sees an object and a whole walk to it, three-quarters from the front.
-
-    Args:
-        obj: the object, facing +x.
-        root_pos_w: (T, 3) positions of the roots of all that will be shown [m].
-        aspect: width of the picture over its height.
-        height: of the one who walks [m].
-        reach: how far a body extends from its root sideways [m].
-        azimuth: heading in which the camera looks [deg]; None for that from the side that the walk does not take,
-            so that who walks does not stand before the object.
-    """
-    if azimuth is None:
-        azimuth = 128.0 if np.mean(root_pos_w[:, 1]) >= 0 else -128.0
-    path = root_pos_w[:: max(1, len(root_pos_w) // 50), :2]
-    around = reach * np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)])
-    body = (path[:, None] + around).reshape(-1, 2)
-    points = np.concatenate([np.insert(body, 2, 0.0, 1), np.insert(body, 2, height, 1), obj.corners().reshape(-1, 3)])
-
-    pitch, yaw = np.radians(Camera.elevation), np.radians(azimuth)
-    forward = np.array([np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), np.sin(pitch)])
-    right = np.array([np.sin(yaw), -np.cos(yaw), 0.0])
-    up = np.cross(right, forward)
-    # In these axes a camera at c sees a point p if |p_x - c_x| <= t_x (p_z - c_z), and likewise in y. With
-    # low = max(p_x - t_x p_z) and high = min(p_x + t_x p_z) that is low + t_x c_z <= c_x <= high - t_x c_z,
-    # so c_z can be at most (high - low) / 2 t_x, with c_x half-way between low and high.
-    depth = points @ forward
-    center, farthest = [], []
-    for axis, tangent in ((right, aspect * np.tan(0.5 * FIELD_OF_VIEW)), (up, np.tan(0.5 * FIELD_OF_VIEW))):
-        tangent *= 0.93  # a margin of 7 %
-        side = points @ axis
-        low, high = (side - tangent * depth).max(), (side + tangent * depth).min()
-        center.append(0.5 * (low + high))
-        farthest.append((high - low) / (2 * tangent))
-    near = min(farthest)
-    middle = float(np.mean([depth.min(), depth.max()]))
-    lookat = center[0] * right + center[1] * up + middle * forward
-    return Camera((float(lookat[0]), float(lookat[1]), float(lookat[2])), float(middle - near), azimuth)
-
-
 def _dressed(model: mujoco.MjModel, picture: Picture, camera: Camera) -> mujoco.MjModel:
     """A copy of the model in our light: one soft sun from above the camera's left, a matt floor that fades into the
     backdrop.
@@ -267,7 +201,22 @@ def _dressed(model: mujoco.MjModel, picture: Picture, camera: Camera) -> mujoco.
         model.light_diffuse[0], model.light_specular[0], model.light_ambient[0] = 0.50, 0.15, 0.0
         model.light_castshadow[0] = True
         model.light_bodyid[0], model.light_mode[0] = 0, mujoco.mjtCamLight.mjCAMLIGHT_FIXED
+    boxes = (model.geom_group == OBJECT_GROUP) & (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX)
+    model.geom_size[boxes] += _APART * np.arange(boxes.sum())[:, None]
     return model
+
+
+def _suns(direction: np.ndarray, count: int) -> list[np.ndarray]:
+    """Directions (3,) spread evenly over a disk around one; that one alone if there is to be one."""
+    across = np.cross(direction, (1.0, 0.0, 0.0))
+    across /= np.linalg.norm(across)
+    upward, turn = np.cross(across, direction), np.pi * (3.0 - 5.0**0.5)  # the golden angle
+    return [
+        direction
+        + (0.0 if count == 1 else _SUN_RADIUS * np.sqrt((i + 0.5) / count))
+        * (np.cos(turn * i) * across + np.sin(turn * i) * upward)
+        for i in range(count)
+    ]
 
 
 def _add_shapes(scene: mujoco.MjvScene, placed: list[Placed]) -> None:

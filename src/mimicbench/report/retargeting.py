@@ -15,9 +15,10 @@ from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.evaluate.intervals import Rate
 from mimicbench.objects.shape import SceneObject
 from mimicbench.report import page
+from mimicbench.report.camera import Picture, frame_all
 from mimicbench.report.paper_tables import CITATION, RANKING, TABLES
 from mimicbench.report.pictures.showcase import moments, positions
-from mimicbench.report.render import Picture, frame_all, human_frames, robot_frames
+from mimicbench.report.render import human_frames, robot_frames
 from mimicbench.report.table import Cell, Reported, Table, to_csv, to_markdown
 from mimicbench.report.video import stacked, strip, write_jpeg
 from mimicbench.retarget.registry import METHODS

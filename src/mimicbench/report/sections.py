@@ -65,10 +65,10 @@ def page_of(
     inputs: ReportInputs,
     episodes: Episodes,
     tables: Mapping[str, Table],
-    drawn: Mapping[str, str],
+    drawn: Mapping[str, Sequence[str]],
     pictures: Pictures,
 ) -> str:
-    """The whole page."""
+    """The whole page; `drawn` has each plot for a wide page and for a phone."""
     task, found = TASKS.get(inputs.task), episodes.summaries
     sections = [page.Section("From a person to a policy", _pictures_html(inputs, pictures))] if inputs.showcase else []
     beside = page.plot(
@@ -86,7 +86,7 @@ def page_of(
     if learned:
         sections.append(
             page.Section(
-                "How they were learned", page.joined(page.heading(name) + page.plot(svg) for name, svg in learned)
+                "How they were learned", page.joined(page.heading(name) + page.plot(svgs) for name, svgs in learned)
             )
         )
     sections.append(page.Section("Where failures happen", _failures_html(inputs.task, tables, drawn, pictures)))
@@ -112,7 +112,7 @@ def _lead(best: Summary, mine: Sequence[EpisodeRow]) -> str:
     k, n = best.kinematic.successes, best.kinematic.episodes
     return (
         f"The best {who}, {label(best.policy, best.preset)}, succeeds in {k:.0f} of {n} "
-        f"episodes on {len(objects)} objects{unseen}: "
+        f"episodes on {len(objects)} object{'s' * (len(objects) != 1)}{unseen}: "
         f"{best.kinematic.percent()}, with a 95 % interval of {best.kinematic.interval()} %."
     )
 
@@ -164,8 +164,8 @@ def _pictures_html(inputs: ReportInputs, pictures: Pictures) -> Markup:
     obj = inputs.showcase.obj
     labeled = f", seat at {obj.seat_height:.2f} m" if obj.seat_height is not None else ""
     intro = page.paragraph(
-        f"The same object in every row: {obj.id} ({obj.kind}{labeled}, {obj.split} split). Moments are "
-        "chosen where as much has happened since the last one."
+        f"The same object in every row: {obj.id} ({obj.kind}{labeled}, {obj.split} split). From one moment "
+        "to the next about as much happens."
     )
     strips = page.joined(page.stage(shown.clip.title, shown.clip.note, shown.strip) for shown in pictures.shown)
     films = [(f"{shown.clip.title}, {shown.seconds:.1f} s", shown.video) for shown in pictures.shown]
@@ -173,7 +173,9 @@ def _pictures_html(inputs: ReportInputs, pictures: Pictures) -> Markup:
     return intro + strips + page.videos(films) + page.paragraph(rests.replace("four", str(len(films))), note=True)
 
 
-def _failures_html(task: str, tables: Mapping[str, Table], drawn: Mapping[str, str], pictures: Pictures) -> Markup:
+def _failures_html(
+    task: str, tables: Mapping[str, Table], drawn: Mapping[str, Sequence[str]], pictures: Pictures
+) -> Markup:
     body = page.plot(drawn["failures"]) if "failures" in drawn else page.paragraph("No episode failed.")
     body += page.folded("How episodes fail, in numbers", page.table(tables["failures"]))
     for policy, films in groupby(pictures.failed, lambda one: one[0].row.policy):

@@ -9,14 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from mimicbench.evaluate.intervals import Rate
 from mimicbench.evaluate.rows import EpisodeRow
 from mimicbench.objects.shape import SceneObject
 from mimicbench.report.grouping import label
-from mimicbench.report.plots import SERIES, styled, svg
+from mimicbench.report.plots import SERIES, panels, styled, svg
 from mimicbench.report.tables.spec import Episodes
 
 SIZES = ("length", "width", "height")
@@ -75,14 +74,14 @@ def of_policies(episodes: Episodes) -> dict[str, dict[str, list[Part]]]:
     return told
 
 
-def size_plot(name: str, found: Mapping[str, Sequence[Part]]) -> str:
+def size_plot(name: str, found: Mapping[str, Sequence[Part]], narrow: bool = False) -> str:
     """K and stays over each size, as SVG."""
     with styled():
-        figure = Figure(figsize=(9.2, 2.3))
-        for axis, (size, parts) in zip(figure.subplots(1, len(found), squeeze=False)[0], found.items(), strict=True):
+        figure, axes = panels(len(found), 2.3, narrow)
+        for axis, (size, parts) in zip(axes, found.items(), strict=True):
             draw_sizes(axis, size, parts)
         figure.axes[0].legend(loc="lower left")
-        figure.subplots_adjust(wspace=0.25)
+        figure.subplots_adjust(wspace=0.25, hspace=0.45)
         return svg(figure, name)
 
 

@@ -39,7 +39,7 @@ def write_report(
             f"there are no episodes of {inputs.task} to report; run `mimicbench evaluate --task {inputs.task}` first"
         )
     tables = [table for spec in TABLES.all() if spec.per_task for table in spec.of(episodes)]
-    drawn = draw_plots(inputs.task, episodes, inputs.curves)
+    drawn, narrow = (draw_plots(inputs.task, episodes, inputs.curves, narrow) for narrow in (False, True))
     for data in tables:
         for suffix, write in (("md", to_markdown), ("tex", to_latex), ("csv", to_csv)):
             _write(folder / "tables" / f"{data.name}.{suffix}", write(data))
@@ -52,33 +52,31 @@ def write_report(
         pictures = Pictures(str(error))
         if say:
             say(str(error))
-    html = page_of(inputs, episodes, {data.name: data for data in tables}, drawn, pictures)
+    both = {name: (svg, narrow[name]) for name, svg in drawn.items()}
+    html = page_of(inputs, episodes, {data.name: data for data in tables}, both, pictures)
     _write(folder / "index.html", html)
     return folder / "index.html"
 
 
-def draw_plots(task: str, episodes: Episodes, curves: Sequence[Curve]) -> dict[str, str]:
-    """All plots as SVG by name."""
-    drawn = {
-        "rates": plots.rates_plot(
-            "rates",
-            {title: _lines(task, episodes.summaries, energy) for title, energy in (("K", False), ("K and P", True))},
-        )
-    }
+def draw_plots(task: str, episodes: Episodes, curves: Sequence[Curve], narrow: bool = False) -> dict[str, str]:
+    """All plots as SVG by name; `narrow` for a phone."""
+    known = "-narrow" if narrow else ""  # plots of one page have different names within
+    panels = {title: _lines(task, episodes.summaries, energy) for title, energy in (("K", False), ("K and P", True))}
+    drawn = {"rates": plots.rates_plot(f"rates{known}", panels, narrow)}
     for i, curve in enumerate(curves):
         if not plots.shown(curve):  # stopped before it recorded anything
             continue
-        drawn[f"curve-{i}"] = plots.curve_plot(f"curve-{i}", curve)
+        drawn[f"curve-{i}"] = plots.curve_plot(f"curve-{i}{known}", curve, narrow)
     if any(not row.success for row in episodes.rows):
         by_policy = {label(s.policy, s.preset): failures(rows) for s, rows in episodes.methods}
-        drawn["failures"] = plots.failures_plot("failures", by_policy)
+        drawn["failures"] = plots.failures_plot(f"failures{known}", by_policy, narrow)
     policies = [one for one in episodes.methods if one[0].stage == "imitate"][:COMPARED]
     trackers = [one for one in episodes.methods if one[0].stage == "track"][:1]
     parts = {label(s.policy, s.preset): breakdowns(rows, episodes.rows) for s, rows in (*policies, *trackers)}
     if any(parts.values()):
-        drawn["breakdown"] = plots.breakdown_plot("breakdown", parts)
+        drawn["breakdown"] = plots.breakdown_plot(f"breakdown{known}", parts, narrow)
     if by_size := of_policies(episodes):
-        drawn["sizes"] = size_plot("sizes", next(iter(by_size.values())))
+        drawn["sizes"] = size_plot(f"sizes{known}", next(iter(by_size.values())), narrow)
     return drawn
 
 

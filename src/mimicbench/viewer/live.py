@@ -147,7 +147,7 @@ class Episode:
         if bool(found.fell[0]):
             phase = phase_in_words(self.opened.task, int(found.fell_phase[0])) or PHASES[1]
             return f"fell {'' if phase.startswith('after') else 'while '}{phase}, at {float(found.fell_time[0]):.1f} s"
-        return "at its end" if self.over else "stands"
+        return "at its end" if self.over else "has not fallen"
 
     def close(self) -> None:
         """Give everything back."""

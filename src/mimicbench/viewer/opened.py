@@ -12,6 +12,7 @@ from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.objects.shape import SceneObject, load_object
 from mimicbench.robots.description import Robot
 from mimicbench.robots.registry import DEFAULT_ROBOT, ROBOTS
+from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.registry import TASKS
 from mimicbench.tasks.task import Task
 from mimicbench.viewer.catalog import Catalog, ItemSet, outcome
@@ -78,7 +79,7 @@ def _open_demonstration(catalog: Catalog, one: ItemSet, item: str) -> Opened:
     recording = Recording(demo["qpos"], demo["qvel"], demo["executed_action"], _gains_of(one))
     track = recorded_track("demonstration", found.task, found.obj, found.robot, recording)
     told = "fulfills K" if row["success"] else "does not fulfill K"
-    return _with(found, {"robot": track}, f"demonstration {number}: {told}, {row['length']} control steps")
+    return _with(found, {"robot": track}, f"demonstration {number}: {told}, {row['length'] * CONTROL_DT:.1f} s")
 
 
 def _open_episode(catalog: Catalog, one: ItemSet, item: str) -> Opened:
@@ -123,7 +124,7 @@ def _clip(
     objects.file(motion.object_id)  # the name comes from a file: it must be one of those that there are
     obj = load_object(objects.path, motion.object_id)
     robot = ROBOTS.get(robot_clip.robot if robot_clip else DEFAULT_ROBOT)
-    facts, details, tracks = [f"{motion.duration:.1f} s, {motion.frames} frames"], [], {}
+    facts, details, tracks = [f"clip: {motion.duration:.1f} s, {motion.frames} frames"], [], {}
     if human is not None:
         tracks["human"] = human_track(task, human, obj)
         facts.append(f"person: {human.source}")

@@ -168,24 +168,30 @@ class Session:
         """Show somebody side by side with the others, or among them."""
         if name in self.actors and self.opened is not None:
             low, high = self.opened.obj.bounds()
-            width = float(high[1] - low[1]) + _APART
-            self.actors[name].shift(np.array([0.0, -width if beside else 0.0, 0.0]))
+            width = float(high[1] - low[1]) + _APART if beside else 0.0
+            self.actors[name].shift(np.array([0.0, -width, 0.0]))
+            self._look_at(self.opened, width)
 
     def tell_changed(self) -> None:
         """Say that somebody came or went."""
         for told in self.changed:
             told()
 
-    def _look_at(self, opened: Opened) -> None:
-        """Turn all cameras to an item, from the side that nobody walks on."""
+    def _look_at(self, opened: Opened, aside: float = 0.0) -> None:
+        """Turn all cameras to an item, from the side that nobody walks on, and to who is so far beside it [m].
+
+        Two that are side by side are seen more from the front, or one would stand before the other.
+        """
         paths = [track.pos_w[:, 0] for track in opened.tracks.values()]
         low, high = opened.obj.bounds()
         points = np.concatenate([low[None], high[None], *paths])
+        side = -1.0 if paths and points[2:, 1].mean() > 0 else 1.0
+        points = np.concatenate([points, points - (0.0, aside, 0.0)])
         low, high = points.min(0), points.max(0)
         middle = np.array([*(low + high)[:2] / 2, 0.75])
-        side = -1.0 if paths and points[2:, 1].mean() > 0 else 1.0
         distance = 1.9 + 1.1 * float(np.linalg.norm((high - low)[:2]))
-        position = middle + distance * np.array([0.62, 0.70 * side, 0.42])
+        away = np.array([0.86, 0.35 * side, 0.42]) if aside else np.array([0.62, 0.70 * side, 0.42])
+        position = middle + distance * away
         camera = self.server.initial_camera
         camera.position, camera.look_at = position, middle
         for client in self.server.get_clients().values():

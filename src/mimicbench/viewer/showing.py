@@ -12,7 +12,7 @@ import numpy as np
 from PIL import Image
 
 from mimicbench.evaluate.rows import ENERGY_LIMITS
-from mimicbench.viewer.acting import ActPanel
+from mimicbench.viewer.acting import ROLES, ActPanel
 from mimicbench.viewer.coloring import ColorCameras, Look
 from mimicbench.viewer.opened import Opened
 from mimicbench.viewer.sensing import (
@@ -49,7 +49,7 @@ class ShowPanel:
             self.contacts = gui.add_checkbox("Contact forces", False)
             self.pictures = {name: gui.add_html("", visible=False) for name in ("map", "cameras", "colors")}
         for name, box in self.boxes.items():
-            box.on_update(on(lambda event, name=name, box=box: session.hide(name, not box.value)))
+            box.on_update(on(lambda event, name=name, box=box: self._see(name, box.value)))
         for box in (self.map, self.cameras, self.colors, self.contacts):
             box.on_update(on(lambda event: self._sense()))
         self._said, self._sensed, self._probe = "", 0.0, Probe()
@@ -66,6 +66,11 @@ class ShowPanel:
         """End what draws."""
         self._painter.close()
 
+    def _see(self, name: str, seen: bool) -> None:
+        """Whether somebody is seen, and told of."""
+        self.session.hide(name, not seen)
+        self._moved()
+
     def _changed(self) -> None:
         self._make_room()
         for name, box in self.boxes.items():
@@ -74,13 +79,15 @@ class ShowPanel:
         self._sense()
 
     def _make_room(self) -> None:
-        """Hide the person while somebody acts, and the clip unless somebody follows it: they would stand in the way.
+        """Hide the person where a robot is under physics, and the clip unless it is followed: they would stand in it.
 
-        Whoever ticks their boxes again sees them, and they come back with the next item.
+        Whoever ticks their boxes again sees them, and they come back with the next item that has no such robot.
         """
-        episodes = self.act.episodes.values()
-        followed = any(episode.follows for episode in episodes)
-        asked = {"human", *(() if followed else ("retargeted",))} if episodes else set()
+        episodes, opened = self.act.episodes.values(), self.session.opened
+        recorded = opened is not None and opened.policy is None  # demonstrations follow their clip
+        followed = any(episode.follows for episode in episodes) if episodes else recorded
+        simulated = any(role in self.session.actors for role in ROLES)
+        asked = {"human", *(() if followed else ("retargeted",))} if simulated else set()
         hidden = {name for name in asked - self._asked if self.boxes[name].value}
         for name in hidden | (self._aside - asked):
             self.boxes[name].value = name not in asked
@@ -88,7 +95,8 @@ class ShowPanel:
         self._aside, self._asked = (self._aside | hidden) & asked, asked
 
     def _moved(self) -> None:
-        said = "\n\n".join(self._of(name) for name in self.session.actors) or "*an object; nobody moves*"
+        seen = [name for name, actor in self.session.actors.items() if actor.visible]
+        said = "\n\n".join(self._of(name) for name in seen) or "*an object; nobody moves*"
         if said != self._said:
             self._said = self.words.content = said
         if time.monotonic() - self._sensed > 1 / _SENSES_PER_SECOND or not self.act.play.playing:
@@ -184,8 +192,8 @@ def _named(what: str, opened: Opened) -> str:
 def told_power(most: float) -> str:
     """What the largest e by now [W^2] means for P."""
     held = [f"{limit / 1e6:.0f}e6" for limit in ENERGY_LIMITS if most < limit]
-    passes = f"P holds for λ = {', '.join(held)}" if held else "P holds for no λ"
-    return f"largest e so far {most:.2g} W²: {passes}"
+    which = "every λ" if len(held) == len(ENERGY_LIMITS) else f"λ = {', '.join(held)}" if held else "no λ"
+    return f"largest e so far {most:.2g} W²: P holds for {which}"
 
 
 def _picture(pixels: np.ndarray, words: str) -> str:
@@ -193,5 +201,5 @@ def _picture(pixels: np.ndarray, words: str) -> str:
     stream = io.BytesIO()
     Image.fromarray(pixels).save(stream, "png")
     data = base64.b64encode(stream.getvalue()).decode()
-    style = "width: 100%; image-rendering: pixelated"
-    return f'<div>{words}</div><img style="{style}" src="data:image/png;base64,{data}">'
+    inset, style = "padding: 0.3em 0.75em", "width: 100%; image-rendering: pixelated"
+    return f'<div style="{inset}"><div>{words}</div><img style="{style}" src="data:image/png;base64,{data}"></div>'

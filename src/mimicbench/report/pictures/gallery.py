@@ -14,9 +14,10 @@ from mimicbench.evaluate.failures import failure
 from mimicbench.evaluate.intervals import Rate
 from mimicbench.evaluate.rows import EpisodeRow
 from mimicbench.objects.shape import SceneObject
+from mimicbench.report.camera import Picture, frame_all
 from mimicbench.report.pictures.sheet import draw_object, sheet_camera
 from mimicbench.report.pictures.showcase import positions
-from mimicbench.report.render import Picture, frame_all, robot_frames
+from mimicbench.report.render import robot_frames
 from mimicbench.report.video import write_jpeg, write_video
 from mimicbench.robots.registry import ROBOTS
 from mimicbench.sensors.opengl import draw_apart

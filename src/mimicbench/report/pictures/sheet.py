@@ -7,7 +7,8 @@ import numpy as np
 
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.objects.shape import SceneObject
-from mimicbench.report.render import FIELD_OF_VIEW, Camera, Painter, Picture
+from mimicbench.report.camera import FIELD_OF_VIEW, Camera, Picture
+from mimicbench.report.render import Painter
 from mimicbench.robots.registry import DEFAULT_ROBOT, ROBOTS
 from mimicbench.sensors.opengl import draw_apart
 from mimicbench.sim.scene import ROBOT_GROUP, VISUAL_GROUP, build_model

@@ -17,7 +17,8 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.objects.shape import SceneObject
-from mimicbench.report.render import Camera, Picture, frame_all, human_frames, robot_frames, with_object
+from mimicbench.report.camera import Camera, Picture, frame_all
+from mimicbench.report.render import human_frames, robot_frames, with_object
 from mimicbench.report.video import strip, write_jpeg, write_video
 from mimicbench.robots.registry import ROBOTS
 from mimicbench.sensors.opengl import draw_apart
