@@ -17,9 +17,9 @@ from mimicbench.comparisons.spec import Comparison, Said, Variant, recipe_of
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.settings import BadSetting, differences, to_tree
 from mimicbench.evaluate.rows import EpisodeRow
-from mimicbench.report.comparison import comparison_table, paper_rate
 from mimicbench.report.paper_tables import TABLES
 from mimicbench.report.table import Reported
+from mimicbench.report.tables.comparison import comparison_table, paper_rate
 from mimicbench.tasks.registry import TASKS
 
 ROW = EpisodeRow(

@@ -34,8 +34,8 @@ def compare(argv: Sequence[str]) -> None:
     call = read_compared(comparison, argv[1:], CompareOptions)
     from mimicbench.comparisons.comparing import compare as carry_out
     from mimicbench.evaluate.rows import summarize
-    from mimicbench.report.comparison import comparison_table
     from mimicbench.report.table import WRITERS
+    from mimicbench.report.tables.comparison import comparison_table
 
     told = []
     for recipes in call.recipes:
