@@ -128,12 +128,22 @@ class ForMinutes(BaseCallback):
             )
 
 
-def train(minutes: float, count: int = 128, workers: int = 0) -> list[float]:
-    """Train, save, and return the mean reward of each round."""
+def train(minutes: float, count: int = 128, workers: int = 0, go_on: bool = False) -> list[float]:
+    """Train, save, and return the mean reward of each round; `go_on` takes up what was saved."""
     torch.set_num_threads(1)
-    model = PPO(
+    envs = Batched(count, workers)
+    model = PPO.load(SAVED, envs, device="cpu") if go_on else beginner(envs)
+    watch = ForMinutes(minutes)
+    model.learn(10**9, callback=watch, reset_num_timesteps=not go_on)
+    model.save(SAVED)
+    return watch.rewards
+
+
+def beginner(envs: VecEnv) -> PPO:
+    """PPO that has learned nothing yet."""
+    return PPO(
         "MultiInputPolicy",
-        Batched(count, workers),
+        envs,
         n_steps=32,
         batch_size=1024,
         n_epochs=5,
@@ -144,10 +154,6 @@ def train(minutes: float, count: int = 128, workers: int = 0) -> list[float]:
         device="cpu",
         seed=0,
     )
-    watch = ForMinutes(minutes)
-    model.learn(10**9, callback=watch)
-    model.save(SAVED)
-    return watch.rewards
 
 
 def attempt(count: int, learned: bool) -> str:
@@ -200,10 +206,11 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--workers", type=int, default=0, help="threads that step the physics; 0: all processors")
+    parser.add_argument("--go-on", action="store_true", help="take up what was saved")
     parser.add_argument("--try", type=int, dest="tried", help="train nothing: try what was trained in N episodes")
     chosen = parser.parse_args()
     if chosen.tried:
         print("trained:  ", attempt(chosen.tried, learned=True))
         print("rest pose:", attempt(chosen.tried, learned=False))
     else:
-        train(chosen.minutes, workers=chosen.workers)
+        train(chosen.minutes, workers=chosen.workers, go_on=chosen.go_on)

@@ -140,9 +140,6 @@ DECISIVE = {
     "track/failures.py": "tests/test_tracking_env.py -k failure",
     "track/trackers/residual.py": "tests/test_tracker_rewards.py -k reward or actions_mean or next_pose or one_arm",
     "track/trackers/hst.py": "tests/test_tracker_rewards.py -k reward or actions_mean or next_pose",
-    "track/trackers/hst_original.py": "tests/test_hst_original.py -k reward or failed or told or pose or forces",
-    "track/trackers/residual_contact.py": "tests/test_contact_labels.py -k by_hand or nearest",
-    "envs/nearness.py": "tests/test_gym.py -k dense",
 }
 """Small modules on which every number rests, and their tests."""
 SLOW = (
