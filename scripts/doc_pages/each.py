@@ -31,6 +31,7 @@ SENSORS = {
         ),
     ),
     "cameras": ("sensors.cameras", ("depth", "color", "labels")),
+    "views": ("sensors.sight.views", ("views",)),
     "elevation-map": ("sensors.elevation", ("elevation", "gray", "target_elevation")),
     "height-map": ("sensors.heightmap", ("heightmap",)),
     "targets": ("sensors.targets", ("targets",)),
