@@ -14,12 +14,14 @@ from mimicbench.sensors.term import WORDS
 from mimicbench.track.registry import TRACKERS
 
 FOLDERS = {
-    "retargeting": ("Ways to retarget", METHODS, "mimicbench retarget --method {}", None),
-    "trackers": ("Trackers", TRACKERS, "mimicbench track --track.tracker {}", ("track", "tracker")),
-    "learners": ("Learners", LEARNERS, "mimicbench imitate --learner {}", ("imitate", "learner")),
-    "recordings": ("Formats of recordings", FORMATS, "mimicbench import FILE --format {}", None),
+    "retargeting": ("Ways to retarget", METHODS, "mimicbench retarget --method {}"),
+    "trackers": ("Trackers", TRACKERS, "mimicbench track --track.tracker {}"),
+    "learners": ("Learners", LEARNERS, "mimicbench imitate --learner {}"),
+    "recordings": ("Formats of recordings", FORMATS, "mimicbench import FILE --format {}"),
 }
-"""Folder of pages -> their title, registry, the command with an item's name, and the stage and name of its settings."""
+"""Folder of pages -> their title, registry, and the command with an item's name."""
+CHOSEN = {"trackers": ("track", "tracker"), "learners": ("imitate", "learner")}
+"""Folder of pages -> the stage whose settings follow from an item, and the setting that names it."""
 SENSORS = {
     "proprioception": (
         "sensors.proprioception",
@@ -29,6 +31,7 @@ SENSORS = {
         ),
     ),
     "cameras": ("sensors.cameras", ("depth", "color", "labels")),
+    "views": ("sensors.sight.views", ("views",)),
     "elevation-map": ("sensors.elevation", ("elevation", "gray", "target_elevation")),
     "height-map": ("sensors.heightmap", ("heightmap",)),
     "targets": ("sensors.targets", ("targets",)),
@@ -47,9 +50,9 @@ FILES = {
 
 def each_pages() -> Iterator[tuple[str, str]]:
     """Path and Markdown of every such page."""
-    for folder, (_, registry, command, chosen) in FOLDERS.items():
+    for folder, (_, registry, command) in FOLDERS.items():
         for name in registry:
-            settings = own_settings(*chosen, name) if chosen else ""
+            settings = own_settings(*CHOSEN[folder], name) if folder in CHOSEN else ""
             parts = [f"`{command.format(name)}`", f"## Settings of its own\n\n{settings}" if settings else ""]
             yield f"methods/{folder}/{name}.md", _page(name, defined_in(registry, name), parts)
     for name, (module, terms) in SENSORS.items():
