@@ -56,6 +56,18 @@ def test_amounts_are_no_part_of_identity():
     assert amounts(Outer(samples=7)) == {"samples": 7}
 
 
+@dataclass(frozen=True)
+class Changed:
+    inner: Inner = field(default_factory=lambda: Inner(0.25, (7,)))
+
+
+def test_what_a_tree_leaves_out_is_as_it_stands_there():
+    assert read(Changed, {"inner": {"rate": 1.0}}) == Changed(Inner(1.0, (7,))), "not the class's own sizes"
+    assert read(Outer, {"inner": {"rate": 1.0}}) == Outer(inner=Inner(1.0, (2, 3)))
+    clone = read_recipe({"imitate": {"learner": "bc", "network": {"relative": True}}}).imitate
+    assert clone.network == replace(BCConfig.small(), relative=True), "a switch does not make a network large"
+
+
 def test_trees_are_read_strictly():
     assert read(Outer, {"samples": 3, "inner": {"sizes": [1], "rate": 1}}) == Outer(3, inner=Inner(1.0, (1,)))
     assert merge({"a": {"b": 1, "c": 2}}, {"a": {"b": 3}}, {"d": 4}) == {"a": {"b": 3, "c": 2}, "d": 4}

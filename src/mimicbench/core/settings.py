@@ -7,7 +7,7 @@ goes on. Everything else determines the stage.
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, is_dataclass
+from dataclasses import MISSING, asdict, dataclass, fields, is_dataclass, replace
 from math import isfinite
 from typing import Annotated, Any, TypeVar, get_type_hints
 
@@ -15,7 +15,7 @@ import msgspec
 
 from mimicbench.core.errors import MimicbenchError
 
-Config = TypeVar("Config")
+Config = TypeVar("Config", bound=Any)
 
 
 class BadSetting(MimicbenchError):
@@ -111,18 +111,24 @@ def differences(config: Any, other: Any) -> dict[str, Any]:
         if is_dataclass(value) and type(value) is type(before):
             found |= {entry.name: inner} if (inner := differences(value, before)) else {}
         elif value != before:
-            found[entry.name] = json.loads(json.dumps(asdict(value) if is_dataclass(value) else value))
+            found[entry.name] = to_tree(value) if is_dataclass(value) else json.loads(json.dumps(value))
     return found
 
 
-def read(kind: type[Config], tree: Mapping[str, Any], where: str = "", source: str = "") -> Config:
-    """The configuration that a tree of values gives; what it leaves out has its default.
+def read(
+    kind: type[Config], tree: Mapping[str, Any], where: str = "", source: str = "", base: Config | None = None
+) -> Config:
+    """The configuration that a tree of values gives; what it leaves out is as in `base`, or has its default.
+
+    A configuration within, of which the tree says something, is otherwise what it is by default where it stands: a
+    learner's network of a laptop's size, of which one switch is set, keeps that size.
 
     Args:
         kind: The dataclass to make.
         tree: Values by name; a mapping for a configuration within.
         where: What stands before the names in messages, such as `track.`.
         source: Where the tree comes from, such as `my.toml`, for messages.
+        base: What the tree changes.
 
     Raises:
         BadSetting: A name is unknown, or a value has the wrong type or is out of bounds.
@@ -136,15 +142,24 @@ def read(kind: type[Config], tree: Mapping[str, Any], where: str = "", source: s
     for name, value in tree.items():
         inner = _dataclass_of(hints[name])
         if inner is not None and isinstance(value, Mapping):
-            values[name] = read(inner, value, f"{where}{name}.", source)
+            before = _default(kind, name) if base is None else getattr(base, name)
+            values[name] = read(inner, value, f"{where}{name}.", source, before if isinstance(before, inner) else None)
             continue
         try:
             values[name] = msgspec.convert(value, hints[name])
         except msgspec.ValidationError as error:
             raise BadSetting(f"{where}{name} = {value!r}{said} cannot be: {error}") from None
-    config = kind(**values)
+    config = kind(**values) if base is None else replace(base, **values)
     check(config, where)
     return config
+
+
+def _default(kind: type, name: str) -> Any:
+    """What a field of a dataclass is by default; None if nobody says."""
+    (entry,) = (entry for entry in fields(kind) if entry.name == name)
+    if entry.default_factory is not MISSING:
+        return entry.default_factory()
+    return None if entry.default is MISSING else entry.default
 
 
 def merge(*trees: Mapping[str, Any]) -> dict[str, Any]:
