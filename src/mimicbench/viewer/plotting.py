@@ -66,6 +66,7 @@ class PlotPanel:
                 legend={"show": True},
             )
         self._drawn = 0.0
+        self._axis = "", 0.0
         for box in (self.quantity, self.joint):
             box.on_update(on(lambda event: self._draw()))
         session.changed.append(self._changed)
@@ -102,12 +103,23 @@ class PlotPanel:
         chosen = {role: (found.torque if is_torque else found.power)[:, joint] for role, found in curves.items()}
         most = opened.robot.joints[joint].torque_limit if is_torque else np.nan
         bounds = [np.full(len(times), sign * most) for sign in (1.0, -1.0)]
-        reach = 1.05 * max(
-            [1.0, *(float(np.abs(values).max()) for values in chosen.values()), most if is_torque else 0.0]
+        largest = max(float(np.abs(values).max()) for values in chosen.values())
+        self._show_axis(
+            f"{opened.robot.joint_names[joint]}: {self.quantity.value}",
+            round_up(max(largest, most if is_torque else 1.0)),
         )
-        self.one.scales = {"x": {"time": False}, "y": {"range": (-reach, reach)}}
-        self.one.title = f"{opened.robot.joint_names[joint]}: {self.quantity.value}"
         self.one.data = (times, *_columns(chosen, len(times)), *bounds, _marked(now, chosen, len(times)))
+
+    def _show_axis(self, title: str, reach: float) -> None:
+        """Name the lower plot and let it reach from -reach to reach.
+
+        The browser makes a plot anew where either changes, several times a second for who acts live: it then falls
+        behind, so nothing is said twice.
+        """
+        if (title, reach) != self._axis:
+            self._axis = title, reach
+            self.one.scales = {"x": {"time": False}, "y": {"range": (-reach, reach)}}
+            self.one.title = title
 
     def _joint(self, curves: Curves) -> int:
         """The joint that is chosen; of the one that does most: place of the largest power."""
@@ -120,6 +132,12 @@ class PlotPanel:
     def _now(self, curves: dict[str, Curves], times: np.ndarray) -> int:
         track = self.session.actors[next(iter(curves))].track
         return min(frame_at(track, self.session.time), len(times) - 1)
+
+
+def round_up(value: float) -> float:
+    """The next of 1, 1.5, 2, 3, 5, 7, 10 times a power of ten."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(next(step for step in (1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0) if step * power >= value) * power)
 
 
 def _columns(values: dict[str, np.ndarray], count: int) -> list[np.ndarray]:
