@@ -47,7 +47,7 @@ class PlotPanel:
                 scales={"x": {"time": False}, "y": {"distr": 3, "log": 10, "range": _EFFORTS}},
                 axes=_AXES,
                 height=_HEIGHT,
-                legend={"show": True},
+                legend={"show": True, "live": False},
             )
             self.quantity = gui.add_dropdown("Curve", (TORQUE, POWER))
             self.joint = gui.add_dropdown("Joint", [HARDEST])
@@ -63,7 +63,7 @@ class PlotPanel:
                 scales={"x": {"time": False}, "y": {"range": (-1.0, 1.0)}},
                 axes=_AXES,
                 height=_HEIGHT,
-                legend={"show": True},
+                legend={"show": True, "live": False},
             )
         self._drawn = 0.0
         self._axis = "", 0.0
