@@ -68,6 +68,13 @@ def test_what_a_tree_leaves_out_is_as_it_stands_there():
     assert clone.network == replace(BCConfig.small(), relative=True), "a switch does not make a network large"
 
 
+def test_encoders_that_do_not_fit_together_are_told():
+    with pytest.raises(BadSetting, match="one stride less than widths"):
+        read_recipe({"imitate": {"learner": "bc", "network": {"encoder": {"widths": [4, 4, 4, 4]}}}})
+    with pytest.raises(BadSetting, match="as many strides and blocks as widths"):
+        read_recipe({"imitate": {"learner": "bc", "network": {"encoder": {"patch": 0}}}})
+
+
 def test_trees_are_read_strictly():
     assert read(Outer, {"samples": 3, "inner": {"sizes": [1], "rate": 1}}) == Outer(3, inner=Inner(1.0, (1,)))
     assert merge({"a": {"b": 1, "c": 2}}, {"a": {"b": 3}}, {"d": 4}) == {"a": {"b": 3, "c": 2}, "d": 4}

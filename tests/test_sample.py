@@ -69,7 +69,7 @@ def test_a_policy_is_cloned_from_it(tmp_path):
     from mimicbench.benchmark.recipe import read_recipe
 
     shutil.copytree(SAMPLE, tmp_path / "work")
-    small = {"encoder": {"widths": [2, 2, 2, 2]}, "hidden": 8}
+    small = {"encoder": {"widths": [2, 2, 2]}, "hidden": 8}
     tree = {
         "task": "sit-chair",
         "demos": {"source": "sample"},

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from mimicbench.core.settings import Positive, Sizes, Within
+from mimicbench.core.settings import BadSetting, Positive, Sizes, Within
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,18 @@ class EncoderConfig:
     """`group` (16 channels a group, the same in training and use) or `batch`."""
     coordinates: bool = False
     """Append two channels that hold each cell's place, from -1 to 1."""
+
+    def __post_init__(self) -> None:
+        counts = (len(self.widths) - 1,) if self.patch else (len(self.widths), len(self.blocks))
+        if any(count != len(self.strides) for count in counts):
+            wanted = (
+                "one stride less than widths, for the first stage reads patches"
+                if self.patch
+                else "as many strides and blocks as widths"
+            )
+            raise BadSetting(
+                f"an encoder of widths {self.widths} has strides {self.strides} and blocks {self.blocks}; give {wanted}"
+            )
 
     @staticmethod
     def small() -> "EncoderConfig":
