@@ -7,7 +7,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import InvalidStateError, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing.connection import wait
@@ -82,7 +82,7 @@ def map_items(
         with _deaf_children():
             pool = ProcessPoolExecutor(workers, mp_context=context, initializer=start_worker)
             results = pool.map(function, items, chunksize=chunk)
-        with pool:
+        with _called_off_in_silence(), pool:
             try:
                 return list(progress(results, len(items), label, quiet))
             except KeyboardInterrupt:
@@ -94,6 +94,24 @@ def map_items(
             f"{label}: a worker process was killed, most likely for want of memory; the same command "
             "goes on from here, and fewer --workers need less"
         ) from None
+
+
+@contextmanager
+def _called_off_in_silence() -> Iterator[None]:
+    """Python's own thread beside the workers hears that they have ended, and stumbles over items that were called off
+    a moment before: nobody is to read of that.
+    """
+    told = threading.excepthook
+
+    def hook(args: threading.ExceptHookArgs) -> None:
+        if not isinstance(args.exc_value, InvalidStateError):
+            told(args)
+
+    threading.excepthook = hook
+    try:
+        yield
+    finally:
+        threading.excepthook = told
 
 
 @contextmanager
