@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from episodes import EPISODE
 from mimicbench import cli
 from mimicbench.benchmark import Recipe
 from mimicbench.benchmark.recipe import stage_type
@@ -16,40 +17,11 @@ from mimicbench.comparisons.registry import COMPARISONS
 from mimicbench.comparisons.spec import Comparison, Said, Variant, recipe_of
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.settings import BadSetting, differences, to_tree
-from mimicbench.evaluate.rows import EpisodeRow
 from mimicbench.report.paper_tables import TABLES
 from mimicbench.report.table import Reported
 from mimicbench.report.tables.comparison import comparison_table, paper_rate
 from mimicbench.tasks.registry import TASKS
 
-ROW = EpisodeRow(
-    task="sit-chair",
-    stage="imitate",
-    policy="bc",
-    preset="improved",
-    robot="h1",
-    seed=0,
-    episode=0,
-    object_id="chair-0-00001",
-    object_kind="dining",
-    split="test",
-    reference_id="sit-chair-0-00001",
-    steps=1000,
-    success=True,
-    success_at_end=True,
-    stays=True,
-    first_success_time=5.5,
-    fell=False,
-    fell_time=None,
-    fell_phase="",
-    diverged=False,
-    max_energy=5e4,
-    seat_height=0.45,
-    start_distance=2.5,
-    end_distance=0.0,
-    mimicbench="0.1.0",
-    mujoco="3.17.0",
-)
 SHARED = Comparison(
     "shared",
     "whether a clone copies itself",
@@ -150,7 +122,7 @@ def test_differences_are_what_has_to_be_said():
 
 def test_the_table_has_the_papers_numbers_beside_ours():
     found = [
-        Compared(one, Path(), [replace(ROW, episode=i, success=i < n) for i in range(4)])
+        Compared(one, Path(), [replace(EPISODE, episode=i, success=i < n) for i in range(4)])
         for one, n in zip(SHARED.variants, (3, 2, 1), strict=True)
     ]
     table = comparison_table(SHARED, found)
@@ -164,7 +136,7 @@ def test_the_table_has_the_papers_numbers_beside_ours():
 
 def test_a_variant_that_cannot_be_judged_is_told_and_the_others_are():
     failed = Compared(SHARED.variants[0], None, (), "there are no clips")
-    found = [failed, *(Compared(one, Path(), [ROW]) for one in SHARED.variants[1:])]
+    found = [failed, *(Compared(one, Path(), [EPISODE]) for one in SHARED.variants[1:])]
     table = comparison_table(SHARED, found)
     assert table.rows[0] == ("as it is", *(None,) * 6) and "as it is: there are no clips." in table.note
     assert table.rows[1][1].successes == 1
@@ -183,6 +155,16 @@ def test_a_comparison_end_to_end_is_not_made_twice(tmp_path, capsys):
     told = capsys.readouterr().out
     assert "BC" in told and "Learners that clone the same demonstrations (sit-chair)" in told
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*") if path.is_file()} == made
+
+
+def test_a_tracker_learns_here_where_one_is_shipped_and_is_judged_where_none_is_to_learn(tmp_path, capsys):
+    words = "--task sit-chair --objects.count 8 --references.count 6 --evaluate.tracked 1 --workers 1 --json"
+    learned = "--track.samples 32 --num-envs 4 --parts 1 --ppo.steps 4 --ppo.hidden 16 --evaluate-clips 1 --only"
+    common = [*words.split(), "--workdir", str(tmp_path)]
+    cli.main(["compare", "trackers", *common, *learned.split(), "residual (ours)"])
+    assert json.loads(capsys.readouterr().out)["folder"].startswith(str(tmp_path)), "not the shipped one"
+    cli.main(["compare", "retargeting", *common, "--only", "interaction"])
+    assert "checkpoints" in json.loads(capsys.readouterr().out)["folder"]
 
 
 @pytest.mark.parametrize("words", [[], ["--task", "sit-chair"], ["nothing"]])

@@ -11,38 +11,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from episodes import EPISODE
 from mimicbench.core.errors import BadFile, MimicbenchError
 from mimicbench.evaluate.intervals import Rate, wilson
-from mimicbench.evaluate.rows import EpisodeRow, group, read_rows, rows_made_from, summarize, write_rows
+from mimicbench.evaluate.rows import group, read_rows, rows_made_from, summarize, write_rows
 
-ROW = EpisodeRow(
-    task="sit-chair",
-    stage="imitate",
-    policy="act",
-    preset="improved",
-    robot="h1",
-    seed=7,
-    episode=0,
-    object_id="chair-00001",
-    object_kind="dining",
-    split="test",
-    reference_id="sit-chair-00001",
-    steps=300,
-    success=True,
-    success_at_end=True,
-    stays=True,
-    first_success_time=5.5,
-    fell=False,
-    fell_time=None,
-    fell_phase="",
-    diverged=False,
-    max_energy=5e4,
-    seat_height=0.45,
-    start_distance=2.5,
-    end_distance=0.0,
-    mimicbench="0.1.0",
-    mujoco="3.17.0",
-)
+ROW = replace(EPISODE, policy="act", seed=7, object_id="chair-00001", reference_id="sit-chair-00001", steps=300)
 
 
 def test_wilson_by_hand():

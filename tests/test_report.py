@@ -19,6 +19,7 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 
+from episodes import EPISODE
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError
 from mimicbench.core.files import remove_unfinished
@@ -26,7 +27,7 @@ from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.core.skeleton import forward_kinematics
 from mimicbench.evaluate.failures import FAILURES
 from mimicbench.evaluate.intervals import Rate
-from mimicbench.evaluate.rows import EpisodeRow, read_rows
+from mimicbench.evaluate.rows import read_rows
 from mimicbench.objects.registry import FAMILIES, make_object
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body.body import body_of
@@ -65,34 +66,7 @@ CHAIR = make_object("chair-0-00003")
 
 def made_up_rows():
     """Rows of two policies and a tracker: only for these tests."""
-    row = EpisodeRow(
-        task="sit-chair",
-        stage="imitate",
-        policy="act",
-        preset="improved",
-        robot="h1",
-        seed=7,
-        episode=0,
-        object_id="chair-0-00001",
-        object_kind="dining",
-        split="test",
-        reference_id="ref",
-        steps=300,
-        success=True,
-        success_at_end=True,
-        stays=True,
-        first_success_time=5.5,
-        fell=False,
-        fell_time=None,
-        fell_phase="",
-        diverged=False,
-        max_energy=5e4,
-        seat_height=0.45,
-        start_distance=1.5,
-        end_distance=0.0,
-        mimicbench="0.1.0",
-        mujoco="3.17.0",
-    )
+    row = replace(EPISODE, policy="act", seed=7, reference_id="ref", steps=300, start_distance=1.5)
     rows = []
     for stage, policy, successes in (("imitate", "act", 15), ("imitate", "bc<script>", 6), ("track", "hst", 18)):
         for i in range(20):

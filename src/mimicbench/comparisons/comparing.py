@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mimicbench.benchmark.graph import make_imitate_stage, start, tracker_for_learning
+from mimicbench.benchmark.graph import make_imitate_stage, make_track_stage, start, tracker_for_learning
 from mimicbench.benchmark.judging import judge
-from mimicbench.benchmark.keys import TRACKER, Run
+from mimicbench.benchmark.keys import CHECKPOINT, TRACKER, Run
 from mimicbench.benchmark.recipe import Recipe
 from mimicbench.comparisons.spec import Comparison, Variant
 from mimicbench.core.errors import MimicbenchError
@@ -68,7 +68,9 @@ def compare(
 
 def _judged(comparison: Comparison, variant: Variant, run: Run) -> Compared:
     if comparison.of == "track":
-        folder, name = tracker_for_learning(run), TRACKER
+        # whoever learns does so here: a shipped tracker of the same recipe has learned for longer than its rivals
+        folder = make_track_stage(run).folder / CHECKPOINT if comparison.learns else tracker_for_learning(run)
+        name = TRACKER
     else:
         folder, name = make_imitate_stage(run).folder, run.part("imitate").learner
     return Compared(variant, folder, judge(run, name))

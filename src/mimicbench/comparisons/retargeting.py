@@ -12,5 +12,6 @@ COMPARISON = Comparison(
         Variant("OmniH2O", {"retarget": {"method": "omnih2o"}}, counterpart="OmniH2O"),
         Variant("copy-rotation", {"retarget": {"method": "copy-rotation"}}, counterpart="Copy-rotation"),
     ),
+    learns=False,
     paper=("tab:retargeting_comparison",),
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, Literal
 
 from mimicbench.benchmark.recipe import Recipe, read_recipe, recipe_tree, stage_type
@@ -38,6 +39,8 @@ class Comparison:
     variants: tuple[Variant, ...]
     common: Tree = field(default_factory=dict)
     """Settings that all share. Presets, a file and the command line come on top."""
+    learns: bool = True
+    """Whether each variant learns; else who is there, such as the shipped tracker, is judged in each."""
     paper: tuple[str, ...] = ()
     """LaTeX labels of the paper's tables that its rows are of, the first that has one."""
 
@@ -60,8 +63,8 @@ class Said:
     """What whoever asks for a comparison wants besides."""
 
     presets: tuple[str, ...] = ()
-    file: Any = None
-    """Path of a TOML file with a recipe, or None."""
+    file: Path | None = None
+    """A TOML file with a recipe."""
     settings: Tree = field(default_factory=dict)
     """On top of both."""
 

@@ -29,7 +29,7 @@ def comparison_table(comparison: Comparison, found: Sequence[Compared]) -> Table
         tuple(rows),
         " ".join(
             [
-                "Rates on the same episodes, with 95 % Wilson intervals and k/n.",
+                "Rates with 95 % Wilson intervals and k/n, on the same people and objects.",
                 *(f"{one.variant.label}: {one.problem}." for one in found if one.problem),
             ]
         ),
