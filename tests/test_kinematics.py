@@ -67,3 +67,10 @@ def test_models_of_objects_that_came_by_are_not_kept_forever(monkeypatch):
         stool.exchange(physics, [make_chair(i)])
     assert len(physics._compiled) == 4
     assert physics.model(0).geom("object_0").pos.tolist() == make_chair(7).box_pos[0].tolist()
+
+
+def test_poses_alone_are_those_of_links():
+    physics, _ = moving(3)
+    poses, links = physics.link_poses(), physics.links()
+    assert poses.pos_w.equal(links.pos_w) and poses.quat_w.equal(links.quat_w)
+    assert physics.links().lin_vel_w.equal(links.lin_vel_w), "and leave the velocities as they are"

@@ -92,6 +92,8 @@ class FakePhysics:
     def links(self):
         return self._links
 
+    link_poses = links
+
     def object_state(self):
         return self._object
 

@@ -94,9 +94,12 @@ def to_rotvec(q: Array) -> Array:
 
 def angle_between(a: Array, b: Array) -> Array:
     """Geodesic distance (...) [rad] between two rotations, in [0, pi]."""
-    xp = _xp(a)
-    d = multiply(conjugate(a), b)
-    return 2.0 * xp.arctan2(((d[..., 1:] ** 2).sum(-1)) ** 0.5, abs(d[..., 0]))
+    return angle_of(multiply(conjugate(a), b))
+
+
+def angle_of(q: Array) -> Array:
+    """How far (...) [rad] a rotation turns, in [0, pi]."""
+    return 2.0 * _xp(q).arctan2(((q[..., 1:] ** 2).sum(-1)) ** 0.5, abs(q[..., 0]))
 
 
 def to_matrix(q: Array) -> Array:

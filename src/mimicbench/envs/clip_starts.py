@@ -10,6 +10,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.envs.initial_states import InitialStates
 from mimicbench.envs.reference import ReferenceBank
 from mimicbench.robots.description import Robot
+from mimicbench.sensors.arrays import own, tensor
 from mimicbench.sensors.context import Frame
 from mimicbench.sim.physics import RobotState
 
@@ -73,7 +74,8 @@ class ClipStarts:
         pos, turn, lin, ang, joint_pos, joint_vel = noise.split([3, 3, 3, 3, joints, joints], -1)
         pos = pos * config.pos_noise
         pos[:, 2] /= 3
-        quat = rot.normalize(rot.multiply(rot.from_rotvec(turn * config.angle_noise), state.root_quat_w))
+        xp, (turned, quat) = own(rot.from_rotvec(turn * config.angle_noise), state.root_quat_w)
+        quat = rot.normalize(tensor(xp, rot.multiply(turned, quat)))
         angles = state.joint_pos + joint_pos * config.angle_noise
         return RobotState(
             state.root_pos_w + pos,
@@ -88,11 +90,12 @@ class ClipStarts:
 def robot_state(frame: Frame) -> RobotState:
     """The robot of a reference frame, in double precision, so that its turn is a turn to more than seven digits."""
     quat = rot.normalize(frame.root_quat_w.double())
+    xp, (turn, ang_vel_w) = own(quat, frame.root_ang_vel_w.double())
     return RobotState(
         frame.root_pos_w.double(),
         quat,
         frame.root_lin_vel_w.double(),
-        rot.rotate_inverse(quat, frame.root_ang_vel_w.double()),
+        tensor(xp, rot.rotate_inverse(turn, ang_vel_w)),
         frame.joint_pos.double(),
         frame.joint_vel.double(),
     )

@@ -109,7 +109,8 @@ class EpisodeMetrics:
         (N, 3).
         """
         self._learn_new_objects()
-        fresh = self._catalog.map(lambda array: array[self._physics.object_index[rows.ids]])
+        index = self._physics.object_index[rows.ids]
+        fresh = self._catalog.map(lambda array: array[index])
         for name, there in vars(self.info).items():
             rows.put(there, wrist_goal_w if name == "wrist_goal_w" else getattr(fresh, name))
         for counts in (self.run, self.steps, self.max_effort, self.fell_phase):

@@ -1,6 +1,7 @@
 """The clips that episodes follow or start from, laid end to end at the control rate."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -75,23 +76,59 @@ class ReferenceBank:
     def frame(self, clip: Tensor, index: Tensor) -> Frame:
         """The frames `index` (N,) of clips `clip` (N,), the last one where a clip is over."""
         place = self.starts[clip] + torch.minimum(index, self.lengths[clip] - 1)
-        row = self._table[place]
+        row = self._table.index_select(0, place)
         j = self._joints
         pos, quat, joint_pos, lin, ang, joint_vel, wrists, ankles = row.split([3, 4, j, 3, 3, j, 6, 6], -1)
-        moved = self._objects[self._object_first[clip] + torch.minimum(index, self._object_last[clip])]
-        return Frame(
-            pos,
-            quat,
-            lin,
-            ang,
-            joint_pos,
-            joint_vel,
-            ObjectState(*moved.split([3, 4, 3, 3], -1)),
-            wrists.unflatten(-1, (2, 3)),
-            ankles.unflatten(-1, (2, 3)),
-            self.wrist_goal_w[clip],
-            self._bears[place],
-        )
+        robot = {
+            "root_pos_w": pos,
+            "root_quat_w": quat,
+            "root_lin_vel_w": lin,
+            "root_ang_vel_w": ang,
+            "joint_pos": joint_pos,
+            "joint_vel": joint_vel,
+            "wrist_pos_w": wrists.unflatten(-1, (2, 3)),
+            "ankle_pos_w": ankles.unflatten(-1, (2, 3)),
+        }
+        return _BankFrame.at(robot, self, clip, index, place)
+
+    def object(self, clip: Tensor, index: Tensor) -> ObjectState:
+        """Where the objects are in the frames `index` (N,) of clips `clip` (N,)."""
+        place = self._object_first[clip] + torch.minimum(index, self._object_last[clip])
+        return ObjectState(*self._objects[place].split([3, 4, 3, 3], -1))
+
+    def bears(self, place: Tensor) -> Tensor:
+        """(N, B) which parts bear in the rows `place` (N,) of the table."""
+        return self._bears[place]
+
+
+class _BankFrame(Frame):
+    """Frames of a bank. Beside the robots most trackers ask for nothing, so that is looked up when asked for."""
+
+    _bank: ReferenceBank
+    _clip: Tensor
+    _index: Tensor
+    _place: Tensor
+
+    @classmethod
+    def at(
+        cls, robot: Mapping[str, Tensor], bank: ReferenceBank, clip: Tensor, index: Tensor, place: Tensor
+    ) -> "_BankFrame":
+        """Frames `index` (N,) of clips `clip` (N,), in rows `place` (N,) of the table; what they say of the robots."""
+        frame = cls.__new__(cls)  # not by its fields, some of which are looked up later
+        vars(frame).update(robot, _bank=bank, _clip=clip, _index=index, _place=place)
+        return frame
+
+    @cached_property
+    def object(self) -> ObjectState:  # type: ignore[override]
+        return self._bank.object(self._clip, self._index)
+
+    @cached_property
+    def wrist_goal_w(self) -> Tensor:  # type: ignore[override]
+        return self._bank.wrist_goal_w[self._clip]
+
+    @cached_property
+    def bears(self) -> Tensor:  # type: ignore[override]
+        return self._bank.bears(self._place)
 
 
 def _joined(parts: Sequence[np.ndarray], device: str) -> Tensor:

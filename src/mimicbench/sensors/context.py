@@ -7,11 +7,13 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
+from mimicbench.core import rotations as rot
 from mimicbench.robots.description import Robot
+from mimicbench.sensors.arrays import along_robots, own, tensor
 from mimicbench.sensors.pictures import CameraPictures, Seen
 from mimicbench.sensors.proprioception import root_turn
-from mimicbench.sim.physics import LinkState, ObjectState, Physics, RobotState
-from mimicbench.tasks.task import Task
+from mimicbench.sim.physics import LinkPoses, LinkState, ObjectState, Physics, RobotState
+from mimicbench.tasks.task import BodyPoints, Task
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,26 @@ class StepContext:
     def links(self) -> LinkState:
         """Poses and velocities of all links."""
         return self.physics.links()
+
+    @cached_property
+    def link_poses(self) -> LinkPoses:
+        """Poses of all links, for less than their velocities cost."""
+        return vars(self).get("links") or self.physics.link_poses()
+
+    @cached_property
+    def root_angle_error(self) -> Tensor:
+        """(N,) angle between each root and its reference [rad]."""
+        xp, (quat, wanted) = own(self.state.root_quat_w, self.reference(0).root_quat_w)
+        return rot.angle_of(tensor(xp, rot.multiply(rot.conjugate(quat), wanted)))
+
+    @cached_property
+    def body_points(self) -> BodyPoints:
+        """Where root, wrists and ankles are."""
+        poses = self.link_poses
+        xp, (pos_w, quat_w) = own(poses.pos_w, poses.quat_w)
+        found = BodyPoints.of(self.robot, pos_w, quat_w)
+        pairs = (tensor(xp, along_robots(xp, pair)) for pair in (found.ankle_pos_w, found.wrist_pos_w))
+        return BodyPoints(poses.pos_w[:, 0], *pairs)
 
     @cached_property
     def object(self) -> ObjectState:

@@ -8,6 +8,7 @@ import torch
 
 from mimicbench.core import rotations as rot
 from mimicbench.robots.description import Robot
+from mimicbench.sensors.arrays import own, tensor
 from mimicbench.sim.physics import LinkState, RobotState
 from mimicbench.sim.rows import Rows
 
@@ -30,11 +31,11 @@ def root_turn(state: RobotState) -> torch.Tensor:
 
     Both functions below need them.
     """
-    xp, (quat,) = _own(state.root_quat_w)
+    xp, (quat,) = own(state.root_quat_w)
     q = _rows(xp, quat)
     (wx, wy, wz), (xx, xy, xz), (yy, yz), (zz,) = ((q[i] + q[i]) * q[max(i, 1) :] for i in range(4))
     rows = [1 - yy - zz, xy - wz, xz + wy, xy + wz, 1 - xx - zz, yz - wx, xz - wy, yz + wx, 1 - xx - yy]
-    return _tensor(xp, xp.stack(rows).reshape(3, 3, -1))
+    return tensor(xp, xp.stack(rows).reshape(3, 3, -1))
 
 
 def s_current(
@@ -45,7 +46,7 @@ def s_current(
     t, R, v and omega are the positions, orientations (rotation vectors), linear and angular velocities of all links in
     the root frame, three numbers a link. `turn` is `root_turn(state)`, if it is at hand.
     """
-    xp, (r, root_pos, root_quat, joint_pos, joint_vel, pos_w, quat_w, lin_vel_w, ang_vel_w, action) = _own(
+    xp, (r, root_pos, root_quat, joint_pos, joint_vel, pos_w, quat_w, lin_vel_w, ang_vel_w, action) = own(
         root_turn(state) if turn is None else turn,
         state.root_pos_w,
         state.root_quat_w,
@@ -95,7 +96,7 @@ def body_state(state: RobotState, turn: torch.Tensor | None = None) -> torch.Ten
 
     `turn` as in s_current.
     """
-    xp, (r, root_pos, lin_vel, ang_vel, joint_pos, joint_vel) = _own(
+    xp, (r, root_pos, lin_vel, ang_vel, joint_pos, joint_vel) = own(
         root_turn(state) if turn is None else turn,
         state.root_pos_w,
         state.root_lin_vel_w,
@@ -108,26 +109,12 @@ def body_state(state: RobotState, turn: torch.Tensor | None = None) -> torch.Ten
     )
 
 
-def _own(*arrays: torch.Tensor) -> tuple[Any, list[Any]]:
-    """The library that works with these tensors, and they as its arrays.
-
-    On the CPU that is NumPy, which is quicker for few robots; and torch's arctan2 rounds by a robot's place in the
-    batch.
-    """
-    return (np, [array.numpy() for array in arrays]) if arrays[0].device.type == "cpu" else (torch, list(arrays))
-
-
 def _table(xp: Any, rows: Sequence[Any]) -> torch.Tensor:
     """(N, C) of blocks of rows (., N).
 
     What is worked out has one row a number, so that every operation runs along the robots.
     """
-    return _tensor(xp, xp.concatenate(rows)).T.contiguous()
-
-
-def _tensor(xp: Any, array: Any) -> torch.Tensor:
-    """The inverse of `_own`, of one array."""
-    return torch.from_numpy(array) if xp is np else array
+    return tensor(xp, xp.concatenate(rows)).T.contiguous()
 
 
 def _rows(xp: Any, array: Any) -> Any:
@@ -171,10 +158,10 @@ def _turns_between(xp: Any, a: Any, b: Any) -> Any:
 
 def _heading(state: RobotState) -> torch.Tensor:
     """(N,) where the roots' x axes point, seen from above [rad]."""
-    xp, (quat,) = _own(state.root_quat_w)
+    xp, (quat,) = own(state.root_quat_w)
     w, x, y, z = _rows(xp, quat)
     sine, cosine = 2 * (x * y + w * z), 1 - 2 * (y * y + z * z)
-    return torch.arctan2(_tensor(xp, sine), _tensor(xp, cosine))
+    return torch.arctan2(tensor(xp, sine), tensor(xp, cosine))
 
 
 class Odometry:
@@ -204,17 +191,17 @@ class Odometry:
         """One control step of `dt` seconds later."""
         # the heading comes from an inertial sensor; wrapping keeps it continuous over many turns
         velocity = self._in_start_frame(state)
-        xp, (yaw, heading, start, pos, now, before) = _own(
+        xp, (yaw, heading, start, pos, now, before) = own(
             self.yaw, _heading(state), self._heading, self.pos, velocity, self._velocity
         )
-        self.yaw = _tensor(xp, yaw + rot.wrap_angle(heading - start - yaw))
-        self.pos = _tensor(xp, pos + 0.5 * dt * (now + before))
+        self.yaw = tensor(xp, yaw + rot.wrap_angle(heading - start - yaw))
+        self.pos = tensor(xp, pos + 0.5 * dt * (now + before))
         self._velocity = velocity
 
     def _in_start_frame(self, state: RobotState) -> torch.Tensor:
-        xp, (velocity, cos, sin) = _own(state.root_lin_vel_w, self._cos, self._sin)
+        xp, (velocity, cos, sin) = own(state.root_lin_vel_w, self._cos, self._sin)
         x, y = velocity[:, 0], velocity[:, 1]
-        return _tensor(xp, xp.stack([cos * x + sin * y, cos * y - sin * x], -1))
+        return tensor(xp, xp.stack([cos * x + sin * y, cos * y - sin * x], -1))
 
     def state_tensors(self) -> dict[str, torch.Tensor]:
         """What it has added up."""

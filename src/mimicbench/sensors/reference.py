@@ -5,6 +5,7 @@ from torch import Tensor
 
 from mimicbench.core import rotations as rot
 from mimicbench.robots.description import Robot
+from mimicbench.sensors.arrays import own, tensor
 from mimicbench.sensors.context import Frame
 from mimicbench.sim.physics import LinkState, ObjectState, RobotState
 
@@ -15,10 +16,14 @@ def reference_in_root(state: RobotState, frame: Frame) -> Tensor:
     Position, orientation (6D) and velocity of the reference root in the robot's root frame; difference of the joint
     angles; joint velocities.
     """
-    pos_r = rot.rotate_inverse(state.root_quat_w, frame.root_pos_w - state.root_pos_w)
-    quat_r = rot.multiply(rot.conjugate(state.root_quat_w), frame.root_quat_w)
-    vel_r = rot.rotate_inverse(state.root_quat_w, frame.root_lin_vel_w)
-    return torch.cat([pos_r, rot.to_6d(quat_r), vel_r, frame.joint_pos - state.joint_pos, frame.joint_vel], -1)
+    names = ("root_pos_w", "root_quat_w", "joint_pos")
+    xp, (pos, quat, joint_pos, ref_pos, ref_quat, ref_joint_pos, ref_lin_vel, ref_joint_vel) = own(
+        *(getattr(state, name) for name in names),
+        *(getattr(frame, name) for name in (*names, "root_lin_vel_w", "joint_vel")),
+    )
+    turned = rot.to_6d(rot.multiply(rot.conjugate(quat), ref_quat))
+    away, velocity = rot.rotate_inverse(quat, ref_pos - pos), rot.rotate_inverse(quat, ref_lin_vel)
+    return tensor(xp, xp.concatenate([away, turned, velocity, ref_joint_pos - joint_pos, ref_joint_vel], -1))
 
 
 def walk_of(frame: Frame) -> Tensor:

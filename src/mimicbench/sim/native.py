@@ -15,7 +15,15 @@ from mimicbench.sim.broken import BrokenLog, BrokenScene
 from mimicbench.sim.contact import SIGN, not_measured
 from mimicbench.sim.effort import effort_of
 from mimicbench.sim.kinematics import Kinematics
-from mimicbench.sim.physics import LinkState, ObjectState, PhysicsConfig, RobotState, compile_scene
+from mimicbench.sim.physics import (
+    LinkPoses,
+    LinkState,
+    ObjectState,
+    PhysicsConfig,
+    RobotState,
+    catalogued,
+    compile_scene,
+)
 from mimicbench.sim.rows import Rows
 from mimicbench.sim.scene import SUBSTEPS
 
@@ -68,6 +76,7 @@ class NativePhysics:
         self._warmstart = self.batch.bind("qacc_warmstart")
         self._before = [array.copy() for array in (self._qpos, self._qvel, self._warmstart)]
         self._warned, self._reported = np.zeros(self.num_envs, np.int64), np.zeros(self.num_envs, bool)
+        self._diverged = self._reported.copy()
         self._effort = torch.zeros(self.num_envs, dtype=torch.float64)
         self._record: dict[int | str, np.ndarray] | None = None
         self._kinematics = Kinematics(robot, self.num_envs, self.batch.nthread)
@@ -141,6 +150,8 @@ class NativePhysics:
             if there is not None:
                 there[ids] = 0.0
         self._warned[ids], self._reported[ids] = self._warnings()[ids], False
+        self._diverged = self._diverged.copy()  # whoever holds what it was keeps it
+        self._diverged[ids] = False
 
     def step(self, target: torch.Tensor, measure_effort: bool = False, running: torch.Tensor | None = None) -> None:
         """Advance scenes `running` (N,) bool (None: all) one control step; see Physics.step."""
@@ -151,7 +162,9 @@ class NativePhysics:
             before[:] = now
         self._ctrl[:] = target.numpy()
         if measure_effort:
-            record = self.batch.rollout(SUBSTEPS, record=_RECORDED, ids=ids, out=self._record if ids is None else None)
+            count = self.num_envs if ids is None else len(ids)
+            there = None if self._record is None else {name: array[:count] for name, array in self._record.items()}
+            record = self.batch.rollout(SUBSTEPS, record=_RECORDED, ids=ids, out=there)
             if ids is None:
                 self._record = record  # the next step writes there again
             effort = effort_of(record["actuator_force"], record["qvel"][..., self._joint_v])
@@ -165,26 +178,15 @@ class NativePhysics:
 
     def _report(self, target: torch.Tensor) -> None:
         """Tell of scenes that broke in this step, once each."""
-        for env in np.flatnonzero((self._warnings() > self._warned) & ~self._reported).tolist():
+        self._diverged = self._warnings() > self._warned
+        for env in np.flatnonzero(self._diverged & ~self._reported).tolist():
             self._reported[env] = True
             counts = self.batch.warning[env, _KINDS, 1]
             reason = " and ".join(told for told, count in zip(_WARNINGS.values(), counts, strict=True) if count)
             qpos, qvel, warmstart = (array[env].copy() for array in self._before)
-            self.broken.add(
-                BrokenScene(
-                    reason,
-                    env,
-                    "native",
-                    self.robot.name,
-                    self.config.gains,
-                    self.config.control,
-                    self.catalog[int(self.object_index[env])],
-                    qpos,
-                    qvel,
-                    warmstart,
-                    target[env].numpy().astype(float),
-                )
-            )
+            config, obj = self.config, self.catalog[int(self.object_index[env])]
+            scene = env, "native", self.robot.name, config.gains, config.control, obj
+            self.broken.add(BrokenScene(reason, *scene, qpos, qvel, warmstart, target[env].numpy().astype(float)))
 
     def advance(self, target: torch.Tensor) -> None:
         """One control step of all scenes and nothing else; see Physics.advance."""
@@ -200,6 +202,10 @@ class NativePhysics:
     def links(self) -> LinkState:
         """Poses and velocities of all links now."""
         return self._kinematics.links(self._qpos, self._qvel)
+
+    def link_poses(self) -> LinkPoses:
+        """Poses of all links now."""
+        return self._kinematics.poses(self._qpos)
 
     def object_pose(self) -> tuple[np.ndarray, np.ndarray]:
         """Positions (N, 3) [m] and orientations (N, 4) of the objects now; the origin where they do not move."""
@@ -260,6 +266,7 @@ class NativePhysics:
             self._forces[:] = tensors["forces"].numpy()
         self._effort.copy_(tensors["effort"])
         self._warned[:], self._reported[:] = self._warnings(), False
+        self._diverged = np.zeros(self.num_envs, bool)
 
     def contact_force(self) -> torch.Tensor:
         """(N, L, 3) forces on links in the last physics step [N]; see Physics.contact_force."""
@@ -278,16 +285,7 @@ class NativePhysics:
     @property
     def diverged(self) -> torch.Tensor:
         """(N,) whether MuJoCo warned of a scene since its reset; see Physics.diverged."""
-        return torch.from_numpy(self._warnings() > self._warned)
+        return torch.from_numpy(self._diverged)
 
     def _warnings(self) -> np.ndarray:
         return self.batch.warning[:, :, 1].sum(-1)
-
-
-def catalogued(catalog: list[SceneObject], places: dict[str, int], objects: Sequence[SceneObject]) -> list[int]:
-    """Places of objects in a catalog, by their ids, at whose end those are put that it lacks."""
-    for obj in objects:
-        if obj.id not in places:
-            places[obj.id] = len(catalog)
-            catalog.append(obj)
-    return [places[obj.id] for obj in objects]

@@ -52,6 +52,15 @@ def compile_scene(robot: Robot, obj: SceneObject, config: PhysicsConfig, meshes:
     return scene.compile()
 
 
+def catalogued(catalog: list[SceneObject], places: dict[str, int], objects: Sequence[SceneObject]) -> list[int]:
+    """Places of objects in a catalog, by their ids, at whose end those are put that it lacks."""
+    for obj in objects:
+        if obj.id not in places:
+            places[obj.id] = len(catalog)
+            catalog.append(obj)
+    return [places[obj.id] for obj in objects]
+
+
 @dataclass(frozen=True)
 class RobotState:
     """Joint-space state of N robots, on the physics' device. What physics reports has 32 bits."""
@@ -109,13 +118,19 @@ class ObjectState:
 
 
 @dataclass(frozen=True)
-class LinkState:
-    """Poses and velocities of all L links of N robots."""
+class LinkPoses:
+    """Poses of all L links of N robots."""
 
     pos_w: torch.Tensor
     """(N, L, 3) [m]."""
     quat_w: torch.Tensor
     """(N, L, 4)."""
+
+
+@dataclass(frozen=True)
+class LinkState(LinkPoses):
+    """Poses and velocities of all L links of N robots."""
+
     lin_vel_w: torch.Tensor
     """(N, L, 3) velocity of the link's origin [m/s]."""
     ang_vel_w: torch.Tensor
@@ -204,6 +219,10 @@ class Physics(Protocol):
 
     def links(self) -> LinkState:
         """Poses and velocities of all links now."""
+        ...
+
+    def link_poses(self) -> LinkPoses:
+        """Poses of all links now, of the same bits as `links`, where those cost more than they do."""
         ...
 
     def object_pose(self) -> tuple[np.ndarray, np.ndarray]:

@@ -226,14 +226,14 @@ class WarpPhysics:
     def links(self) -> LinkState:
         """Poses and velocities of all links now."""
         self._kinematics()
-        rows = self._link_rows
-        xpos, xquat, cvel, com = (
-            wp.to_torch(array) for array in (self._data.xpos, self._data.xquat, self._data.cvel, self._data.subtree_com)
-        )
+        data, rows = self._data, self._link_rows
+        xpos, xquat, cvel, com = map(wp.to_torch, (data.xpos, data.xquat, data.cvel, data.subtree_com))
         pos, ang = xpos[:, rows].clone(), cvel[:, rows, :3].clone()
         # MuJoCo's cvel is (angular, linear) about the tree's center of mass, in world axes
         lin = cvel[:, rows, 3:] + torch.linalg.cross(ang, pos - com[:, rows.start, None])
         return LinkState(pos, xquat[:, rows].clone(), lin, ang)
+
+    link_poses = links
 
     def object_pose(self) -> tuple[np.ndarray, np.ndarray]:
         """Positions (N, 3) [m] and orientations (N, 4) of the objects now; the origin where they do not move."""

@@ -8,7 +8,7 @@ import torch
 
 from mimicbench.core.errors import BadObject
 from mimicbench.objects.shape import SceneObject
-from mimicbench.sim.native import catalogued
+from mimicbench.sim.physics import catalogued
 from mimicbench.sim.scene import OBJECT_BODY, build_object
 
 _GEOM_FIELDS = ("geom_pos", "geom_quat", "geom_size", "geom_rbound", "geom_aabb", "geom_friction")

@@ -5,6 +5,8 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor
 
+from mimicbench.sensors.arrays import own
+
 PARTS = 32
 """Equal parts that every clip is split into: clips of a task have walking, turning and acting in the same order."""
 MEMORY = 1000
@@ -31,10 +33,10 @@ class Failures:
     def chances(self, focus: float) -> Tensor:
         """(PARTS,) chance of each part to be started in; 1 - `focus` of it is spread evenly."""
         hazard = self.failed / self.steps.clamp(min=1.0)
-        weight, ahead = torch.zeros_like(hazard), hazard.new_zeros(())
-        for part in range(PARTS - 1, -1, -1):
-            ahead = hazard[part] + REWIND * ahead
-            weight[part] = ahead
+        weight = hazard.clone()
+        _, (parts,) = own(weight)  # of the same memory
+        for part in range(PARTS - 2, -1, -1):
+            parts[part] += REWIND * parts[part + 1]
         return focus * weight / weight.sum().clamp(min=1e-12) + (1.0 - focus) / PARTS
 
     def state_tensors(self) -> dict[str, Tensor]:

@@ -7,7 +7,6 @@ from typing import Annotated
 import torch
 from torch import Tensor
 
-from mimicbench.core import rotations as rot
 from mimicbench.core.seeds import digest
 from mimicbench.core.settings import Positive, Share, Within
 from mimicbench.envs.clip_starts import ClipStartConfig, ClipStarts
@@ -22,7 +21,6 @@ from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.rows import Rows
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.sim.threads import one_torch_thread
-from mimicbench.tasks.task import BodyPoints
 from mimicbench.track.failures import Failures
 from mimicbench.track.history import History
 from mimicbench.track.spec import Layout, TrackerSpec
@@ -222,12 +220,11 @@ def deviations(context: StepContext, ends: EndConfig) -> tuple[Tensor, ...]:
     """
     state, ref = context.state, context.reference(0)
     far = (state.root_pos_w - ref.root_pos_w).norm(dim=-1) > ends.max_pos_error
-    turned = rot.angle_between(state.root_quat_w, ref.root_quat_w) > ends.max_angle_error
+    turned = context.root_angle_error > ends.max_angle_error
     dropped = ref.root_pos_w[:, 2] - state.root_pos_w[:, 2] > ends.max_drop
     lost = left = torch.zeros_like(far)
     if ends.max_ankle_error < ANYWHERE:
-        ankles = BodyPoints.of(context.robot, context.links.pos_w, context.links.quat_w).ankle_pos_w
-        left = (ankles - ref.ankle_pos_w).norm(dim=-1).amax(-1) > ends.max_ankle_error
+        left = (context.body_points.ankle_pos_w - ref.ankle_pos_w).norm(dim=-1).amax(-1) > ends.max_ankle_error
     if context.task.moves_object:
         lost = (context.object.pos_w - ref.object.pos_w).norm(dim=-1) > ends.max_object_error
     return far, turned, dropped, left, lost

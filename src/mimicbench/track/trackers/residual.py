@@ -5,10 +5,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from mimicbench.core import rotations as rot
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.context import StepContext, Transition
-from mimicbench.tasks.task import BodyPoints
 from mimicbench.track.spec import Terms, TrackerSpec
 
 GAINS = "improved"
@@ -62,18 +60,17 @@ def reward(context: StepContext, step: Transition, settings: ResidualConfig) -> 
     """(N,) agreement with the reference, at most the sum of its weights, less a price on changing the action."""
     state, ref = context.state, context.reference(0)
     position = ((state.root_pos_w - ref.root_pos_w) ** 2).sum(-1)
-    angle = rot.angle_between(state.root_quat_w, ref.root_quat_w)
     joints = ((state.joint_pos - ref.joint_pos) ** 2).sum(-1)
     velocity = ((state.root_lin_vel_w - ref.root_lin_vel_w) ** 2).sum(-1)
     joint_velocity = ((state.joint_vel - ref.joint_vel) ** 2).sum(-1)
     agreement = (
         settings.position * torch.exp(-10.0 * position)
-        + settings.orientation / (1.0 + 5.0 * angle**2)
+        + settings.orientation / (1.0 + 5.0 * context.root_angle_error**2)
         + settings.joints / (1.0 + joints)
         + settings.velocity * torch.exp(-2.0 * velocity)
         + settings.joint_velocity * torch.exp(-0.02 * joint_velocity)
     )
-    points = BodyPoints.of(context.robot, context.links.pos_w, context.links.quat_w)
+    points = context.body_points
     wrists = (points.wrist_pos_w - ref.wrist_pos_w).norm(dim=-1)
     ankles = (points.ankle_pos_w - ref.ankle_pos_w).norm(dim=-1)
     agreement = (
