@@ -30,7 +30,9 @@ from mimicbench.imitate.spec import ImitateConfig
 from mimicbench.objects.make import ObjectsConfig
 from mimicbench.references.make import ReferencesConfig
 from mimicbench.retarget.make import RetargetConfig
+from mimicbench.sensors.observations import chosen_terms
 from mimicbench.tasks.registry import TASKS
+from mimicbench.track.registry import TRACKERS
 from mimicbench.track.train import TrackConfig
 
 
@@ -168,6 +170,20 @@ def test_the_paper_is_the_paper():
         32,
         2,
     ) and recipe.track.tracker == "hst"
+
+
+@pytest.mark.parametrize("task", list(TASKS))
+def test_the_papers_tracker_is_trained_as_it_says(task):
+    track = read_recipe(preset_tree("paper", Chosen(task))).track
+    assert track is not None and TRACKERS.get(track.tracker).gains == "paper", "100 and 5 at every joint"
+    ppo, ends = track.ppo, track.tracking.ends
+    assert (ppo.gamma, ppo.lam, ppo.clip, ppo.entropy, ppo.minibatches) == (0.99, 0.95, 0.2, 1e-5, 4)
+    assert (ppo.learning_rate, ppo.schedule, ppo.optimizer, ppo.hidden) == (1e-4, "fixed", "adamw", (512,) * 3)
+    assert ends.max_pos_error == ends.max_drop == 0.5
+    assert min(ends.max_angle_error, ends.max_ankle_error, ends.max_object_error) > 100, "it asks nothing else"
+    # beside itself and its reference: the two targets where there are some, the object where it moves
+    told = {term.name for term in chosen_terms(TRACKERS.get(track.tracker).observations, TASKS.get(task))}
+    assert ("targets" in told, "object" in told) == (task == "touch-points", task == "lift-box")
 
 
 def test_a_learner_without_its_tracker_is_told():
