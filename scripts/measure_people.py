@@ -11,11 +11,13 @@ import numpy as np
 
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.registry import FAMILIES
-from mimicbench.references.body.body import body_of
+from mimicbench.references.body.body import body_of, unihsi_body
 from mimicbench.references.checks.beside_real import judge, person_of, read_recordings
 from mimicbench.references.checks.gait_measures import measure_gait, summarize, walking_model
 from mimicbench.references.checks.quality import gate
 from mimicbench.references.importers.unihsi import import_skeleton_motion
+from mimicbench.references.locomotion.gait import Gait
+from mimicbench.references.locomotion.straight import clip_of_walk, straight_way
 from mimicbench.references.paper import PAPER_SETS
 from mimicbench.references.recordings.real_clips import sitting_clips
 from mimicbench.references.synthesis.registry import synthesize
@@ -109,7 +111,8 @@ def main() -> None:
         real = [person_of(motion) for folder in sys.argv[1:] for motion in read_recordings(Path(folder), print)]
         people = {task: [person_of(motion) for motion in found[:JUDGED]] for task, found in clips.items()}
         judged = judge(real, [person for found in people.values() for person in found])
-        tables = judgement_table(judged), measures_table(real, people), tells_table(judged)
+        ahead = {"5 m straight ahead": [person_of(motion) for motion in walks_ahead()]}
+        tables = judgement_table(judged), measures_table(real, ahead | people), tells_table(judged)
         put("judge", "\n".join(map(to_markdown, tables)))
 
 
@@ -131,6 +134,15 @@ def synthetic(task: str) -> list[HumanMotion]:
             found.append(motion)
         index += 1
     return found
+
+
+def walks_ahead() -> list[HumanMotion]:
+    """People of several sizes who walk at several speeds: the gait, where it has the room that recordings have."""
+    return [
+        clip_of_walk(body, straight_way(body, Gait(speed=speed), 5.0))
+        for body in map(unihsi_body, (1.04, 1.08, 1.12))
+        for speed in (0.65, 0.75, 0.85)
+    ]
 
 
 def whole(path: Path) -> HumanMotion:

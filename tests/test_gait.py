@@ -11,13 +11,13 @@ from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import HumanMotion
 from mimicbench.references.body.body import Body, core4d_body, roam_body, unihsi_body
 from mimicbench.references.body.limbs import ease
-from mimicbench.references.body.posing import Trunk, pose
 from mimicbench.references.checks.quality import bearing_points, stance_slides
 from mimicbench.references.locomotion.feet import rolled
 from mimicbench.references.locomotion.gait import Gait
 from mimicbench.references.locomotion.replan import walk_from
 from mimicbench.references.locomotion.route import Route, around_box
 from mimicbench.references.locomotion.states import BodyState, state_of_motion, state_of_walk
+from mimicbench.references.locomotion.straight import clip_of_walk, straight_way
 from mimicbench.references.locomotion.walking import FPS, Excerpt, Walk, walk
 
 BODIES = (unihsi_body(1.08), roam_body(1.0), core4d_body(1.0))
@@ -27,32 +27,9 @@ STOP, GOAL = np.array([0.45, 0.0]), np.array([0.75, 0.0])
 bodies = st.integers(0, 2)  # not the bodies themselves: they are long to print
 
 
-def straight(body: Body, gait: Gait, length: float = 5.0) -> Walk:
-    return walk(body, Route(np.array([[0.0, 0.0], [length, 0.0]])), 0.0, np.array([length, 0.0]), 0.0, gait, 1.0)
-
-
 def around(body: Body, azimuth: float, distance: float, yaw: float, gait: Gait) -> Walk:
     start = distance * np.array([np.cos(azimuth), np.sin(azimuth)])
     return walk(body, around_box(start, GOAL, LOW, HIGH, MARGIN, start_yaw=yaw), yaw, STOP, 0.0, gait, 1.0)
-
-
-def clip(body: Body, way: Walk) -> HumanMotion:
-    still = np.zeros(len(way.time))
-    pelvis = way.pelvis_quat(still + 0.03)
-    chest = rot.multiply(pelvis, way.chest_turn(still))
-    trunk = Trunk(way.pelvis_pos_w, pelvis, chest, rot.multiply(chest, way.head_turn(still)))
-    quat = pose(body, trunk, way.legs(), way.arms(body, 1.0))
-    return HumanMotion(
-        "walk",
-        "none",
-        body.skeleton,
-        FPS,
-        way.pelvis_pos_w,
-        quat,
-        "none",
-        ("left_foot", "right_foot"),
-        way.feet.contact,
-    )
 
 
 def test_gait_by_hand():
@@ -93,7 +70,7 @@ def test_feet_roll_without_sliding_and_legs_reach(
 ):
     body = BODIES[which]
     way = around(body, azimuth, distance, yaw, Gait(speed=speed))
-    motion = clip(body, way)
+    motion = clip_of_walk(body, way)
     pos, quat = motion.forward_kinematics()
     for side, leg in enumerate(body.legs):
         assert pos[:, leg.end] == pytest.approx(way.feet.pos_w[:, side], abs=1e-6)  # never out of the leg's reach
@@ -108,7 +85,7 @@ def test_feet_roll_without_sliding_and_legs_reach(
 @pytest.mark.parametrize("body", BODIES, ids=lambda body: body.skeleton.name)
 def test_heel_lands_first_and_rises_before_the_toes(body: Body):
     gait = Gait(speed=0.7)
-    way = straight(body, gait)
+    way = straight_way(body, gait, 5.0)
     steps = way.steps
     for i in range(3, len(steps.side) - 3):
         side = steps.side[i]
@@ -133,7 +110,7 @@ def test_heel_lands_first_and_rises_before_the_toes(body: Body):
 @pytest.mark.parametrize("speed", [0.5, 0.65, 0.85, 1.0, 1.3])
 def test_speed_cadence_and_pelvis_are_as_people_walk(speed: float):
     body, gait = BODIES[0], Gait(speed=speed)
-    way = straight(body, gait, 8.0)
+    way = straight_way(body, gait, 8.0)
     steady = slice(int(0.35 * len(way.time)), int(0.65 * len(way.time)))
     pelvis = way.pelvis_pos_w[steady]
     assert np.diff(pelvis[:, 0]).mean() * FPS == pytest.approx(speed, rel=0.12)
@@ -193,7 +170,10 @@ def check_continues(body: Body, way: Walk, frame: int, state: BodyState) -> None
         else around_box(state.place, GOAL, LOW, HIGH, MARGIN)
     )
     new = walk_from(body, state, route, STOP, 0.0, Gait(speed=0.65), 1.0)
-    (pos, quat), (pos_new, quat_new) = clip(body, way).forward_kinematics(), clip(body, new).forward_kinematics()
+    (pos, quat), (pos_new, quat_new) = (
+        clip_of_walk(body, way).forward_kinematics(),
+        clip_of_walk(body, new).forward_kinematics(),
+    )
     lower = [body.pelvis, *(joint for leg in body.legs for joint in leg)]
     assert np.linalg.norm(pos[frame] - pos_new[0], axis=-1)[lower].max() < 0.01
     assert rot.angle_between(quat[frame], quat_new[0])[lower].max() < 0.02
@@ -214,14 +194,16 @@ def test_walks_go_on_from_any_frame(which: int, azimuth: float, distance: float,
     body = BODIES[which]
     way = around(body, azimuth, distance, yaw, Gait(speed=0.65))
     frame = 1 + int(share * (len(way.time) - 4))
-    check_continues(body, way, frame, state_of_motion(clip(body, way), frame) if seen else state_of_walk(way, frame))
+    check_continues(
+        body, way, frame, state_of_motion(clip_of_walk(body, way), frame) if seen else state_of_walk(way, frame)
+    )
 
 
 def test_state_of_a_clip_is_that_of_its_walk():
     body = BODIES[1]
     way = around(body, 1.0, 2.0, 1.0, Gait(speed=0.65))
     for frame in (20, 50, 77, 101):
-        walked, seen = state_of_walk(way, frame), state_of_motion(clip(body, way), frame)
+        walked, seen = state_of_walk(way, frame), state_of_motion(clip_of_walk(body, way), frame)
         assert (
             seen.feet.pos_w == pytest.approx(walked.feet.pos_w, abs=1e-6)
             and (seen.feet.bears == walked.feet.bears).all()
@@ -233,7 +215,9 @@ def test_state_of_a_clip_is_that_of_its_walk():
             walked.roll, abs=1e-6
         )
         assert np.minimum(seen.since, 1) == pytest.approx(np.minimum(walked.since, 1), abs=0.51 / FPS)
-    unlabeled = HumanMotion("bare", "none", body.skeleton, FPS, way.pelvis_pos_w, clip(body, way).local_quat, "none")
+    unlabeled = HumanMotion(
+        "bare", "none", body.skeleton, FPS, way.pelvis_pos_w, clip_of_walk(body, way).local_quat, "none"
+    )
     with pytest.raises(BadMotion, match="contact labels"):
         state_of_motion(unlabeled, 3)
 
