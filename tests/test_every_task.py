@@ -162,6 +162,8 @@ def test_what_is_learned_from_is_what_will_be_observed(name, demonstrated):
         obs = env.observe(senses)
         if step == 0 and clips.task.goal.given:
             known.begin(torch.tensor([0]), obs)
+        if step == int(bank.lengths[0]) - 1:
+            dict(obs)  # before the robot has moved on
         env.step(torch.from_numpy(demos.executed_action[step])[None])
     last = torch.tensor([int(bank.lengths[0]) - 1])
     batch = frames.batch(last)
