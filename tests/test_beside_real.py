@@ -14,14 +14,17 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.registry import FAMILIES
-from mimicbench.references.body.body import body_of
+from mimicbench.references.body.body import body_of, unihsi_body
 from mimicbench.references.body.skeletons import UNIHSI
 from mimicbench.references.checks.beside_real import judge, person_of, read_recordings
 from mimicbench.references.checks.boosting import area_under_curve, fit_stumps, unseen_area
 from mimicbench.references.checks.features import window_features
+from mimicbench.references.checks.gait_measures import walking_model
 from mimicbench.references.checks.people_measures import measure_people, share_within, strides_of
 from mimicbench.references.checks.phases import phases_of
 from mimicbench.references.checks.signals import LEG, signals_of
+from mimicbench.references.locomotion.gait import Gait
+from mimicbench.references.locomotion.straight import clip_of_walk, straight_way
 from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.report.beside_real import judgement_table, measures_table, tells_table
 from mimicbench.tasks.registry import TASKS
@@ -150,7 +153,7 @@ def test_who_is_alike_is_not_told_apart(sitters: list[HumanMotion]):
     people = [person_of(motion) for motion in sitters]
     alike = {row.phase: row for row in judge(people[::2], people[1::2])}
     # who begins beside the seat may not walk for a whole window
-    assert alike["walk"].recordings >= 3 and alike["walk"].clips == 4
+    assert alike["walk"].recordings >= 3 and alike["walk"].clips >= 3
     assert alike["walk"].area < 0.85
     odd = [person_of(arms_out(motion, 0.4)) for motion in sitters[1::2]]
     apart = {row.phase: row for row in judge(people[::2], odd)}
@@ -217,3 +220,21 @@ def test_the_command_judges(tmp_path: Path, sitters: list[HumanMotion], capsys: 
     found = json.loads(capsys.readouterr().out)["phases"]
     assert {row["phase"] for row in found} >= {"walk", "sit down", "rest seated"}
     assert all(0 <= row["area"] <= 1 and row["recordings"] == 2 for row in found)
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason=f"the real recordings are not at {DATA}")
+def test_the_gait_is_that_of_recordings():
+    """Over nine tenths of the stride hips, knees and ankles are within a deviation of the recorded ones."""
+    folders = DATA / "unihsi" / "motion_clips", DATA / "omomo"
+    real = [person_of(motion) for folder in folders for motion in read_recordings(folder, print)]
+    body = unihsi_body(1.08)
+    ways = [straight_way(body, Gait(speed=speed), 5.0) for speed in (0.65, 0.75, 0.85)]
+    people = [person_of(clip_of_walk(body, way)) for way in ways]
+    assert min(share_within(strides_of(people), strides_of(real)).values()) >= 0.9
+    measures = measure_people(people)
+    assert measures["walking, straighter knee, median [deg]"][0] < 12
+    speed = measures["walking, speed [m/s]"][0]
+    model = walking_model(speed, sum(body.length(body.legs[0])))
+    assert measures["walking, cadence [steps/min]"][0] == pytest.approx(model["cadence"], rel=0.15)
+    assert measures["walking, step length [cm]"][0] == pytest.approx(100 * model["step_length"], rel=0.15)
+    assert measures["walking, both feet bear [% of the time]"][0] == pytest.approx(32, rel=0.15)

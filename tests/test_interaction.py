@@ -17,7 +17,7 @@ from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.retarget.acceptance import PROMISED, unsolved
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.kinematics import Pose, tree_of
-from mimicbench.retarget.methods.anchors import on_toes
+from mimicbench.retarget.methods.feet import on_toes
 from mimicbench.retarget.methods.interaction import InteractionConfig, _to_back, interact, make_problem, refine
 from mimicbench.retarget.samples import Masses, Scene, balls_of, point_rows
 from mimicbench.retarget.solver import move

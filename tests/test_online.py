@@ -201,21 +201,24 @@ def test_plans_do_the_task_from_where_the_robot_stands(task):
 
 @pytest.mark.parametrize("task", SEEN, ids=lambda task: task.name)
 def test_a_plan_made_anew_goes_on_from_the_one_before(task):
-    """Two seconds on the way the goal turns out to be turned by 0.6 rad: what the robot follows moves on by
-    no more than a few centimeters."""
+    """Some seconds on the way the goal turns out to be turned by 0.6 rad: what the robot follows moves on by no more
+    than a few centimeters. The pelvis may turn below a chest that does not.
+    """
     spec, planning = task.goal, Planning(ROBOT, task, OnlineConfig())
     own = in_own_frame(spec, torch.from_numpy(spec.describe(FAMILIES.get(task.family).make(0, 0))))
     begin = from_standing(ROBOT, np.array([2.6, 0.5, math.pi - 0.1]), np.array(ROBOT.rest_pose))
     before = planning.plans(own, NOTHING, begin, 0)[0]
-    moved = np.array([0.1, -0.05, -0.6])
-    anew = planning.plans(own, NOTHING, from_plan(before, 2.0, moved), 0)[0]
-    (old, new), at = (lay(plan.motion, ROBOT).robot for plan in (before, anew)), 2 * 50
+    old, moved = lay(before.motion, ROBOT).robot, np.array([0.1, -0.05, -0.6])
     turn = rot.from_yaw(np.array(moved[2]))
-    expected = rot.rotate(turn, old[at, :3]) + [*moved[:2], 0.0]
-    np.testing.assert_allclose(new[0, :3], expected, atol=0.06)
-    assert rot.angle_between(new[0, 3:7], rot.multiply(turn, old[at, 3:7])) < 0.08
-    joints = slice(7, 7 + len(ROBOT.joints))
-    assert np.abs(new[0, joints] - old[at, joints]).max() < 0.35
+    for seconds in (1.5, 2.0, 2.5):
+        anew = planning.plans(own, NOTHING, from_plan(before, seconds, moved), 0)[0]
+        new, at = lay(anew.motion, ROBOT).robot, round(seconds * 50)
+        np.testing.assert_allclose(new[0, :3], rot.rotate(turn, old[at, :3]) + [*moved[:2], 0.0], atol=0.03)
+        turned = rot.multiply(rot.conjugate(new[0, 3:7]), rot.multiply(turn, old[at, 3:7]))
+        assert rot.angle_between(turned, rot.from_yaw(rot.yaw_of(turned))) < 0.06
+        assert abs(rot.yaw_of(turned)) < 0.2
+        joints = slice(7, 7 + len(ROBOT.joints))
+        assert np.abs(new[0, joints] - old[at, joints]).max() < 0.3
 
 
 @pytest.mark.parametrize("task", SEEN, ids=lambda task: task.name)
@@ -268,7 +271,7 @@ class ToldWrongAtFirst(Told):
 
 
 def test_who_sees_that_the_goal_is_elsewhere_plans_anew():
-    """Four chairs seem to be half a meter beside and turned by half a radian, for two seconds; three of four sit down
+    """Four chairs seem to be almost a meter beside and turned by a radian, for two seconds; three of four sit down
     all the same, and who may not plan anew does not.
     """
     task = TASKS.get("sit-chair")
@@ -277,7 +280,7 @@ def test_who_sees_that_the_goal_is_elsewhere_plans_anew():
     clips = ClipSet(task, ROBOT, [clips.motions[0] for clips in several], objects)
     stay = []
     for anew in (0.35, 0.0):
-        told = ToldWrongAtFirst(clips, 2.0, [0.2, 0.45], 0.5)
+        told = ToldWrongAtFirst(clips, 2.0, [0.3, 0.9], 1.0)
         taught = load_tracker(SHIPPED / "sit-chair" / "tracker", ROBOT)
         policy = OnlinePolicy(ROBOT, task, taught, told, OnlineConfig(anew=anew))
         (run,) = run_policy(policy, clips, env_config=ONE)
@@ -316,7 +319,7 @@ def test_the_shipped_tracker_follows_plans():
     several = [clip_of(task, index) for index in range(4)]
     objects = {key: obj for clips in several for key, obj in clips.objects.items()}
     clips = ClipSet(task, ROBOT, [clips.motions[0] for clips in several], objects)
-    taught = load_tracker(SHIPPED / "tracker", ROBOT)
+    taught = load_tracker(SHIPPED / "sit-chair" / "tracker", ROBOT)
     (run,) = run_policy(OnlinePolicy(ROBOT, task, taught, Told(clips), OnlineConfig()), clips, env_config=ONE)
     assert not run.errors and int(run.verdict.success.sum()) >= 3 and int(run.verdict.stays.sum()) >= 3
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -37,21 +37,28 @@ def draw(
     print(f"picture: {out}")
 
 
-def import_(
-    files: tyro.conf.Positional[tuple[Path, ...]],
-    task: Task = DEFAULT_TASK,
+@dataclass(frozen=True)
+class Known:
+    """What is known of meshes beforehand."""
+
     unit: Annotated[
         Literal["m", "cm", "mm", "in", "normalized"] | None,
         tyro.conf.arg(help="unit of the files' numbers; guessed if not given"),
-    ] = None,
+    ] = None
     height: Annotated[
         float | None, tyro.conf.arg(help="height that the objects shall have [m], instead of a unit")
-    ] = None,
-    scale: Annotated[float | None, tyro.conf.arg(help="meters per unit of the files, instead of a unit")] = None,
-    up: Annotated[Axis | None, tyro.conf.arg(help="the files' axis that points up; guessed if not given")] = None,
+    ] = None
+    scale: Annotated[float | None, tyro.conf.arg(help="meters per unit of the files, instead of a unit")] = None
+    up: Annotated[Axis | None, tyro.conf.arg(help="the files' axis that points up; guessed if not given")] = None
     front: Annotated[
         Axis | None, tyro.conf.arg(help="the files' axis that points to the objects' front; guessed if not given")
-    ] = None,
+    ] = None
+
+
+def import_(
+    files: tyro.conf.Positional[tuple[Path, ...]],
+    task: Task = DEFAULT_TASK,
+    known: Annotated[Known, tyro.conf.arg(name="")] = Known(),
     pieces: Annotated[
         Literal["convex", "boxes"],
         tyro.conf.arg(help="what the objects collide with: convex pieces, or the boxes around them"),
@@ -67,7 +74,8 @@ def import_(
     from mimicbench.tasks.registry import TASKS
 
     family = TASKS.get(task).family
-    config = ImportConfig(Wishes(unit, up, front, height, scale), pieces, mass)
+    wishes = Wishes(known.unit, known.up, known.front, known.height, known.scale)
+    config = ImportConfig(wishes, pieces, mass)
     stage, evidence = import_objects(workdir / task / "objects" / to, task, family, files, config, to_stderr)
     found = {**stage_summary(stage), "imported": [asdict(one) for one in evidence]}
     tell([found], as_json, stage_line(stage))

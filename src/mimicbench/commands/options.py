@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, fields, is_dataclass
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, ParamSpec, TypeVar, get_type_hints
@@ -43,6 +44,20 @@ Axis = Literal["x+", "x-", "y+", "y-", "z+", "z-"]
 WORK = Path("work")
 
 
+@dataclass(frozen=True)
+class Making:
+    """Where something is made, of what, by how many."""
+
+    workdir: Workdir = WORK
+    seed: Seed = 0
+    workers: Workers = 0
+    as_json: Json = False
+
+
+How = Annotated[Making, tyro.conf.arg(name="")]
+"""Its options have no prefix."""
+
+
 def checked(function: Callable[P, R]) -> Callable[P, R]:
     """The function, which raises BadSetting for numbers that are not finite, or out of the bounds in its annotations,
     and for a set's name that is no name.
@@ -52,7 +67,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     @wraps(function)
     def inside(*args: P.args, **values: P.kwargs) -> R:
         for name, value in values.items():
-            check_value(f"--{name.replace('_', '-')}", value, hints[name])
+            _check_option(name, value, hints[name])
         name: Any = values.get("to")
         if isinstance(name, str) and (not name or name == "made" or name.startswith(".") or not name.isprintable()):
             raise BadSetting(f"--to is {name!r}; give the set a name, such as `recorded`")
@@ -61,6 +76,15 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
         return function(*args, **values)
 
     return inside
+
+
+def _check_option(name: str, value: Any, hint: Any) -> None:
+    if is_dataclass(value):
+        hints = get_type_hints(type(value), include_extras=True)
+        for one in fields(value):
+            _check_option(one.name, getattr(value, one.name), hints[one.name])
+    else:
+        check_value(f"--{name.replace('_', '-')}", value, hint)
 
 
 def recipes(task: str, seed: int = 0, source: str = "made", count: int | None = None) -> list[Recipe]:

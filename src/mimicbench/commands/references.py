@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -12,14 +12,14 @@ import tyro
 from mimicbench.commands.options import (
     WORK,
     Axis,
+    How,
     Json,
-    Seed,
+    Making,
     SetName,
     Source,
     Task,
     Tasks,
     Workdir,
-    Workers,
     recipes,
 )
 from mimicbench.commands.telling import stage_line, stage_summary, tell
@@ -85,10 +85,7 @@ def augment(
     count: Annotated[Count, tyro.conf.arg(help="clips to make variants of; made if they are not there")] = 2000,
     source: Source = "made",
     to: SetName = "augmented",
-    workdir: Workdir = WORK,
-    seed: Seed = 0,
-    workers: Workers = 0,
-    as_json: Json = False,
+    how: How = Making(),
 ) -> None:
     """Make a set of clips and variants of them: mirrored, at other speeds, from other starts, on objects of other
     sizes; `--references.source` names it to later stages.
@@ -97,13 +94,13 @@ def augment(
     from mimicbench.references.augment import AugmentConfig, ClipSource, make_augmented
 
     made = []
-    for recipe in recipes(task, seed, source, count):
-        run = start(recipe, workdir, RunContext(workers, quiet=as_json))
+    for recipe in recipes(task, how.seed, source, count):
+        run = start(recipe, how.workdir, RunContext(how.workers, quiet=how.as_json))
         human = make_reference_stage(run)
         clips = ClipSource(make_object_stage(run), human, clips_of(human))
         fulfils = run.task.fulfilled_by_human
-        made.append(make_augmented(workdir, to, clips, AugmentConfig(kinds, copies), fulfils, run.context))
-    tell([stage_summary(one) for one in made], as_json, "\n".join(stage_line(one) for one in made))
+        made.append(make_augmented(how.workdir, to, clips, AugmentConfig(kinds, copies), fulfils, run.context))
+    tell([stage_summary(one) for one in made], how.as_json, "\n".join(stage_line(one) for one in made))
 
 
 def stats(
@@ -162,36 +159,43 @@ def _stats_beside_real(stages: Mapping[str, Stage], folders: tuple[Path, ...], a
     tell([{"phases": [asdict(row) for row in found]}], as_json, words)
 
 
-def import_(
-    files: tyro.conf.Positional[tuple[Path, ...]],
-    task: Task = DEFAULT_TASK,
+@dataclass(frozen=True)
+class Known:
+    """What is known of recordings beforehand."""
+
     form: Annotated[
         str, tyro.conf.arg(name="format", help=f"the files' format, by default found out: {', '.join(FORMATS)}")
-    ] = AUTO,
+    ] = AUTO
     fps: Annotated[
         float | None,
         tyro.conf.arg(help="the files' frames per second; by default as they say, or as is usual in the format"),
-    ] = None,
+    ] = None
     up: Annotated[
         Axis | None,
         tyro.conf.arg(help="the files' axis that points up; by default as is usual in the format, or guessed"),
-    ] = None,
+    ] = None
     unit: Annotated[
         Literal["m", "cm", "mm", "in", "cmu"] | None,
         tyro.conf.arg(help="the files' unit of length (bvh, roam); by default guessed by the legs' length"),
-    ] = None,
+    ] = None
     scale: Annotated[
         float | None, tyro.conf.arg(help="meters in the files' unit of length, instead of --unit (bvh, roam)")
-    ] = None,
+    ] = None
     floor: Annotated[
         float | None, tyro.conf.arg(help="height of the files' floor [m]; by default where the soles usually are")
-    ] = None,
+    ] = None
+    object_mesh: Annotated[
+        Path | None, tyro.conf.arg(help="mesh of the object that the files track (core4d, intermimic), in meters")
+    ] = None
+
+
+def import_(
+    files: tyro.conf.Positional[tuple[Path, ...]],
+    task: Task = DEFAULT_TASK,
+    known: Annotated[Known, tyro.conf.arg(name="")] = Known(),
     gate: Annotated[
         bool, tyro.conf.arg(help="leave out clips that the quality gate would not let pass from a synthetic person")
     ] = False,
-    object_mesh: Annotated[
-        Path | None, tyro.conf.arg(help="mesh of the object that the files track (core4d, intermimic), in meters")
-    ] = None,
     to: SetName = "recorded",
     workdir: Workdir = WORK,
     as_json: Json = False,
@@ -203,7 +207,8 @@ def import_(
     from mimicbench.references.make import Recordings, import_references
     from mimicbench.tasks.registry import TASKS
 
-    recordings = Recordings(files, form, Wishes(fps, up, unit, floor, object_mesh, scale), gate)
+    wishes = Wishes(known.fps, known.up, known.unit, known.floor, known.object_mesh, known.scale)
+    recordings = Recordings(files, known.form, wishes, gate)
     name, fulfils = TASKS.get(task).name, TASKS.get(task).fulfilled_by_human
     stage = import_references(workdir, to, name, recordings, fulfils, to_stderr)[1]
     tell([stage_summary(stage)], as_json, stage_line(stage))

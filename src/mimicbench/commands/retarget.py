@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from mimicbench.commands.options import WORK, Json, Seed, Source, Task, Tasks, Workdir, Workers, recipes
+from mimicbench.commands.options import WORK, How, Making, Source, Task, Tasks, Workdir, Workers, recipes
 from mimicbench.commands.telling import tell
 from mimicbench.core.run import RunContext
 from mimicbench.core.settings import Count
@@ -76,17 +76,14 @@ def compare(
     to: Annotated[
         Path | None, tyro.conf.arg(help="folder for page, tables and pictures; by default <workdir>/retarget-<variant>")
     ] = None,
-    workdir: Workdir = WORK,
-    seed: Seed = 0,
-    workers: Workers = 0,
-    as_json: Json = False,
+    how: How = Making(),
 ) -> None:
     """Retarget the same clips by every method and write a page: measures, K and pictures side by side."""
     from mimicbench.report.methods import compare_methods
     from mimicbench.report.table import to_terminal
 
-    folder = to or workdir / f"retarget-{variant}"
-    context = RunContext(workers, quiet=as_json)
-    found = compare_methods(recipes(task, seed, source, clips), variant, workdir, folder, pictures, context)
+    folder = to or how.workdir / f"retarget-{variant}"
+    context = RunContext(how.workers, quiet=how.as_json)
+    found = compare_methods(recipes(task, how.seed, source, clips), variant, how.workdir, folder, pictures, context)
     words = "\n".join([*(to_terminal(table) for table in found.tables()), f"page: {folder / 'index.html'}"])
-    tell([found.to_dict()], as_json, words)
+    tell([found.to_dict()], how.as_json, words)

@@ -17,13 +17,13 @@ LONG = 1.06
 """A stride for which the feet roll as below [leg lengths]; in proportion for others, up to 1.15 times."""
 LEAVING = CubicSpline(
     [-0.33, -0.27, -0.21, -0.16, -0.12, -0.08, -0.04, 0.0, 0.03, 0.06, 0.09, 0.13, 0.17, 0.21, 0.25, 0.29, 0.33],
-    np.deg2rad([0.0, 2.5, 4.5, 4.5, 6.5, 12.5, 24.0, 40.0, 49.0, 52.0, 49.0, 38.5, 26.0, 14.5, 6.0, 1.0, 0.0]),
+    np.deg2rad([0.0, 1.8, 3.2, 3.8, 6.3, 12.5, 24.0, 40.0, 49.0, 52.0, 49.0, 38.5, 26.0, 14.5, 6.0, 1.0, 0.0]),
     bc_type="clamped",
 )
 """Times from when the foot leaves the floor, in gait cycles, and its pitch then [rad]: the heel rises first."""
 LANDING = CubicSpline(
     [-0.22, -0.16, -0.10, -0.065, -0.035, 0.0, 0.04, 0.08, 0.12, 0.16, 0.20, 0.24],
-    -np.deg2rad([0.0, 3.0, 13.0, 18.0, 20.0, 17.5, 11.5, 7.5, 4.8, 2.8, 1.0, 0.0]),
+    -np.deg2rad([0.0, 0.0, 3.0, 8.0, 12.0, 12.5, 9.5, 6.5, 4.2, 2.4, 1.0, 0.0]),
     bc_type="clamped",
 )
 """Times from when the heel lands, in gait cycles, and the pitch that is added then [rad]: the toes come down late."""

@@ -9,8 +9,10 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.references.locomotion.route import Route, left_of
 
-QUICK = 0.8
-"""A step on the spot takes this share of the time of one on the way."""
+QUICK, WHOLE = 0.8, 0.5
+"""A step on the spot takes this share of the time of one on the way, and one of this share of the usual length all of
+it: who walks slower takes his steps less often, not more (Boulic et al. 1990).
+"""
 LONGEST = 0.62
 """Between the ankles at a touch-down, at most, unless the usual step is almost as long [m]."""
 
@@ -25,11 +27,11 @@ class Gait:
     """Between the ankles [m]."""
     max_turn: float = 0.70
     """Change of heading per step [rad]."""
-    first_step: float = 0.65
+    first_step: float = 0.85
     """Length of the first step, as a share of the usual."""
-    last_step: float = 0.7
+    last_step: float = 0.85
     """And that of the last one, in which the body comes to rest."""
-    stretch: float = 0.05
+    stretch: float = 0.35
     """The steps to the end of the way may all be longer than usual, to be one fewer, if the last would be shorter than
     this share of one."""
     clearance: float = 0.048
@@ -120,7 +122,7 @@ def plan_footsteps(
 def step_times(centers: list[np.ndarray], gait: Gait) -> np.ndarray:
     """(N,) how long the steps take [s] with which a body goes through N + 1 places (2,) [m]."""
     gone = np.linalg.norm(np.diff(centers, axis=0), axis=-1) / (gait.speed * gait.period)
-    return gait.period * (QUICK + (1.0 - QUICK) * np.minimum(gone, 1.0))
+    return gait.period * (QUICK + (1.0 - QUICK) * np.minimum(gone / WHOLE, 1.0))
 
 
 def first_side(start_yaw: float, yaws: list[float]) -> int:
@@ -151,7 +153,7 @@ def place_feet(
         scale: Body size.
     """
     half, apart = 0.5 * gait.width * scale, min(0.185, 0.8 * gait.width) * scale
-    longest = max(LONGEST, 1.15 * gait.speed * gait.period)
+    longest = max(LONGEST, 1.2 * gait.speed * gait.period)
     foot_xy, foot_yaw = foot_xy.copy(), list(foot_yaw)
     sides, landed = [], []
     for center, yaw in zip(centers, yaws, strict=True):

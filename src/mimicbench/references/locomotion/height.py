@@ -26,7 +26,7 @@ UPRIGHT, STRAIGHTEST = np.deg2rad(5.5), np.deg2rad(4.0)
 """No knee of a leg that bears is straighter after a step on the spot, and after a long one [rad]."""
 LANDED = np.deg2rad(8.0)
 """And none of a leg that has just landed from a long one [rad]."""
-EARLY, LATE = -0.03, 0.11
+EARLY, LATE = -0.015, 0.12
 """The pelvis goes over from one leg's arc to the next one's from and until so long before and after the foot lands, in
 gait cycles."""
 SOFT = 0.10

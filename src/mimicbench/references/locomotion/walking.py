@@ -102,7 +102,7 @@ class Walk:
         upper, elbow = [], []
         for sign in (1.0, -1.0):
             swing = 0.24 * amount * sign * ahead
-            upper.append(rot.multiply(about_y(0.02 + swing), about_x(np.full_like(swing, sign * 0.13))))
+            upper.append(rot.multiply(about_y(0.02 + swing), about_x(np.full_like(swing, sign * 0.28))))
             elbow.append(about_y(-0.40 + 0.7 * swing))
         return Arms(np.stack(upper, 1), np.stack(elbow, 1))
 

@@ -36,7 +36,7 @@ from mimicbench.references.locomotion.route import Route
 from mimicbench.references.locomotion.walking import FPS, Walk, follow
 from mimicbench.references.synthesis.synthesis import Synthesis
 
-STRIDES = Gait(speed=0.55, stand=0.5, width=0.185)
+STRIDES = Gait(speed=0.55, stand=0.5, width=0.185, first_step=0.65, last_step=0.7, stretch=0.05)
 """Short steps, feet as far apart as who bends and squats wants them."""
 SIDES = np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
 """(2, 3) out of the box, where the left and the right hand clasp it."""

@@ -33,7 +33,7 @@ from mimicbench.references.locomotion.route import Route
 from mimicbench.references.locomotion.walking import FPS, Walk, follow
 from mimicbench.references.synthesis.synthesis import Synthesis
 
-STRIDES = Gait(speed=0.55, stand=0.5, width=0.185)
+STRIDES = Gait(speed=0.55, stand=0.5, width=0.185, first_step=0.65, last_step=0.7, stretch=0.05)
 """Short steps, feet as far apart as who bends and squats wants them."""
 STANCES = (-0.12, -0.04, 0.04)
 """How much nearer to the object than usual to stand [m]: the easiest is taken."""

@@ -2,7 +2,6 @@
 legs can be.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -13,7 +12,8 @@ from mimicbench.references.curves import minimum_jerk, smooth_above
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.grounding import FEET, runs
 from mimicbench.retarget.mapping import Bound, followed_points
-from mimicbench.retarget.samples import Scene, balls_of
+from mimicbench.retarget.methods.feet import clear_of_object, footprints, on_toes, shapes_of
+from mimicbench.retarget.samples import Scene
 from mimicbench.retarget.trunk import bears, trunk_rests
 from mimicbench.robots.mapping import Mapping
 
@@ -22,8 +22,6 @@ STRETCH = 0.98
 """Share of its length that a standing leg may have from hip to ankle: 0.4 rad of bend in the knee."""
 REACHING = 0.8
 """[s] Before and after a hand's contact, over which its path is bent towards the place of contact."""
-FOOT_CLEAR = 0.004
-"""[m] Between a standing foot and the object."""
 PRESS = 0.003
 """[m] How deep a hand's ball is in what it touches."""
 
@@ -64,17 +62,9 @@ def anchors_of(
         pair = bound.links.tolist().index(link)
         rests = bears(motion, label)
         human = rot.multiply(quat_w[:, joint], bound.turn_offsets[bound.turn_links.tolist().index(link)])
-        clear = partial(_clear_of_object, Scene.of(motion, clip.obj), _shapes_of(clip, link))
-        place, turn, floor = _foot(
-            motion.fps,
-            rests,
-            followed[:, pair],
-            human,
-            -float(bound.sole[:, 2].min()),
-            pos_w[:, joint, 2],
-            mapping,
-            clear,
-        )
+        clear = partial(clear_of_object, Scene.of(motion, clip.obj), shapes_of(clip, link))
+        near_floor = 2.0 * mapping.ankle_height - pos_w[:, joint, 2]
+        place, turn, floor = footprints(motion.fps, rests, followed[:, pair], human, bound.sole, near_floor, clear)
         if heels:
             share = smooth_above((trunk_rests(motion) & floor).astype(float), max(1, round(0.5 * motion.fps)))
             place, turn = on_toes(place, turn, bound.sole[-1], heels * share)
@@ -88,81 +78,6 @@ def anchors_of(
     floor = np.stack(on_floor, 1)
     lowering = _lowering(clip, bound, followed, quat_w, feet, floor)
     return Anchors(feet, np.stack(foot_quat, 1), np.stack(standing, 1), floor, hand_pos, holding, nearness, lowering)
-
-
-def _foot(
-    fps: float,
-    bears: np.ndarray,
-    followed: np.ndarray,
-    human: np.ndarray,
-    sole: float,
-    ankle_height: np.ndarray,
-    mapping: Mapping,
-    clear: Callable[[int, np.ndarray, np.ndarray], np.ndarray],
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions (T, 3) and orientations (T, 4) of a foot that is still while it bears, and (T,) whether that is on
-    the floor.
-
-    Standing, it is flat where the human's is flattest; swinging, it follows the human's path, bent so that it leaves
-    and arrives there.
-    """
-    frames = len(bears)
-    level = rot.from_yaw(rot.yaw_of(human))
-    tilt = rot.angle_between(human, level)
-    place, turn, floor = followed.copy(), human.copy(), np.zeros(frames, bool)
-    standing = runs(bears)
-    for start, end in standing:
-        flattest = start + np.flatnonzero(tilt[start:end] <= tilt[start:end].min() + 0.02)
-        at = np.median(followed[flattest], 0)
-        if ankle_height[flattest].min() < 2.0 * mapping.ankle_height:
-            floor[start:end] = True
-            at[2] = sole
-            heading = level[flattest]
-            turn[start:end] = rot.normalize((heading * np.sign((heading * heading[:1]).sum(-1, keepdims=True))).mean(0))
-            at = clear(start, at, turn[start])
-        place[start:end] = at
-    moved = place - followed
-    edges = [0, *[edge for run in standing for edge in run], frames]
-    for start, end in zip(edges[::2], edges[1::2], strict=True):  # the swings
-        if start == end:
-            continue
-        before = moved[start - 1] if start > 0 else (moved[end] if end < frames else np.zeros(3))
-        after = moved[end] if end < frames else before
-        u = (np.arange(start, end) - start + 1.0) / (end - start + 1.0)
-        place[start:end] = followed[start:end] + before + minimum_jerk(u)[:, None] * (after - before)
-        # the foot leaves and arrives flat
-        free = np.minimum(1.0, np.minimum(u, 1 - u) * (end - start + 1.0) / fps / 0.12)
-        turn[start:end] = rot.slerp(level[start:end], human[start:end], free)
-    return place, turn, floor
-
-
-def on_toes(place: np.ndarray, turn: np.ndarray, toe: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A foot's positions (T, 3) and orientations (T, 4), pitched by angles (T,) [rad] about its toe (3,) [m]."""
-    pitched = rot.multiply(turn, rot.from_rotvec(angle[:, None] * np.array([0.0, 1.0, 0.0])))
-    return place + rot.rotate(turn, toe) - rot.rotate(pitched, toe), pitched
-
-
-def _shapes_of(clip: Clip, link: int) -> tuple[np.ndarray, np.ndarray]:
-    """Centers (S, 3) and radii (S,) of the balls of one link [m]."""
-    balls = balls_of(clip.robot)
-    return balls.center[balls.link == link], balls.radius[balls.link == link]
-
-
-def _clear_of_object(
-    scene: Scene, shapes: tuple[np.ndarray, np.ndarray], frame: int, place: np.ndarray, turn: np.ndarray
-) -> np.ndarray:
-    """A foot's place (3,) moved sideways until it is out of the object: a robot's foot is longer than a person's."""
-    centers, radii = shapes
-    for _ in range(12):
-        points = place + rot.rotate(turn, centers)
-        distance, normal = scene.object_distance(np.full(len(points), frame), points)
-        distance = distance - radii - FOOT_CLEAR
-        worst = int(distance.argmin())
-        way = normal[worst] * [1.0, 1.0, 0.0]
-        if distance[worst] >= 0 or np.linalg.norm(way) < 0.5:
-            break
-        place = place - way / np.linalg.norm(way) * (distance[worst] - 1e-4)
-    return place
 
 
 def _hand(
