@@ -56,6 +56,7 @@ class Making:
 
 How = Annotated[Making, tyro.conf.arg(name="")]
 """Its options have no prefix."""
+AS_USUAL = Making()
 
 
 def checked(function: Callable[P, R]) -> Callable[P, R]:

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from mimicbench.commands.options import (
+    AS_USUAL,
     WORK,
     Axis,
     How,
     Json,
-    Making,
     SetName,
     Source,
     Task,
@@ -85,7 +85,7 @@ def augment(
     count: Annotated[Count, tyro.conf.arg(help="clips to make variants of; made if they are not there")] = 2000,
     source: Source = "made",
     to: SetName = "augmented",
-    how: How = Making(),
+    how: How = AS_USUAL,
 ) -> None:
     """Make a set of clips and variants of them: mirrored, at other speeds, from other starts, on objects of other
     sizes; `--references.source` names it to later stages.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from mimicbench.commands.options import WORK, How, Making, Source, Task, Tasks, Workdir, Workers, recipes
+from mimicbench.commands.options import AS_USUAL, WORK, How, Source, Task, Tasks, Workdir, Workers, recipes
 from mimicbench.commands.telling import tell
 from mimicbench.core.run import RunContext
 from mimicbench.core.settings import Count
@@ -76,7 +76,7 @@ def compare(
     to: Annotated[
         Path | None, tyro.conf.arg(help="folder for page, tables and pictures; by default <workdir>/retarget-<variant>")
     ] = None,
-    how: How = Making(),
+    how: How = AS_USUAL,
 ) -> None:
     """Retarget the same clips by every method and write a page: measures, K and pictures side by side."""
     from mimicbench.report.methods import compare_methods
