@@ -45,9 +45,7 @@ class Known:
         Literal["m", "cm", "mm", "in", "normalized"] | None,
         tyro.conf.arg(help="unit of the files' numbers; guessed if not given"),
     ] = None
-    height: Annotated[float | None, tyro.conf.arg(help="height that the objects shall have [m], instead of a unit")] = (
-        None
-    )
+    height: Annotated[float | None, tyro.conf.arg(help="height of the objects [m], instead of a unit")] = None
     scale: Annotated[float | None, tyro.conf.arg(help="meters per unit of the files, instead of a unit")] = None
     up: Annotated[Axis | None, tyro.conf.arg(help="the files' axis that points up; guessed if not given")] = None
     front: Annotated[
