@@ -15,7 +15,7 @@ from mimicbench.references.body.body import body_of, core4d_body
 from mimicbench.references.body.posing import Arms, Legs, Trunk, pose, reach, shoulders
 from mimicbench.references.checks.quality import check_clip, faults
 from mimicbench.references.locomotion.gait import Gait
-from mimicbench.references.synthesis import lift_box, touch_points
+from mimicbench.references.synthesis import lift_box
 from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.references.synthesis.touch_points import synthesize_touch_points
 
@@ -196,10 +196,10 @@ def test_hands_out_of_reach_stay_behind_without_a_snap():
 def test_steps_arrive_beside_each_other_without_crossing():
     stop = np.array([0.7, 0.2])
     for side in (-0.2, 0.2):
-        steps = reaching.steps_up_to(stop + [0.6, side], np.pi + 0.3, stop, np.pi, touch_points.STRIDES, 1.0)
+        steps = reaching.steps_up_to(stop + [0.6, side], np.pi + 0.3, stop, np.pi, reaching.STRIDES, 1.0)
         left, right = (steps.xy[steps.side == foot][-1] for foot in (0, 1))
         assert 0.5 * (left + right) == pytest.approx(stop) and right[1] - left[1] == pytest.approx(
-            touch_points.STRIDES.width
+            reaching.STRIDES.width
         )
         assert (np.diff(steps.side) != 0).all() and steps.yaw[-1] == pytest.approx(np.pi)
 

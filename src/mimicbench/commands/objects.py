@@ -72,8 +72,7 @@ def import_(
     from mimicbench.tasks.registry import TASKS
 
     family = TASKS.get(task).family
-    wishes = Wishes(known.unit, known.up, known.front, known.height, known.scale)
-    config = ImportConfig(wishes, pieces, mass)
+    config = ImportConfig(Wishes(**asdict(known)), pieces, mass)
     stage, evidence = import_objects(workdir / task / "objects" / to, task, family, files, config, to_stderr)
     found = {**stage_summary(stage), "imported": [asdict(one) for one in evidence]}
     tell([found], as_json, stage_line(stage))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, ParamSpec, TypeVar, g
 
 import tyro
 
+from mimicbench.core.run import RunContext
 from mimicbench.core.settings import BadSetting, Within, check_value
 from mimicbench.tasks.registry import TASKS
 
@@ -46,12 +47,16 @@ WORK = Path("work")
 
 @dataclass(frozen=True)
 class Making:
-    """Where something is made, of what, by how many."""
+    """Options of commands that make something without a recipe of their own."""
 
     workdir: Workdir = WORK
     seed: Seed = 0
     workers: Workers = 0
     as_json: Json = False
+
+    def context(self) -> RunContext:
+        """How stages are to run. Raises MimicbenchError."""
+        return RunContext(self.workers, quiet=self.as_json)
 
 
 How = Annotated[Making, tyro.conf.arg(name="")]

@@ -24,7 +24,7 @@ from mimicbench.commands.options import (
 )
 from mimicbench.commands.telling import stage_line, stage_summary, tell
 from mimicbench.core.errors import MimicbenchError
-from mimicbench.core.run import RunContext, to_stderr
+from mimicbench.core.run import to_stderr
 from mimicbench.core.settings import Count
 from mimicbench.references.importers.registry import AUTO, FORMATS
 from mimicbench.tasks.registry import DEFAULT_TASK
@@ -95,7 +95,7 @@ def augment(
 
     made = []
     for recipe in recipes(task, how.seed, source, count):
-        run = start(recipe, how.workdir, RunContext(how.workers, quiet=how.as_json))
+        run = start(recipe, how.workdir, how.context())
         human = make_reference_stage(run)
         clips = ClipSource(make_object_stage(run), human, clips_of(human))
         fulfils = run.task.fulfilled_by_human
@@ -163,9 +163,6 @@ def _stats_beside_real(stages: Mapping[str, Stage], folders: tuple[Path, ...], a
 class Known:
     """What is known of recordings beforehand."""
 
-    form: Annotated[
-        str, tyro.conf.arg(name="format", help=f"the files' format, by default found out: {', '.join(FORMATS)}")
-    ] = AUTO
     fps: Annotated[
         float | None,
         tyro.conf.arg(help="the files' frames per second; by default as they say, or as is usual in the format"),
@@ -184,14 +181,20 @@ class Known:
     floor: Annotated[
         float | None, tyro.conf.arg(help="height of the files' floor [m]; by default where the soles usually are")
     ] = None
-    object_mesh: Annotated[
-        Path | None, tyro.conf.arg(help="mesh of the object that the files track (core4d, intermimic), in meters")
+    mesh: Annotated[
+        Path | None,
+        tyro.conf.arg(
+            name="object-mesh", help="mesh of the object that the files track (core4d, intermimic), in meters"
+        ),
     ] = None
 
 
 def import_(
     files: tyro.conf.Positional[tuple[Path, ...]],
     task: Task = DEFAULT_TASK,
+    form: Annotated[
+        str, tyro.conf.arg(name="format", help=f"the files' format, by default found out: {', '.join(FORMATS)}")
+    ] = AUTO,
     known: Annotated[Known, tyro.conf.arg(name="")] = Known(),
     gate: Annotated[
         bool, tyro.conf.arg(help="leave out clips that the quality gate would not let pass from a synthetic person")
@@ -207,8 +210,7 @@ def import_(
     from mimicbench.references.make import Recordings, import_references
     from mimicbench.tasks.registry import TASKS
 
-    wishes = Wishes(known.fps, known.up, known.unit, known.floor, known.object_mesh, known.scale)
-    recordings = Recordings(files, known.form, wishes, gate)
+    recordings = Recordings(files, form, Wishes(**asdict(known)), gate)
     name, fulfils = TASKS.get(task).name, TASKS.get(task).fulfilled_by_human
     stage = import_references(workdir, to, name, recordings, fulfils, to_stderr)[1]
     tell([stage_summary(stage)], as_json, stage_line(stage))

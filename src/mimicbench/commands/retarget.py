@@ -9,7 +9,6 @@ import tyro
 
 from mimicbench.commands.options import AS_USUAL, WORK, How, Source, Task, Tasks, Workdir, Workers, recipes
 from mimicbench.commands.telling import tell
-from mimicbench.core.run import RunContext
 from mimicbench.core.settings import Count
 from mimicbench.tasks.registry import DEFAULT_TASK
 
@@ -83,7 +82,7 @@ def compare(
     from mimicbench.report.table import to_terminal
 
     folder = to or how.workdir / f"retarget-{variant}"
-    context = RunContext(how.workers, quiet=how.as_json)
-    found = compare_methods(recipes(task, how.seed, source, clips), variant, how.workdir, folder, pictures, context)
+    wanted = recipes(task, how.seed, source, clips)
+    found = compare_methods(wanted, variant, how.workdir, folder, pictures, how.context())
     words = "\n".join([*(to_terminal(table) for table in found.tables()), f"page: {folder / 'index.html'}"])
     tell([found.to_dict()], how.as_json, words)

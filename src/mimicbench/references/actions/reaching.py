@@ -34,6 +34,8 @@ from mimicbench.references.locomotion.walking import Walk
 Some = TypeVar("Some", Trunk, Legs, Arms)
 SIZES = (0.86, 1.04)
 """Body sizes: statures of 1.55 to 1.88 m."""
+STRIDES = Gait(speed=0.55, stand=0.5, width=0.185, first_step=0.65, last_step=0.7, stretch=0.05)
+"""Short steps, feet as far apart as who bends and squats wants them."""
 WRIST = 1.2
 """[rad] that a wrist bends, at most."""
 AHEAD = 0.6

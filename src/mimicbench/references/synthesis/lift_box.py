@@ -18,6 +18,7 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.references.actions.postures import Ground, Manner, Posture, depth, elbow_axes, find_posture, placed
 from mimicbench.references.actions.reaching import (
     SIZES,
+    STRIDES,
     Grasp,
     cut,
     draw_approach,
@@ -31,13 +32,10 @@ from mimicbench.references.body.limbs import about_y
 from mimicbench.references.body.posing import blend, pose, reach
 from mimicbench.references.curves import minimum_jerk
 from mimicbench.references.locomotion.course import Course
-from mimicbench.references.locomotion.gait import Gait
 from mimicbench.references.locomotion.route import Route
 from mimicbench.references.locomotion.walking import FPS, Walk, follow
 from mimicbench.references.synthesis.synthesis import Synthesis
 
-STRIDES = Gait(speed=0.55, stand=0.5, width=0.185, first_step=0.65, last_step=0.7, stretch=0.05)
-"""Short steps, feet as far apart as who bends and squats wants them."""
 SIDES = np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
 """(2, 3) out of the box, where the left and the right hand clasp it."""
 HANDS_OFF = 0.024

@@ -14,6 +14,7 @@ from mimicbench.objects.touch import stance_before, touch_pair
 from mimicbench.references.actions.postures import Ground, Manner, Posture, chest_turn, find_posture
 from mimicbench.references.actions.reaching import (
     SIZES,
+    STRIDES,
     Grasp,
     cut,
     draw_approach,
@@ -28,13 +29,10 @@ from mimicbench.references.body.limbs import about_y, glide
 from mimicbench.references.body.posing import pose
 from mimicbench.references.curves import minimum_jerk
 from mimicbench.references.locomotion.course import Course
-from mimicbench.references.locomotion.gait import Gait
 from mimicbench.references.locomotion.route import Route
 from mimicbench.references.locomotion.walking import FPS, Walk, follow
 from mimicbench.references.synthesis.synthesis import Synthesis
 
-STRIDES = Gait(speed=0.55, stand=0.5, width=0.185, first_step=0.65, last_step=0.7, stretch=0.05)
-"""Short steps, feet as far apart as who bends and squats wants them."""
 STANCES = (-0.12, -0.04, 0.04)
 """How much nearer to the object than usual to stand [m]: the easiest is taken."""
 ROUNDED = (0.0, 0.35)
