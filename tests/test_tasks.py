@@ -137,6 +137,16 @@ def test_learning_sees_little_of_the_rest(fps):
     assert LIFT_BOX.trimmed(motion, block(), H1) is motion, "judged in the last frame"
 
 
+def test_the_pose_that_is_held_fulfils_k():
+    """Who sits for 25 frames from the tenth on and then stands up again: K is fulfilled in frame 24 and lost from frame
+    35 on, so that half of the way there is frame 29.
+    """
+    motion = clip(25)
+    cut = SIT_CHAIR.trimmed(motion, block(), H1)
+    assert cut.frames == 30
+    assert SIT_CHAIR.held(cut, block(), H1)[-SIT_CHAIR.hold_frames(50.0) :].all()
+
+
 @given(st.lists(st.booleans(), max_size=20), st.integers(1, 4))
 def test_first_run(values, length):
     end = first_run(np.array(values, bool), length)

@@ -20,7 +20,7 @@ def _xp(x: Array) -> Any:
     return sys.modules["torch"] if type(x).__module__.startswith("torch") else np
 
 
-def _cross(a: Array, b: Array) -> Array:
+def cross(a: Array, b: Array) -> Array:
     """Cross product over the last axis; faster than the libraries' own on small batches."""
     ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
     bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
@@ -60,15 +60,15 @@ def normalize(q: Array) -> Array:
 def rotate(q: Array, v: Array) -> Array:
     """Turn vectors v (..., 3) by q (..., 4)."""
     w, u = q[..., :1], q[..., 1:]
-    t = 2.0 * _cross(u, v)
-    return v + w * t + _cross(u, t)
+    t = 2.0 * cross(u, v)
+    return v + w * t + cross(u, t)
 
 
 def rotate_inverse(q: Array, v: Array) -> Array:
     """Turn vectors v (..., 3) by the inverse of q (..., 4)."""
     w, u = q[..., :1], q[..., 1:]
-    t = 2.0 * _cross(u, v)
-    return v - w * t + _cross(u, t)
+    t = 2.0 * cross(u, v)
+    return v - w * t + cross(u, t)
 
 
 def from_rotvec(r: Array) -> Array:
@@ -192,7 +192,7 @@ def from_6d(columns: Array) -> Array:
     """Quaternions, with w >= 0, of two columns (..., 6) that need not be quite orthonormal: the inverse of `to_6d`."""
     a = normalize(columns[..., :3])
     b = normalize(columns[..., 3:] - (a * columns[..., 3:]).sum(-1)[..., None] * a)
-    return from_matrix(_xp(columns).stack([a, b, _cross(a, b)], -1))
+    return from_matrix(_xp(columns).stack([a, b, cross(a, b)], -1))
 
 
 def from_yaw(yaw: Array) -> Array:

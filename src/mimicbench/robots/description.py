@@ -139,6 +139,28 @@ class Robot:
         return np.array([joint.link for joint in self.joints])
 
     @cached_property
+    def link_levels(self) -> tuple[list[int], ...]:
+        """Links in order of their depth below the root, those of one depth together; without the root."""
+        depths: list[int] = []
+        for parent in self.link_parents:
+            depths.append(0 if parent < 0 else depths[parent] + 1)
+        return tuple([i for i, at in enumerate(depths) if at == depth] for depth in range(1, max(depths) + 1))
+
+    @cached_property
+    def link_joint(self) -> np.ndarray:
+        """(L,) index of the joint that drives each link; 0 where none does."""
+        driving = np.zeros(len(self.links), int)
+        driving[self.joint_link] = range(len(self.joints))
+        return driving
+
+    @cached_property
+    def link_axis(self) -> np.ndarray:
+        """(L, 3) the joint's axis in the link frame; zero where none drives it."""
+        axes = np.zeros((len(self.links), 3))
+        axes[self.joint_link] = self.joint_axis
+        return axes
+
+    @cached_property
     def joint_axis(self) -> np.ndarray:
         """(N, 3) axes in the link frame."""
         return np.array([joint.axis for joint in self.joints])

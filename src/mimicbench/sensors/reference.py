@@ -53,25 +53,24 @@ def object_in_root(state: RobotState, obj: ObjectState) -> Tensor:
 
 
 def reference_links(robot: Robot, frame: Frame) -> LinkState:
-    """Link poses and velocities of a reference frame by forward kinematics."""
-    parents, drives = robot.link_parents, {int(link): j for j, link in enumerate(robot.joint_link)}
+    """Link poses and velocities of a reference frame by forward kinematics, of all links of one depth at once."""
     offsets, rests, axes = (
-        frame.root_pos_w.new_tensor(array) for array in (robot.link_pos, robot.link_quat, robot.joint_axis)
+        frame.root_pos_w.new_tensor(array) for array in (robot.link_pos, robot.link_quat, robot.link_axis)
     )
-    pos, quat, lin, ang = [frame.root_pos_w], [frame.root_quat_w], [frame.root_lin_vel_w], [frame.root_ang_vel_w]
-    for i, parent in enumerate(parents):
-        if parent < 0:
-            continue
-        arm = rot.rotate(quat[parent], offsets[i].expand_as(frame.root_pos_w))
-        turned = rot.multiply(quat[parent], rests[i].expand_as(frame.root_quat_w))
-        spin = ang[parent]
-        if i in drives:
-            j = drives[i]
-            axis_w = rot.rotate(turned, axes[j].expand_as(frame.root_pos_w))
-            turned = rot.multiply(turned, rot.from_rotvec(axes[j] * frame.joint_pos[:, j, None]))
-            spin = spin + axis_w * frame.joint_vel[:, j, None]
-        pos.append(pos[parent] + arm)
-        quat.append(turned)
-        lin.append(lin[parent] + torch.linalg.cross(ang[parent], arm))
-        ang.append(spin)
-    return LinkState(torch.stack(pos, 1), torch.stack(quat, 1), torch.stack(lin, 1), torch.stack(ang, 1))
+    turns = rot.from_rotvec(axes * frame.joint_pos[:, robot.link_joint, None])
+    root = (frame.root_pos_w, frame.root_quat_w, frame.root_lin_vel_w, frame.root_ang_vel_w)
+    links = [part[:, None].repeat(1, len(robot.links), 1) for part in root]
+    xp, (offsets, rests, axes, turns, joint_vel, pos, quat, lin, ang) = own(
+        offsets, rests, axes, turns, frame.joint_vel, *links
+    )
+    for level in robot.link_levels:
+        parents = [robot.link_parents[link] for link in level]
+        turned, spin = quat[:, parents], ang[:, parents]
+        arm = rot.rotate(turned, offsets[level])
+        turned = rot.multiply(turned, rests[level])
+        axes_w, speeds = rot.rotate(turned, axes[level]), joint_vel[:, robot.link_joint[level], None]
+        pos[:, level] = pos[:, parents] + arm
+        quat[:, level] = rot.multiply(turned, turns[:, level])
+        lin[:, level] = lin[:, parents] + rot.cross(spin, arm)
+        ang[:, level] = spin + axes_w * speeds
+    return LinkState(*(tensor(xp, part) for part in (pos, quat, lin, ang)))

@@ -185,34 +185,45 @@ class Task:
         filter before retargeting.
         """
         points = human_points(motion, motion.forward_kinematics()[0])
-        return self._judge(self._held(points, motion, obj), motion.fps)
+        return self._judge(self.holds(points, _info(motion, obj)), motion.fps)
 
     def trimmed(self, motion: RobotMotion, obj: SceneObject, robot: Robot) -> RobotMotion:
         """A robot motion up to REST seconds after it first fulfils K: nobody needs to learn how to go on resting.
 
-        The motion itself where K is judged in the last frame, or never fulfilled.
+        Where its condition is lost before that, as by people who cross their legs once they lie, half of the way
+        to there: the last pose is held from then on, and K would not hold in it. The motion itself where K is judged in
+        the last frame, or never fulfilled.
         """
         if self.in_last_frame:
             return motion
-        end = first_run(self.held(motion, obj, robot), self.hold_frames(motion.fps))
-        return motion if end is None else motion.first(end + 1 + round(REST * motion.fps))
+        held = self.held(motion, obj, robot)
+        end = first_run(held, self.hold_frames(motion.fps))
+        if end is None:
+            return motion
+        last = end + round(REST * motion.fps)
+        lost = np.flatnonzero(~held[end : last + 1])
+        if len(lost):
+            last = end + int(lost[0]) // 2
+        return motion.first(last + 1)
 
     def held(self, motion: RobotMotion, obj: SceneObject, robot: Robot) -> np.ndarray:
         """(T,) whether the condition of K holds in each frame of a robot motion."""
         points = BodyPoints.of(
             robot, *robot.forward_kinematics(motion.root_pos_w, motion.root_quat_w, motion.joint_pos)
         )
-        return self._held(points, motion, obj)
-
-    def _held(self, points: BodyPoints, motion: HumanMotion | RobotMotion, obj: SceneObject) -> np.ndarray:
-        info = ObjectInfo.of([obj], [motion.wrist_goal_w]).repeated(motion.frames)
-        if len(motion.object_pos_w):
-            info = info.moved(motion.object_pos_w, motion.object_quat_w)
-        return self.holds(points, info)
+        return self.holds(points, _info(motion, obj))
 
     def _judge(self, holds: np.ndarray, fps: float) -> bool:
         needed = self.hold_frames(fps)
         return bool(holds[-needed:].all()) if self.in_last_frame else longest_run(holds) >= needed
+
+
+def _info(motion: HumanMotion | RobotMotion, obj: SceneObject) -> ObjectInfo:
+    """Object and goals in each frame of a motion."""
+    info = ObjectInfo.of([obj], [motion.wrist_goal_w]).repeated(motion.frames)
+    if len(motion.object_pos_w):
+        info = info.moved(motion.object_pos_w, motion.object_quat_w)
+    return info
 
 
 def human_points(motion: HumanMotion, joint_pos_w: np.ndarray) -> BodyPoints:
