@@ -4,10 +4,11 @@
 what came before. A test fails where a page says something else than the rows.
 """
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from mimicbench.evaluate.rows import EpisodeRow, read_rows
+from mimicbench.evaluate.rows import EpisodeRow, read_rows, summarize
 from mimicbench.report.table import to_markdown
 from mimicbench.report.tables.registry import TABLES
 from mimicbench.report.tables.spec import Episodes
@@ -41,6 +42,24 @@ def of_run(folder: Path) -> str:
     return table_of("best" if len({row.task for row in rows}) > 1 else "beside-paper", rows)
 
 
+def recorded(parts: Mapping[str, Path]) -> str:
+    """A row for each file of episodes with recorded people, and one for each of the recordings in it."""
+    lines = ["| | recordings | K | K and P | stays |", "|---|---|---:|---:|---:|"]
+    for title, path in parts.items():
+        people = defaultdict[str, list[EpisodeRow]](list)
+        for row in read_rows(path):
+            people[row.reference_id.partition("~")[0].removeprefix("real-").rpartition("-")[0]].append(row)
+        if len(people) > 1:
+            lines.append(_recorded(title, str(len(people)), [row for each in people.values() for row in each]))
+        lines += [_recorded("" if len(people) > 1 else title, f"`{name}`", people[name]) for name in sorted(people)]
+    return "\n".join(lines) + "\n"
+
+
+def _recorded(title: str, people: str, rows: Sequence[EpisodeRow]) -> str:
+    found = summarize(rows)
+    return f"| {title} | {people} | {found.kinematic} | {found.energy} | {found.stays} |"
+
+
 def with_table(page: str, name: str, table: str) -> str:
     """A page with the table between the marks of that name; the page as it is without such marks."""
     begin, end = f"<!-- {name} -->\n", f"<!-- /{name} -->"
@@ -53,6 +72,17 @@ def pages() -> dict[Path, str]:
     results = RESULTS.read_text()
     for folder in sorted(path.parent for path in (ROOT / "runs").glob("*/evaluate")):
         results = with_table(results, f"runs/{folder.name}", of_run(folder))
+    starts, sitting, lying = (
+        ROOT / "runs" / name / "rows" for name in ("real-starts", "real-people", "real-people-lying")
+    )
+    results = with_table(results, "real-starts", recorded({f"`{task}`": starts / f"{task}.parquet" for task in TASKS}))
+    followed = {
+        f"`{task}`, {words}": folder / f"{task}-{split}.parquet"
+        for folder, tasks in ((sitting, ("sit-chair", "sit-sofa")), (lying, ("lie-bed", "lie-sofa")))
+        for task in tasks
+        for split, words in (("learn", "learned from"), ("judge", "never met"))
+    }
+    results = with_table(results, "real-people", recorded(followed))
     return {README: with_table(README.read_text(), "results", best()), RESULTS: results}
 
 

@@ -1,6 +1,7 @@
 """K by hand at every threshold, P by hand, and a judge on a made-up trace of placed robots."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -24,8 +25,9 @@ from mimicbench.tasks.lie_bed import TASK as LIE_BED
 from mimicbench.tasks.lie_sofa import TASK as LIE_SOFA
 from mimicbench.tasks.lift_box import TASK as LIFT_BOX
 from mimicbench.tasks.registry import TASKS
+from mimicbench.tasks.sit_chair import PELVIS_BAND
 from mimicbench.tasks.sit_chair import TASK as SIT_CHAIR
-from mimicbench.tasks.task import REST, BodyPoints, ObjectInfo, first_run, longest_run
+from mimicbench.tasks.task import REST, SLACK, BodyPoints, ObjectInfo, first_run, longest_run
 from mimicbench.tasks.touch_points import TASK as TOUCH_POINTS
 from stool import H1, block, place, seated, standing
 
@@ -139,12 +141,16 @@ def test_learning_sees_little_of_the_rest(fps):
 
 def test_the_pose_that_is_held_fulfils_k():
     """Who sits for 25 frames from the tenth on and then stands up again: K is fulfilled in frame 24 and lost from frame
-    35 on, so that half of the way there is frame 29.
+    35 on, so that half of the way there is frame 29. Who rises by no more than 5 cm is followed to the end.
     """
     motion = clip(25)
     cut = SIT_CHAIR.trimmed(motion, block(), H1)
     assert cut.frames == 30
     assert SIT_CHAIR.held(cut, block(), H1)[-SIT_CHAIR.hold_frames(50.0) :].all()
+    for above, frames in ((0.01, 30), (-0.01, 40)):
+        pos = motion.root_pos_w.copy()
+        pos[35:] = [*pos[34, :2], 0.42 + PELVIS_BAND + SLACK + above]
+        assert SIT_CHAIR.trimmed(replace(motion, root_pos_w=pos), block(), H1).frames == frames
 
 
 @given(st.lists(st.booleans(), max_size=20), st.integers(1, 4))

@@ -60,12 +60,13 @@ def _state(context: StepContext) -> Tensor:
 
 
 def _body(context: StepContext) -> Tensor:
-    return link_state(context.state, context.links)
+    return link_state(context.state, context.links, turn=context.root_turn)
 
 
 def _body_target(context: StepContext) -> Tensor:
     frame = context.reference(1)
-    return link_state(context.state, reference_links(context.robot, frame), frame.joint_pos, frame.joint_vel)
+    links = reference_links(context.robot, frame)
+    return link_state(context.state, links, frame.joint_pos, frame.joint_vel, context.root_turn)
 
 
 def _body_difference(context: StepContext) -> Tensor:

@@ -46,17 +46,27 @@ def s_current(
     t, R, v and omega are the positions, orientations (rotation vectors), linear and angular velocities of all links in
     the root frame, three numbers a link. `turn` is `root_turn(state)`, if it is at hand.
     """
-    xp, (r, root_pos, root_quat, joint_pos, joint_vel, pos_w, quat_w, lin_vel_w, ang_vel_w, action) = own(
-        root_turn(state) if turn is None else turn,
+    turn = root_turn(state) if turn is None else turn
+    xp, parts = _seen_from_root(state, links, turn, state.joint_pos, state.joint_vel)
+    _, (r, action) = own(turn, last_action)
+    # the third row of R is gravity's direction in the root frame, but for its sign
+    return _table(xp, [*parts, action.T, -r[2]])
+
+
+def _seen_from_root(
+    state: RobotState, links: LinkState, turn: torch.Tensor, joint_pos: torch.Tensor, joint_vel: torch.Tensor
+) -> tuple[Any, list[Any]]:
+    """The library, and J, dJ, t, R, v, omega of all robots side by side (.., N)."""
+    xp, (r, root_pos, root_quat, joint_pos, joint_vel, pos_w, quat_w, lin_vel_w, ang_vel_w) = own(
+        turn,
         state.root_pos_w,
         state.root_quat_w,
-        state.joint_pos,
-        state.joint_vel,
+        joint_pos,
+        joint_vel,
         links.pos_w,
         links.quat_w,
         links.lin_vel_w,
         links.ang_vel_w,
-        last_action,
     )
     away = _along_robots(pos_w) - _rows(xp, root_pos)
     pos, lin, ang = (
@@ -64,8 +74,7 @@ def s_current(
         for vectors in (away, _along_robots(lin_vel_w), _along_robots(ang_vel_w))
     )
     rotvec = _turns_between(xp, _rows(xp, root_quat), _along_robots(quat_w)).reshape(pos.shape)
-    # the third row of R is gravity's direction in the root frame, but for its sign
-    return _table(xp, [joint_pos.T, joint_vel.T, pos, rotvec, lin, ang, action.T, -r[2]])
+    return xp, [joint_pos.T, joint_vel.T, pos, rotvec, lin, ang]
 
 
 def s_current_names(robot: Robot) -> tuple[str, ...]:
@@ -77,18 +86,19 @@ def s_current_names(robot: Robot) -> tuple[str, ...]:
 
 
 def link_state(
-    state: RobotState, links: LinkState, joint_pos: torch.Tensor | None = None, joint_vel: torch.Tensor | None = None
+    state: RobotState,
+    links: LinkState,
+    joint_pos: torch.Tensor | None = None,
+    joint_vel: torch.Tensor | None = None,
+    turn: torch.Tensor | None = None,
 ) -> torch.Tensor:
     """(N, 278 for the H1) J, dJ and all links' t, R, v, omega in the root frame of `state`, three numbers a link (F.1).
 
     Of the robots themselves, or of others that have `links`, `joint_pos` and `joint_vel`, such as their references.
+    `turn` as in s_current.
     """
-    root_quat = state.root_quat_w[:, None]
-    pos = rot.rotate_inverse(root_quat, links.pos_w - state.root_pos_w[:, None])
-    turn = rot.to_rotvec(rot.multiply(rot.conjugate(root_quat).expand_as(links.quat_w), links.quat_w))
-    velocities = [rot.rotate_inverse(root_quat, v) for v in (links.lin_vel_w, links.ang_vel_w)]
-    joints = [state.joint_pos, state.joint_vel] if joint_pos is None or joint_vel is None else [joint_pos, joint_vel]
-    return torch.cat([*joints, *(part.flatten(1) for part in (pos, turn, *velocities))], -1)
+    joints = (state.joint_pos if joint_pos is None else joint_pos, state.joint_vel if joint_vel is None else joint_vel)
+    return _table(*_seen_from_root(state, links, root_turn(state) if turn is None else turn, *joints))
 
 
 def body_state(state: RobotState, turn: torch.Tensor | None = None) -> torch.Tensor:
