@@ -155,7 +155,7 @@ def test_what_is_learned_from_is_what_will_be_observed(name, demonstrated):
     starts = ClipStarts(bank, env.physics.add_objects(clips.scenes), ROBOT)
     env.reset(Rows.every(1, env.device), starts.at(torch.zeros(1).long(), torch.zeros(1).long()))
     known = GivenGoal(clips.task.goal)
-    senses = ("proprio", "time", "odometry", "heightmap", "targets", "target_elevation", "views")
+    senses = ("proprio", "time", "odometry", "heightmap", "targets", "hands", "target_elevation", "views")
     obs = first = env.observe(senses)
     dict(first)  # while the robot is there
     for step in range(int(bank.lengths[0])):

@@ -15,7 +15,7 @@ from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.evaluate.rollout import run_policy
 from mimicbench.imitate.dagger import SEEN, Episodes
-from mimicbench.imitate.goals import given_goal, goals_of
+from mimicbench.imitate.goals import both_places, given_goal, goals_of
 from mimicbench.imitate.learn_planner import train_planner
 from mimicbench.imitate.perception import Perception, PerceptionConfig, save_perception
 from mimicbench.imitate.plan import PlanLayout
@@ -166,10 +166,20 @@ def test_what_is_told_is_where_it_is_from_any_posture(every):
     env = TrackingEnv(TRACKERS.get("residual"), clips, 6, tilted, 0, ONE)
     state, spec, seen = env.context.state, clips.task.goal, env.env.observe(SEEN)
     truth = spec.to_root(goals_of(clips), state.root_pos_w, rot.yaw_of(state.root_quat_w))
-    torch.testing.assert_close(given_goal(spec, seen["targets"], seen["proprio"]), truth, atol=1e-5, rtol=0)
+    found = given_goal(spec, seen["targets"], seen["hands"], seen["proprio"])
+    torch.testing.assert_close(found, truth, atol=1e-5, rtol=0)
     one_hand = replace(clips.motions[0], wrist_goal_w=np.array([[np.nan] * 3, [1.0, 2.0, 3.0]]))
     found = goals_of(replace(clips, motions=[one_hand]))
     assert found.isfinite().all() and found[0, 3:].tolist() == [1, 2, 3]
+
+
+def test_a_hand_that_is_told_nothing_is_held_beside_the_other():
+    told = torch.tensor([[[torch.nan] * 3, [2.0, 0.0, 1.0]], [[0.0, 3.0, 0.5], [torch.nan] * 3]])
+    told = torch.cat([told, torch.tensor([[[1.0, 0.2, 0.9], [1.0, -0.2, 0.8]]])])
+    left, right = both_places(told)[0], both_places(told)[1]
+    torch.testing.assert_close(left, torch.tensor([[2.0, 0.3, 1.0], [2.0, 0.0, 1.0]]))
+    torch.testing.assert_close(right, torch.tensor([[0.0, 3.0, 0.5], [0.3, 3.0, 0.5]]))
+    assert torch.equal(both_places(told)[2], told[2]), "who is told two places goes there"
 
 
 def test_goals_stand_where_objects_stand_first(every):

@@ -13,7 +13,7 @@ from mimicbench.imitate.planner import planner_inputs
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.track.tracking import TrackingEnv
 
-SEEN = ("proprio", "targets")
+SEEN = ("proprio", "targets", "hands")
 """Terms that inputs are made of, those of them that the task has."""
 
 
@@ -77,7 +77,9 @@ class Episodes:
     def _memory(self, seen: Mapping[str, Tensor]) -> Tensor:
         """(N, memory_size) what is known of the goals by now."""
         if self._spec.given:
-            return self._spec.joined(self.known, given_goal(self._spec, seen["targets"], seen["proprio"]))
+            return self._spec.joined(
+                self.known, given_goal(self._spec, seen["targets"], seen["hands"], seen["proprio"])
+            )
         env, state = self._env.env, self._env.context.state
         start, yaw = self._start_pos[env.clip], self._start_yaw[env.clip]
         cos, sin = torch.cos(yaw), torch.sin(yaw)

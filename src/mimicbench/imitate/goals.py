@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Protocol
 
-import numpy as np
 import torch
 from torch import Tensor, nn
 
@@ -20,10 +19,12 @@ from mimicbench.imitate.perception import Perception, load_perception
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.observations import Observations
 from mimicbench.tasks.goal import GoalSpec
-from mimicbench.tasks.task import BodyPoints, Task
+from mimicbench.tasks.task import Task
 
 LOOK_EVERY = 1.0
 """[s] between the looks of a robot that is not sure yet where its goal is."""
+BESIDE = 0.3
+"""[m] between the hands of who is told a place for one of them: both reach, as people of `touch-points` do."""
 SURE = 0.02
 """[m] Who expects to be off by less than this does not look again."""
 
@@ -184,7 +185,7 @@ class SeenGoal:
 class GivenGoal:
     """A goal that robots are told in every frame: where their wrists are to go."""
 
-    observations: tuple[str, ...] = ("proprio", "odometry", "targets")
+    observations: tuple[str, ...] = ("proprio", "odometry", "targets", "hands")
 
     def __init__(self, spec: GoalSpec) -> None:
         self._spec = spec
@@ -199,7 +200,7 @@ class GivenGoal:
         if len(self.goal) != obs.num_envs:
             self.goal = torch.zeros(obs.num_envs, self._spec.size, device=obs["proprio"].device)
         odometry = obs["odometry"][ids]
-        told = given_goal(self._spec, obs["targets"][ids], obs["proprio"][ids])
+        told = given_goal(self._spec, obs["targets"][ids], obs["hands"][ids], obs["proprio"][ids])
         found = self._spec.from_root(told, odometry[:, :2], odometry[:, 2])
         self.goal = self.goal.index_copy(0, ids, found.to(self.goal.dtype))
 
@@ -217,15 +218,16 @@ class GivenGoal:
 
     def recall(self, obs: Observations) -> Tensor:
         """(N, memory_size) of the start, and what is told now."""
-        return self._spec.joined(self.goal, given_goal(self._spec, obs["targets"], obs["proprio"]))
+        return self._spec.joined(self.goal, given_goal(self._spec, obs["targets"], obs["hands"], obs["proprio"]))
 
 
-def given_goal(spec: GoalSpec, targets: Tensor, proprio: Tensor) -> Tensor:
+def given_goal(spec: GoalSpec, targets: Tensor, hands: Tensor, proprio: Tensor) -> Tensor:
     """(N, G) given goals in the heading frames of roots, with heights above the floor.
 
     Args:
         spec: What goals consist of.
         targets: (N, 2, 3) where the wrists are to go in the root frames [m].
+        hands: (N, 2) which of them are to go anywhere, 1 or 0.
         proprio: (N, P) what the robots measure of themselves: gravity's direction 3, root height 1, and more.
     """
     up = -proprio[:, :3]
@@ -235,7 +237,18 @@ def given_goal(spec: GoalSpec, targets: Tensor, proprio: Tensor) -> Tensor:
     ahead = torch.linalg.cross(left, up)
     level = torch.stack([(targets * axis[:, None]).sum(-1) for axis in (ahead, left, up)], -1)
     level[..., 2] += proprio[:, 3, None]
-    return spec.told(level)
+    return spec.told(both_places(torch.where(hands[..., None] > 0, level, torch.nan)))
+
+
+def both_places(places: Tensor) -> Tensor:
+    """Places (N, 2, 3) [m] of left and right wrists, seen from robots at the origin, in which a hand that has nothing
+    to do (NaN) is held BESIDE the other, across the line of sight.
+    """
+    ahead = torch.nanmean(places[..., :2], 1)
+    ahead = ahead / ahead.norm(dim=-1, keepdim=True).clamp(min=1e-6)
+    left = torch.stack([-ahead[:, 1], ahead[:, 0], torch.zeros_like(ahead[:, 0])], -1)
+    beside = places.flip(1) + BESIDE * torch.stack([left, -left], 1)
+    return torch.where(places.isnan(), beside, places)
 
 
 def goals_of(clips: ClipSet) -> Tensor:
@@ -243,10 +256,8 @@ def goals_of(clips: ClipSet) -> Tensor:
     spec, found = clips.task.goal, []
     for motion, obj in zip(clips.motions, clips.scenes, strict=True):
         if spec.describe is None:
-            pose = clips.robot.forward_kinematics(motion.root_pos_w[:1], motion.root_quat_w[:1], motion.joint_pos[:1])
-            wrists = BodyPoints.of(clips.robot, *pose).wrist_pos_w[0]
-            # a hand that has nothing to do is where it should be
-            found.append(spec.told(torch.tensor(np.where(np.isnan(motion.wrist_goal_w), wrists, motion.wrist_goal_w))))
+            here = torch.tensor(motion.root_pos_w[:1] * [1, 1, 0])
+            found.append(spec.told(both_places((torch.tensor(motion.wrist_goal_w) - here)[None])[0] + here))
             continue
         goal = torch.tensor(spec.describe(obj))
         if len(motion.object_pos_w):

@@ -109,6 +109,10 @@ def _targets(context: StepContext) -> Tensor:
     return rot.rotate_inverse(context.state.root_quat_w[:, None], away)
 
 
+def _root_pose(context: StepContext) -> Tensor:
+    return torch.cat([context.state.root_pos_w, context.state.root_quat_w], 1)
+
+
 def _target_elevation(context: StepContext) -> Tensor:
     pose = context.physics.qpos()[:, :7]
     goal = context.wrist_goal_w.cpu().numpy()
@@ -164,16 +168,12 @@ _TERMS = (
     Term("scene", _flat(12), scene_in_root, privileged=True),
     Term("target_elevation", _map, _target_elevation, exists=_given),
     Term("targets", lambda robot, task: (2, 3), _targets, exists=_given),
+    Term("hands", _flat(2), lambda context: (~torch.isnan(context.wrist_goal_w).any(-1)).float(), exists=_given),
     Term("views", lambda robot, task: (CHANNELS, SIDE, SIDE), views_now, low=0.0, high=1.0),
     Term("depth", _pictures(), _depth, low=0.0, high=FARTHEST),
     Term("color", _pictures(3), _color, low=0, high=255, dtype=torch.uint8),
     Term("labels", _pictures(), _labels, low=0, high=255, dtype=torch.uint8),
-    Term(
-        "root_pose",
-        _flat(7),
-        lambda context: torch.cat([context.state.root_pos_w, context.state.root_quat_w], 1),
-        privileged=True,
-    ),
+    Term("root_pose", _flat(7), _root_pose, privileged=True),
     Term(
         "object",
         _flat(12),

@@ -67,6 +67,7 @@ WORDS: Mapping[str, str] = {
     "scene": "the box around the object: center [m] and orientation (6 numbers) in the root frame, half its size [m]",
     "target_elevation": "a map with nothing on the floor but the two targets of the wrists [m]",
     "targets": "where left and right wrist are to go, in the root frame [m]",
+    "hands": "which of left and right wrist are to go anywhere, 1 or 0",
     "views": "color, 0 to 1, and depth, as a share of 6 m, of all cameras side by side, in small, without the robot",
     "depth": "along the axis of each camera, at most 50 m [m]",
     "color": "what each camera sees, 0 to 255",

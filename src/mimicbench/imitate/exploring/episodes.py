@@ -2,11 +2,12 @@
 
 With d the length [m] that the condition of K still lacks (`Task.shortfalls`), and a the action, a step is worth
 
-    r = exp(-d) + approach (d_before - d) - change |a - a_before|^2,
+    r = exp(-d) + approach (d_before - d) - change |a - a_before|^2 - power log(1 + e / 1e6 W^2) - stray |a - a*|^2,
 
 the dense reward of the Gymnasium environments, what a step came nearer (Ng et al. 1999: it changes no policy's rank as
-long as nobody falls), and a price of haste. A fall is worth nothing, and ends the episode; time ends it, too, but there
-is a value beyond. K ends none, so that holding on pays.
+long as nobody falls), and prices: of haste, of the effort e that P limits, and, for who was shown first how it is done,
+of straying from the action a* that was learned then. A fall is worth nothing, and ends the episode; time ends it, too,
+but there is a value beyond. K ends none, so that holding on pays.
 """
 
 from collections.abc import Mapping
@@ -45,6 +46,10 @@ class ExploreConfig:
     """Reward for each metre that a step came nearer [1/m]; with 0 the reward is nearness alone."""
     change: float = 0.002
     """Price of each squared unit by which the action changes."""
+    power: float = 0.0
+    """Price of log(1 + e / 1e6 W^2), e being what P limits."""
+    stray: float = 0.0
+    """Price of each squared unit by which the action differs from what was learned by cloning."""
 
 
 class Exploration:
@@ -60,7 +65,7 @@ class Exploration:
         drawn = Starts(task, robot, "train", objects, len(objects), None)
         states = [drawn.draw(digest(seed, "start", number) % (1 << 63))[0] for number in range(config.starts)]
         physics = PhysicsConfig(gains=gains, meshes=any(obj.hulls for obj in objects))
-        env_config = replace(env_config, physics=physics, judged=True, measure_effort=False)
+        env_config = replace(env_config, physics=physics, judged=True, measure_effort=config.power > 0)
         first = torch.arange(config.num_envs) % len(states)
         self.env = VecEnv(task, robot, [states[number].obj for number in first.tolist()], env_config, seed)
         self.device, self.senses, self.config = self.env.device, senses, config
@@ -76,14 +81,15 @@ class Exploration:
         self.seen = self.senses.see(obs)
         """What all robots see now: vectors (N, size) and maps (N, channels, 128, 128), see Senses."""
 
-    def step(self, target: Tensor, action: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def step(self, target: Tensor, action: Tensor, shown: Tensor | None = None) -> tuple[Tensor, Tensor, Tensor]:
         """Apply joint targets (N, J) [rad], which were made of an action (N, A), and see what comes of it.
 
-        Returns reward (N,), done (N,) bool, and time_out (N,) bool: done because time is over.
+        `shown` (N, A) is the action that was learned first, where straying from it has a price. Returns reward (N,),
+        done (N,) bool, and time_out (N,) bool: done because time is over.
         """
         env, metrics, before = self.env, self.env.metrics, self.env.last_action
         assert metrics is not None
-        env.step(target, action)
+        effort = env.step(target, action).effort
         near = self._nearness()
         failed = metrics.fell | metrics.diverged
         time_out = (env.steps >= self._limit) & ~failed
@@ -91,6 +97,10 @@ class Exploration:
         approached = torch.log(near.clamp(min=1e-6)) - torch.log(self._near.clamp(min=1e-6))  # d_before - d
         haste = (action - before).square().sum(-1) * (env.steps > 1)
         reward = near + self.config.approach * approached - self.config.change * haste
+        if self.config.power:
+            reward = reward - self.config.power * torch.log1p(effort / 1e6)
+        if shown is not None:
+            reward = reward - self.config.stray * (action - shown).square().sum(-1)
         reward = torch.where(failed, 0.0, reward)
         counts = (done, done & failed, done & metrics.success, env.steps * done)
         means = (reward.mean(), near.mean(), near.new_ones(()))

@@ -1,0 +1,181 @@
+"""Practice: reinforcement learning on what robots sense while they try a task (imitate.exploring.episodes), from
+nothing or from a clone.
+"""
+
+import copy
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import msgspec
+import torch
+
+from mimicbench.core.checkpoint import beside
+from mimicbench.core.progress import Pulse
+from mimicbench.core.seeds import digest
+from mimicbench.core.settings import Amount, Positive
+from mimicbench.core.training import (
+    Resumable,
+    TorchRandom,
+    append_metrics,
+    check_losses,
+    resume_training,
+    save_training,
+)
+from mimicbench.envs.vec_env import EnvConfig
+from mimicbench.imitate.exploring.episodes import Exploration, ExploreConfig
+from mimicbench.imitate.exploring.network import Explorer
+from mimicbench.imitate.goals import known_goal
+from mimicbench.imitate.learned import save_learner
+from mimicbench.imitate.policy import Senses
+from mimicbench.imitate.spec import Given
+from mimicbench.track.ppo_config import PPOConfig, ppo_learner
+
+if TYPE_CHECKING:
+    from mimicbench.track.ppo import PPOLearner
+
+REPORT_EVERY = 10
+"""Updates between the lines of `metrics.jsonl`."""
+
+
+def _ppo() -> PPOConfig:
+    """At a fixed rate: what is seen widens while learning goes on, which the divergence alone would put the rate down
+    for.
+    """
+    return PPOConfig(steps=24, epochs=5, gamma=0.99, entropy=0.0, learning_rate=3e-4, schedule="fixed", initial_std=0.4)
+
+
+@dataclass(frozen=True)
+class Practice:
+    """How practice goes, and how long."""
+
+    ppo: PPOConfig = field(default_factory=_ppo)
+    """The reinforcement learning; layers are those of the network."""
+    explore: ExploreConfig = field(default_factory=ExploreConfig)
+    samples: Annotated[int, Amount()] = 20_000_000
+    """Control steps to learn from, over all robots."""
+    threads: Positive = 2
+    """Threads of the network's arithmetic. Sums round differently with another number, so it is part of the result."""
+    save_every: float = 120.0
+    """Seconds between saves of the training state: what a kill can lose at most."""
+
+
+CRITIC_FIRST = 10
+"""Updates in which the critic of a clone learns alone: one that knows nothing would only spoil the actor."""
+
+
+def practise(
+    folder: Path, given: Given, config: Practice, course: Mapping[str, Any], explorer: Explorer, cloned: bool
+) -> dict[str, Any]:
+    """Let a network practise, or go on practising, to the same bytes; what to tell of it.
+
+    Args:
+        folder: Gets the checkpoint, `training.safetensors` to go on from, and `metrics.jsonl`.
+        given: The objects, and how to run.
+        config: How practice goes.
+        course: All that decides the course, beside the seed and the objects.
+        explorer: The network that practises.
+        cloned: Whether it has learned already what actions are like; else it begins around the rest pose.
+    """
+    run = _Run(folder, given, config, course, explorer, cloned)
+    pulse, now, saved, progress = Pulse(given.context.say), time.monotonic(), time.monotonic(), run.progress
+    while progress["samples"] < config.samples:
+        losses = run.round()
+        progress["seconds"], now = progress["seconds"] + time.monotonic() - now, time.monotonic()
+        check_losses(losses, folder, progress["samples"])
+        finished = progress["samples"] >= config.samples
+        if progress["updates"] % REPORT_EVERY == 0 or finished:
+            row = {**progress, **losses, **run.env.told()}
+            append_metrics(folder, row)
+            pulse(lambda row=row: _words(row, config.samples))
+        if finished or now - saved > config.save_every:
+            save_training(folder, run.identity, run.parts, progress)
+            run.save()
+            saved = now
+    run.env.close()
+    run.save()  # it may have been killed between the state and the checkpoint
+    return {"objects": len(given.clips.objects), "samples": progress["samples"]}
+
+
+class _Run:
+    """One practice: episodes, network, and how far it has come."""
+
+    def __init__(
+        self,
+        folder: Path,
+        given: Given,
+        config: Practice,
+        course: Mapping[str, Any],
+        explorer: Explorer,
+        cloned: bool,
+    ) -> None:
+        robot, task, context = given.clips.robot, given.clips.task, given.context
+        torch.manual_seed(digest(given.seed, "practice") % (1 << 63))
+        torch.set_num_threads(1)
+        self.folder, self.config, self.cloned, self.robot = folder, config, cloned, robot
+        inputs, explore = explorer.config.inputs, config.explore
+        goal = known_goal(beside(folder, "perception"), robot, task) if inputs.memory else None
+        env_config = EnvConfig(device=context.device, workers=context.workers)
+        self.env = Exploration(given.clips, Senses(inputs, goal), given.gains, explore, given.seed, env_config)
+        self.explorer = explorer.to(self.env.device)
+        made = explorer.config.blueprint, explorer.config.action_size, explore.num_envs
+        self.learner: PPOLearner = ppo_learner()(*made, config.ppo, self.env.device)
+        self.shown: torch.nn.Module | None = None
+        """What was learned by cloning, where straying from it has a price."""
+        if cloned:
+            every = slice(0, explorer.config.blueprint.inputs)
+            self.learner.begin_from(explorer.network.tensors(), [(every, every)])
+            self.shown = copy.deepcopy(explorer.network).requires_grad_(False) if explore.stray else None
+        self.parts: dict[str, Resumable] = {
+            "env": self.env,
+            "learner": self.learner,
+            "torch": TorchRandom(self.env.device),
+        }
+        self.identity = {"config": dict(course), "seed": given.seed, "objects": sorted(given.clips.objects)}
+        self.progress = resume_training(folder, self.identity, self.parts, {"samples": 0, "updates": 0, "seconds": 0.0})
+        self._notes = {"seed": given.seed, "task": task.name, "gains": given.gains}
+        self._obs = self.explorer.flat(*self.env.seen)
+
+    def round(self) -> dict[str, float]:
+        """Try, and learn from it: the losses."""
+        self._try()
+        torch.set_num_threads(self.config.threads)
+        alone = self.cloned and self.progress["updates"] < CRITIC_FIRST
+        losses = self.learner.update(self._obs, critic_alone=alone)
+        torch.set_num_threads(1)
+        self.progress["samples"] += self.config.explore.num_envs * self.config.ppo.steps
+        self.progress["updates"] += 1
+        return losses
+
+    @torch.no_grad()
+    def _try(self) -> None:
+        """All robots try for some steps, which the learner remembers."""
+        env, explorer = self.env, self.explorer
+        for _ in range(self.config.ppo.steps):
+            action = self.learner.act(self._obs)
+            target = explorer.targets(action)
+            if explorer.config.relative:
+                target = target + env.env.context.state.joint_pos
+            shown = None if self.shown is None else self.shown(self._obs)
+            reward, done, time_out = env.step(target, action, shown)
+            self._obs = explorer.flat(*env.seen)
+            self.learner.record(self._obs, reward, done, time_out)
+
+    def save(self) -> None:
+        """Write the policy as it is now."""
+        self.explorer.network.load_tensors(self.learner.network_tensors())
+        save_learner(self.folder, self.explorer, self.robot.name, {**self._notes, **self.progress})
+
+
+def _words(row: Mapping[str, float], samples: int) -> str:
+    done, rate = row["samples"] / 1e6, row["samples"] / max(row["seconds"], 1e-9)
+    told = f"reward {row['reward']:.3f}  each {row['seconds_each']:.1f} s  K {row['success']:.3f}"
+    return f"{done:6.2f} of {samples / 1e6:.2f} M samples  {rate:6.0f}/s  {told}  fell {row['fell']:.2f}"
+
+
+def course_of(config: Practice) -> dict[str, Any]:
+    """What decides the course of a training; it may run longer, and be saved more or less often."""
+    plain = msgspec.to_builtins(asdict(config))
+    return {name: value for name, value in plain.items() if name not in ("samples", "save_every")}
