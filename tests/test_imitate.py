@@ -46,7 +46,6 @@ SMALL = {
     "act": {"hidden": 32, "feedforward": 32, "heads": 2, "chunk": 5, "latent": 4, "dropout": 0.0},
     "bc": {"hidden": 64, "reduce": (8,)},
     "hit": {"hidden": 32, "heads": 2, "chunk": 5, "dropout": 0.0},
-    "reinforced": {"hidden": (16,), "features": 4, "convolves": False},
     "diffusion": {"widths": (16, 32), "groups": 4, "chunk": 8, "executes": 3, "step_embedding": 8, "sample_steps": 4},
 }
 

@@ -199,7 +199,25 @@ def test_who_lifts_a_thigh_does_not_lean():
 )
 def test_who_is_far_below_the_seat_or_leans_too_far_has_fallen(height, lean, fallen):
     trace = Trace()
-    trace.show(1, np.array([*FAR[:2], height]), quat=rot.from_rotvec(np.array(lean, float)))
+    trace.show(1, np.array([*SIT[:2], height]), quat=rot.from_rotvec(np.array(lean, float)))
+    assert bool(trace.metrics.verdict().fell[0]) == fallen
+
+
+@pytest.mark.parametrize(
+    ("seat", "where", "height", "fallen"),
+    [
+        (0.24, FAR, 0.2, True),
+        (0.24, SIT, 0.2, False),
+        (0.24, FAR, 0.26, False),
+        (0.6, FAR, 0.46, False),
+        (0.55, FAR, 0.44, True),
+        (0.55, SIT, 0.44, False),
+    ],
+)
+def test_who_is_on_the_floor_beside_a_low_seat_has_fallen(seat, where, height, fallen):
+    """Lower than the seat and than 0.45 of the height at the start, which is 1 m; above the seat, 0.15 m below it."""
+    trace = Trace(obj=block(seat))
+    trace.show(1, np.array([*where[:2], height * STAND[2]]))
     assert bool(trace.metrics.verdict().fell[0]) == fallen
 
 

@@ -34,7 +34,7 @@ SENSORS = {
     "views": ("sensors.sight.views", ("views",)),
     "elevation-map": ("sensors.elevation", ("elevation", "gray", "target_elevation")),
     "height-map": ("sensors.heightmap", ("heightmap",)),
-    "targets": ("sensors.targets", ("targets",)),
+    "targets": ("sensors.targets", ("targets", "hands")),
 }
 """Page -> the module that senses, and the observation terms that come of it; privileged ones are no sensor's."""
 FILES = {

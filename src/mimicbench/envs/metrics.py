@@ -20,7 +20,8 @@ FALLEN_DROP = 0.15
 """[m] So does one whose root is this much below the seat."""
 FALLEN_SHARE = 0.45
 """Where there is no seat, so does one whose root is below this share of its height at the start: who bends down as far
-as people do for what stands on the floor keeps 0.58 of it."""
+as people do for what stands on the floor keeps 0.58 of it. Beside a seat, so does one who is that low and lower than
+the seat: on the floor next to a mattress 0.24 m high nobody is far below it."""
 STAY = 0.3
 """[s] before the time limit over which the condition of K has to hold for a robot to have stayed."""
 PHASES = ("", "walking", "turning", "acting", "after success")
@@ -156,32 +157,34 @@ class EpisodeMetrics:
         own.effort_at_success[...] = xp.where(new, own.max_effort, own.effort_at_success)
         own.held[...] = xp.where(alive, held, own.held)
         own.ever |= new
-        fallen = self._is_down(pos_w[:, 0], quat_w[:, 0]) & alive & ~own.fell
+        outside = _outside(pos_w[:, 0], info, xp)
+        fallen = self._is_down(pos_w[:, 0], quat_w[:, 0], outside, info) & alive & ~own.fell
         self._place = (self._place + 1) % len(own._phases)  # the oldest is overwritten after it was read
         began = own._phases[self._place]
         own.fell_phase[...] = xp.where(fallen, began.clip(_WALKING), own.fell_phase)
         own.fell_time[...] = xp.where(fallen, now, own.fell_time)
         own.fell |= fallen
-        own._phases[self._place] = self._phase(pos_w[:, 0], self._own(links.ang_vel_w)[:, 0, 2], info)
+        own._phases[self._place] = self._phase(pos_w[:, 0], self._own(links.ang_vel_w)[:, 0, 2], outside)
 
     def _own(self, tensor: Tensor) -> Any:
         """A tensor as an array of the library that works things out here, of the same memory."""
         return tensor if self._xp is torch else tensor.numpy()
 
-    def _is_down(self, root_pos_w: Any, root_quat_w: Any) -> Any:
-        """(N,) who is as low, or leans as far, as who has fallen, from roots (N, 3) and (N, 4)."""
-        low = root_pos_w[:, 2] < self._arrays._lowest
+    def _is_down(self, root_pos_w: Any, root_quat_w: Any, outside: Any, info: ObjectInfo) -> Any:
+        """(N,) who is as low, or leans as far, as who has fallen, from roots (N, 3) and (N, 4), outside (N,) [m]."""
+        height = root_pos_w[:, 2]
+        own = self._arrays
+        beside = (outside > 0) & (height < info.seat_height) & (height < FALLEN_SHARE * own.start_height)
+        low = (height < own._lowest) | beside
         if not self.task.upright:
             return low
         x, y = root_quat_w[:, 1], root_quat_w[:, 2]
         return low | (1 - 2 * (x * x + y * y) < _UPRIGHT)  # how much of the root's own z axis points upwards
 
-    def _phase(self, root_pos_w: Any, turning: Any, info: ObjectInfo) -> Any:
+    def _phase(self, root_pos_w: Any, turning: Any, outside: Any) -> Any:
         """(N,) what each robot is at now, a place in PHASES, from roots (N, 3) that turn about z (N,) [rad/s]."""
         xp, own = self._xp, self._arrays
-        away = info.pos_w[:, :2] - root_pos_w[:, :2]
-        beyond = xp.maximum(info.low[:, :2] + away, -away - info.high[:, :2]).clip(0.0)
-        near = (beyond * beyond).sum(-1) <= _NEAR**2
+        near = outside <= _NEAR
         lowered = root_pos_w[:, 2] < _LOWERED * own.start_height
         phase = xp.where(near, _ACTING, _WALKING)
         phase = xp.where((abs(turning) > _TURN_RATE) & ~(near & lowered), _TURNING, phase)
@@ -242,6 +245,13 @@ class EpisodeMetrics:
                 getattr(self.info, name.removeprefix("info/")).copy_(value)
             else:
                 getattr(self, name).copy_(value)
+
+
+def _outside(root_pos_w: Any, info: ObjectInfo, xp: Any) -> Any:
+    """(N,) how far roots (N, 3) are from the object's rectangle as seen from above [m]; 0 above it."""
+    away = info.pos_w[:, :2] - root_pos_w[:, :2]
+    beyond = xp.maximum(info.low[:, :2] + away, -away - info.high[:, :2]).clip(0.0)
+    return xp.sqrt((beyond * beyond).sum(-1))
 
 
 def _lowest(info: ObjectInfo, start_height: Tensor) -> Tensor:

@@ -5,13 +5,14 @@ With d the length [m] that the condition of K still lacks (`Task.shortfalls`), a
     r = exp(-d) + approach (d_before - d) - change |a - a_before|^2 - power log(1 + e / 1e6 W^2) - stray |a - a*|^2,
 
 the dense reward of the Gymnasium environments, what a step came nearer (Ng et al. 1999: it changes no policy's rank as
-long as nobody falls), and prices: of haste, of the effort e that P limits, and, for who was shown first how it is done,
-of straying from the action a* that was learned then. A fall is worth nothing, and ends the episode; time ends it, too,
-but there is a value beyond. K ends none, so that holding on pays.
+long as nobody falls), and prices: of haste, of the effort e that P limits, and, for who knew before what to do, of
+straying from the action a* of then. A fall is worth nothing, and ends the episode; time ends it, too, but there is a
+value beyond. K ends none, so that holding on pays.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import torch
 from torch import Tensor
@@ -23,7 +24,6 @@ from mimicbench.envs.initial_states import InitialStates, stacked
 from mimicbench.envs.nearness import nearness
 from mimicbench.envs.rule_starts import Starts
 from mimicbench.envs.vec_env import EnvConfig, VecEnv
-from mimicbench.imitate.policy import Senses
 from mimicbench.sensors.observations import Observations
 from mimicbench.sim.physics import PhysicsConfig, RobotState
 from mimicbench.sim.rows import Rows
@@ -49,14 +49,41 @@ class ExploreConfig:
     power: float = 0.0
     """Price of log(1 + e / 1e6 W^2), e being what P limits."""
     stray: float = 0.0
-    """Price of each squared unit by which the action differs from what was learned by cloning."""
+    """Price of each squared unit by which the action differs from what was learned before."""
+
+
+class Sensing(Protocol):
+    """What robots sense, and carry from frame to frame; see imitate.policy.Senses."""
+
+    observations: tuple[str, ...]
+    """Names of the terms that it needs."""
+
+    def to(self, device: str) -> None:
+        """Move what perceives to a device; nothing is remembered."""
+        ...
+
+    def begin(self, ids: Tensor, obs: Observations) -> None:
+        """Robots `ids` (M,) begin anew."""
+        ...
+
+    def see(self, obs: Observations) -> tuple[Tensor, Tensor | None]:
+        """What all robots see: vectors (N, ...), and maps or None."""
+        ...
+
+    def memory(self) -> dict[str, Tensor]:
+        """(N, ...) what is carried from frame to frame, by name."""
+        ...
+
+    def remember(self, memory: Mapping[str, Tensor]) -> None:
+        """Go on from what `memory` gave."""
+        ...
 
 
 class Exploration:
     """Steps all robots together; episodes that end start again at once."""
 
     def __init__(
-        self, clips: ClipSet, senses: Senses, gains: str, config: ExploreConfig, seed: int, env_config: EnvConfig
+        self, clips: ClipSet, senses: Sensing, gains: str, config: ExploreConfig, seed: int, env_config: EnvConfig
     ) -> None:
         """`clips` has the task, the robot and the objects; `senses` are the robots' own; `env_config` says which device
         and how many threads.
@@ -84,7 +111,7 @@ class Exploration:
     def step(self, target: Tensor, action: Tensor, shown: Tensor | None = None) -> tuple[Tensor, Tensor, Tensor]:
         """Apply joint targets (N, J) [rad], which were made of an action (N, A), and see what comes of it.
 
-        `shown` (N, A) is the action that was learned first, where straying from it has a price. Returns reward (N,),
+        `shown` (N, A) is the action that was known before, where straying from it has a price. Returns reward (N,),
         done (N,) bool, and time_out (N,) bool: done because time is over.
         """
         env, metrics, before = self.env, self.env.metrics, self.env.last_action

@@ -13,14 +13,12 @@ from torch.nn import functional
 
 from mimicbench.core.settings import Positive, Sizes
 from mimicbench.imitate.encoder import Encoder, EncoderConfig
-from mimicbench.imitate.inputs import Batch, Learner, NetworkConfig
+from mimicbench.imitate.inputs import Learner, NetworkConfig
 from mimicbench.track.network import Blueprint, MLPConfig
 
 HEIGHT_UNIT = 0.03
 """What heights [m] of maps are multiplied by. All that is seen is divided by its deviation and 0.01 more, so cells are
 by a third of a metre at least: those that seldom hold anything would else be the largest numbers of all."""
-USUAL_HEIGHT = (-0.9, 0.3)
-"""[m] Mean and deviation of a cell of a map, relative to the root, for who has not seen any yet."""
 
 
 @dataclass(frozen=True)
@@ -91,9 +89,7 @@ class ExplorerConfig(NetworkConfig):
     hidden: Sizes = (512, 512, 512)
     """Widths of the hidden layers."""
     scale: float = 0.5
-    """[rad] by which an action of 1 is off the rest pose, where nobody has shown what actions are like."""
-
-    may_be_relative: ClassVar[bool] = True
+    """[rad] by which an action of 1 is off the rest pose."""
 
     @property
     def layers(self) -> tuple[int, ...]:
@@ -125,7 +121,7 @@ class Explorer(Learner):
     kind = "explorer"
 
     def __init__(self, config: ExplorerConfig) -> None:
-        super().__init__(config.inputs, (*([1] if config.relative else []), config.action_size))
+        super().__init__(config.inputs, (config.action_size,))
         self.config = config
         self.network = config.blueprint.network(config.action_size)
 
@@ -133,20 +129,6 @@ class Explorer(Learner):
         """Actions are around joint angles (A,) [rad]."""
         self.action_mean.copy_(pose)
         self.action_std.fill_(self.config.scale)
-
-    def normalize_by(self, vector: Tensor, actions: Tensor) -> None:
-        """As all learners do; the layers see the same, and maps by what heights usually are."""
-        super().normalize_by(vector, actions)
-        seen, network = self.inputs.seen_size, self.network
-        network.obs_mean[:seen] = self.input_mean.repeat(self.inputs.history)
-        network.obs_std[:seen] = self.input_std.repeat(self.inputs.history)
-        network.obs_mean[seen:] = HEIGHT_UNIT * USUAL_HEIGHT[0]
-        network.obs_std[seen:] = HEIGHT_UNIT * USUAL_HEIGHT[1]
-
-    def loss(self, batch: Batch, generator: torch.Generator | None = None) -> dict[str, Tensor]:
-        """Mean squared error of the action, for who clones first."""
-        action = self.network(self.flat(batch.vector, batch.picture))
-        return {"loss": functional.mse_loss(action, self.normalized_actions(batch.actions[:, 0]))}
 
     def flat(self, vector: Tensor, picture: Tensor | None) -> Tensor:
         """(N, inputs) what the layers take, of vectors (N, ...) and maps (N, ..., 128, 128) as Senses gives them."""
@@ -156,7 +138,7 @@ class Explorer(Learner):
         return torch.cat([vector.flatten(1), maps.flatten(1)], -1)
 
     def targets(self, action: Tensor) -> Tensor:
-        """Joint targets (N, A) [rad] of actions (N, A), or how far they are from the joints where they are relative."""
+        """Joint targets (N, A) [rad] of actions (N, A)."""
         return self.action_mean + self.action_std * action
 
     def plan(self, vector: Tensor, picture: Tensor | None) -> Tensor:

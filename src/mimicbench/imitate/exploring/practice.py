@@ -1,18 +1,18 @@
 """Practice: reinforcement learning on what robots sense while they try a task (imitate.exploring.episodes), from
-nothing or from a clone.
+nothing or from what was learned before.
 """
 
-import copy
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Protocol
 
 import msgspec
+import numpy as np
 import torch
+from torch import Tensor, nn
 
-from mimicbench.core.checkpoint import beside
 from mimicbench.core.progress import Pulse
 from mimicbench.core.seeds import digest
 from mimicbench.core.settings import Amount, Positive
@@ -25,12 +25,9 @@ from mimicbench.core.training import (
     save_training,
 )
 from mimicbench.envs.vec_env import EnvConfig
-from mimicbench.imitate.exploring.episodes import Exploration, ExploreConfig
-from mimicbench.imitate.exploring.network import Explorer
-from mimicbench.imitate.goals import known_goal
-from mimicbench.imitate.learned import save_learner
-from mimicbench.imitate.policy import Senses
+from mimicbench.imitate.exploring.episodes import Exploration, ExploreConfig, Sensing
 from mimicbench.imitate.spec import Given
+from mimicbench.track.network import Blueprint
 from mimicbench.track.ppo_config import PPOConfig, ppo_learner
 
 if TYPE_CHECKING:
@@ -63,23 +60,50 @@ class Practice:
 
 
 CRITIC_FIRST = 10
-"""Updates in which the critic of a clone learns alone: one that knows nothing would only spoil the actor."""
+"""Updates in which the critic of who knows already what to do learns alone: one that knows nothing would only spoil
+the actor."""
+
+
+class Student(Protocol):
+    """Who practises: what it senses, and the network that turns that into actions."""
+
+    senses: Sensing
+    blueprint: Blueprint
+    """Of the actor."""
+    critic: Blueprint | None
+    """Of the critic, for who knows already what to do; None: the actor's, and both begin with nothing."""
+    action_size: int
+
+    def flat(self, vector: Tensor, maps: Tensor | None) -> Tensor:
+        """(N, inputs) what the actor takes, of what the senses see."""
+        ...
+
+    def targets(self, action: Tensor, joint_pos: Tensor) -> Tensor:
+        """(N, J) joint targets [rad] of actions (N, A) of robots whose joints are at (N, J) [rad]."""
+        ...
+
+    def shown(self) -> nn.Module | None:
+        """What gives the actions (N, A) that it knew before, to stray from; None for who knew nothing."""
+        ...
+
+    def save(self, folder: Path, tensors: Mapping[str, np.ndarray], notes: Mapping[str, Any]) -> None:
+        """Write the policy with the actor's tensors, those of a TrackerNetwork."""
+        ...
 
 
 def practise(
-    folder: Path, given: Given, config: Practice, course: Mapping[str, Any], explorer: Explorer, cloned: bool
+    folder: Path, given: Given, config: Practice, student: Student, course: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Let a network practise, or go on practising, to the same bytes; what to tell of it.
+    """Let a student practise, or go on practising, to the same bytes; what to tell of it.
 
     Args:
         folder: Gets the checkpoint, `training.safetensors` to go on from, and `metrics.jsonl`.
         given: The objects, and how to run.
         config: How practice goes.
+        student: Who practises.
         course: All that decides the course, beside the seed and the objects.
-        explorer: The network that practises.
-        cloned: Whether it has learned already what actions are like; else it begins around the rest pose.
     """
-    run = _Run(folder, given, config, course, explorer, cloned)
+    run = _Run(folder, given, config, student, course)
     pulse, now, saved, progress = Pulse(given.context.say), time.monotonic(), time.monotonic(), run.progress
     while progress["samples"] < config.samples:
         losses = run.round()
@@ -103,46 +127,33 @@ class _Run:
     """One practice: episodes, network, and how far it has come."""
 
     def __init__(
-        self,
-        folder: Path,
-        given: Given,
-        config: Practice,
-        course: Mapping[str, Any],
-        explorer: Explorer,
-        cloned: bool,
+        self, folder: Path, given: Given, config: Practice, student: Student, course: Mapping[str, Any]
     ) -> None:
-        robot, task, context = given.clips.robot, given.clips.task, given.context
+        context, explore = given.context, config.explore
         torch.manual_seed(digest(given.seed, "practice") % (1 << 63))
         torch.set_num_threads(1)
-        self.folder, self.config, self.cloned, self.robot = folder, config, cloned, robot
-        inputs, explore = explorer.config.inputs, config.explore
-        goal = known_goal(beside(folder, "perception"), robot, task) if inputs.memory else None
+        self.folder, self.config, self.student = folder, config, student
         env_config = EnvConfig(device=context.device, workers=context.workers)
-        self.env = Exploration(given.clips, Senses(inputs, goal), given.gains, explore, given.seed, env_config)
-        self.explorer = explorer.to(self.env.device)
-        made = explorer.config.blueprint, explorer.config.action_size, explore.num_envs
-        self.learner: PPOLearner = ppo_learner()(*made, config.ppo, self.env.device)
-        self.shown: torch.nn.Module | None = None
-        """What was learned by cloning, where straying from it has a price."""
-        if cloned:
-            every = slice(0, explorer.config.blueprint.inputs)
-            self.learner.begin_from(explorer.network.tensors(), [(every, every)])
-            self.shown = copy.deepcopy(explorer.network).requires_grad_(False) if explore.stray else None
+        self.env = Exploration(given.clips, student.senses, given.gains, explore, given.seed, env_config)
+        made = student.blueprint, student.action_size, explore.num_envs, config.ppo, self.env.device
+        self.learner: PPOLearner = ppo_learner()(*made, student.critic)
+        self._shown = student.shown() if explore.stray else None
         self.parts: dict[str, Resumable] = {
             "env": self.env,
             "learner": self.learner,
             "torch": TorchRandom(self.env.device),
         }
         self.identity = {"config": dict(course), "seed": given.seed, "objects": sorted(given.clips.objects)}
-        self.progress = resume_training(folder, self.identity, self.parts, {"samples": 0, "updates": 0, "seconds": 0.0})
-        self._notes = {"seed": given.seed, "task": task.name, "gains": given.gains}
-        self._obs = self.explorer.flat(*self.env.seen)
+        begun = {"samples": 0, "updates": 0, "seconds": 0.0}
+        self.progress = resume_training(folder, self.identity, self.parts, begun)
+        self._notes = {"seed": given.seed, "task": given.clips.task.name, "gains": given.gains}
+        self._obs = student.flat(*self.env.seen)
 
     def round(self) -> dict[str, float]:
         """Try, and learn from it: the losses."""
         self._try()
         torch.set_num_threads(self.config.threads)
-        alone = self.cloned and self.progress["updates"] < CRITIC_FIRST
+        alone = self.student.critic is not None and self.progress["updates"] < CRITIC_FIRST
         losses = self.learner.update(self._obs, critic_alone=alone)
         torch.set_num_threads(1)
         self.progress["samples"] += self.config.explore.num_envs * self.config.ppo.steps
@@ -152,21 +163,18 @@ class _Run:
     @torch.no_grad()
     def _try(self) -> None:
         """All robots try for some steps, which the learner remembers."""
-        env, explorer = self.env, self.explorer
+        env, student = self.env, self.student
         for _ in range(self.config.ppo.steps):
             action = self.learner.act(self._obs)
-            target = explorer.targets(action)
-            if explorer.config.relative:
-                target = target + env.env.context.state.joint_pos
-            shown = None if self.shown is None else self.shown(self._obs)
+            target = student.targets(action, env.env.context.state.joint_pos)
+            shown = None if self._shown is None else self._shown(self._obs)
             reward, done, time_out = env.step(target, action, shown)
-            self._obs = explorer.flat(*env.seen)
+            self._obs = student.flat(*env.seen)
             self.learner.record(self._obs, reward, done, time_out)
 
     def save(self) -> None:
         """Write the policy as it is now."""
-        self.explorer.network.load_tensors(self.learner.network_tensors())
-        save_learner(self.folder, self.explorer, self.robot.name, {**self._notes, **self.progress})
+        self.student.save(self.folder, self.learner.network_tensors(), {**self._notes, **self.progress})
 
 
 def _words(row: Mapping[str, float], samples: int) -> str:

@@ -5,15 +5,23 @@ position targets around the robot's rest pose, `rest + scale * a`. Reward and en
 imitate.exploring.episodes, updates those of track.ppo. The paper says no more of it than that it is vision-based PPO.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
 import torch
+from torch import Tensor
 
-from mimicbench.imitate.exploring.network import ExplorerConfig
+from mimicbench.core.checkpoint import beside
+from mimicbench.imitate.exploring.network import Explorer, ExplorerConfig
 from mimicbench.imitate.exploring.practice import Practice, course_of, practise
+from mimicbench.imitate.goals import known_goal
+from mimicbench.imitate.learned import save_learner
+from mimicbench.imitate.policy import Senses
 from mimicbench.imitate.spec import Given, ImitateConfig, LearnerSpec
+from mimicbench.robots.description import Robot
 
 
 @dataclass(frozen=True)
@@ -33,12 +41,40 @@ class PPOImitation(Practice, ImitateConfig):
         return self.network.inputs.memory
 
 
+class Beginner:
+    """Who knows nothing yet (practice.Student): actions are around the rest pose."""
+
+    critic = None
+
+    def __init__(self, robot: Robot, explorer: Explorer, senses: Senses) -> None:
+        explorer.begin_at(torch.tensor(robot.rest_pose))
+        self.senses, self._robot, self._explorer = senses, robot, explorer
+        self.blueprint, self.action_size = explorer.config.blueprint, explorer.config.action_size
+
+    def flat(self, vector: Tensor, maps: Tensor | None) -> Tensor:
+        """(N, inputs) what the layers take."""
+        return self._explorer.flat(vector, maps)
+
+    def targets(self, action: Tensor, joint_pos: Tensor) -> Tensor:
+        """(N, J) joint targets [rad] of actions (N, J)."""
+        return self._explorer.to(action.device).targets(action)
+
+    def shown(self) -> None:
+        """Nothing."""
+
+    def save(self, folder: Path, tensors: Mapping[str, np.ndarray], notes: Mapping[str, Any]) -> None:
+        """Write the policy."""
+        self._explorer.network.load_tensors(tensors)
+        save_learner(folder, self._explorer, self._robot.name, notes)
+
+
 def learn(folder: Path, given: Given, config: PPOImitation) -> dict[str, Any]:
     """Learn into a folder, or go on learning there, to the same bytes."""
     robot, task = given.clips.robot, given.clips.task
-    explorer = config.network.of(robot, task).build()
-    explorer.begin_at(torch.tensor(robot.rest_pose))
-    return practise(folder, given, config, course_of(config), explorer, cloned=False)
+    network = config.network.of(robot, task)
+    goal = known_goal(beside(folder, "perception"), robot, task) if network.inputs.memory else None
+    beginner = Beginner(robot, network.build(), Senses(network.inputs, goal))
+    return practise(folder, given, config, beginner, course_of(config))
 
 
 LEARNER = LearnerSpec("ppo", PPOImitation, learn)
