@@ -23,9 +23,8 @@ from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.evaluate.rollout import run_policy
 from mimicbench.imitate.encoder import EncoderConfig
 from mimicbench.imitate.exploring.episodes import Exploration, ExploreConfig
-from mimicbench.imitate.exploring.network import ExplorerConfig
 from mimicbench.imitate.inputs import InputConfig
-from mimicbench.imitate.learners.ppo import PPOImitation, learn
+from mimicbench.imitate.learners.ppo import PPOImitation, PPONetworkConfig, learn
 from mimicbench.imitate.policy import Senses, VisionPolicy
 from mimicbench.imitate.spec import Given
 from mimicbench.objects.registry import FAMILIES
@@ -50,7 +49,7 @@ def objects_of(task, count=4):
 
 def tiny(rounds, convolves=False, inputs=None):
     """The smallest training."""
-    network = ExplorerConfig(
+    network = PPONetworkConfig(
         inputs=inputs or InputConfig(), encoder=TINY_MAP, convolves=convolves, features=4, hidden=(8,)
     )
     ppo = PPOConfig(steps=STEPS, epochs=1, minibatches=2, gamma=0.99)

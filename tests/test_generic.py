@@ -54,6 +54,7 @@ MAY = {
     "policies/hit.py": "the same",
     "policies/online.py": "the same",
     "policies/planner.py": "the same",
+    "policies/ppo.py": "the same",
     "benchmark/presets.py": "named recipes",
     "comparisons/": "one file a comparison of methods",
     "report/paper_tables.py": "the paper's numbers, by its tasks and methods",

@@ -262,15 +262,11 @@ def load_planner(folder: Path, robot: Robot, task: Task) -> PlannerPolicy:
     """Read a planner with the `tracker` and, if the task's goal has to be found, the `perception` in the folders beside
     it. Raises BadCheckpoint.
     """
-    tracker = load_tracker(beside(folder, "tracker"), robot)
-    goal = known_goal(beside(folder, "perception"), robot, task)
-    return PlannerPolicy(robot, task, read_planner(folder, robot, task, tracker.spec), tracker, goal)
-
-
-def read_planner(folder: Path, robot: Robot, task: Task, spec: TrackerSpec) -> PlannerNetwork:
-    """The planner's own network, which speaks to such a tracker. Raises BadCheckpoint."""
     checkpoint = load_checkpoint(folder, "planner", robot.name)
     config = checkpoint.config_as(PlannerConfig)
+    tracker = load_tracker(beside(folder, "tracker"), robot)
+    goal = known_goal(beside(folder, "perception"), robot, task)
     style = checkpoint.tensors["style_mean"].size if "style_mean" in checkpoint.tensors else 0
-    sizes = PlannerSizes.of(robot, task, spec, style)
-    return built(checkpoint, lambda: PlannerNetwork(sizes, config.hidden), [len(config.hidden)])
+    sizes = PlannerSizes.of(robot, task, tracker.spec, style)
+    network = built(checkpoint, lambda: PlannerNetwork(sizes, config.hidden), [len(config.hidden)])
+    return PlannerPolicy(robot, task, network, tracker, goal)

@@ -36,17 +36,8 @@ class PPOLearner:
     """Actor, critic, and their updates."""
 
     def __init__(
-        self,
-        blueprint: Blueprint,
-        actions: int,
-        num_envs: int,
-        config: PPOConfig,
-        device: str = "cpu",
-        critic: Blueprint | None = None,
+        self, blueprint: Blueprint, actions: int, num_envs: int, config: PPOConfig, device: str = "cpu"
     ) -> None:
-        """Of actor and critic made alike; with a `critic` of its own make the actor's layers are as they are made,
-        and know already what to do.
-        """
         self.config, self.blueprint = config, blueprint
         example = _wrap(torch.zeros(num_envs, blueprint.inputs, device=device))
         distribution = {
@@ -56,14 +47,14 @@ class PPOLearner:
             "std_range": (0.02, 1.0),
         }
         actor = _Model(example, "actor", actions, blueprint, distribution_cfg=distribution)
-        if critic is None:
-            last = [layer for layer in actor.mlp.modules() if isinstance(layer, torch.nn.Linear)][-1]
-            with torch.no_grad():  # the first actions are near zero: the reference itself
-                last.weight *= 0.01
-                last.bias.zero_()
+        critic = _Model(example, "critic", 1, blueprint)
+        last = [layer for layer in actor.mlp.modules() if isinstance(layer, torch.nn.Linear)][-1]
+        with torch.no_grad():  # the first actions are near zero: the reference itself
+            last.weight *= 0.01
+            last.bias.zero_()
         self.ppo = PPO(
             actor,
-            _Model(example, "critic", 1, critic or blueprint),
+            critic,
             RolloutStorage("rl", num_envs, config.steps, example, [actions], device),
             num_learning_epochs=config.epochs,
             num_mini_batches=config.minibatches,

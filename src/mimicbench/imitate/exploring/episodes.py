@@ -2,17 +2,15 @@
 
 With d the length [m] that the condition of K still lacks (`Task.shortfalls`), and a the action, a step is worth
 
-    r = exp(-d) + approach (d_before - d) - change |a - a_before|^2 - power log(1 + e / 1e6 W^2) - stray |a - a*|^2,
+    r = exp(-d) + approach (d_before - d) - change |a - a_before|^2,
 
 the dense reward of the Gymnasium environments, what a step came nearer (Ng et al. 1999: it changes no policy's rank as
-long as nobody falls), and prices: of haste, of the effort e that P limits, and, for who knew before what to do, of
-straying from the action a* of then. A fall is worth nothing, and ends the episode; time ends it, too, but there is a
-value beyond. K ends none, so that holding on pays.
+long as nobody falls), and a price of haste. A fall is worth nothing, and ends the episode; time ends it, too, but there
+is a value beyond. K ends none, so that holding on pays.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import torch
 from torch import Tensor
@@ -24,6 +22,7 @@ from mimicbench.envs.initial_states import InitialStates, stacked
 from mimicbench.envs.nearness import nearness
 from mimicbench.envs.rule_starts import Starts
 from mimicbench.envs.vec_env import EnvConfig, VecEnv
+from mimicbench.imitate.policy import Senses
 from mimicbench.sensors.observations import Observations
 from mimicbench.sim.physics import PhysicsConfig, RobotState
 from mimicbench.sim.rows import Rows
@@ -46,44 +45,13 @@ class ExploreConfig:
     """Reward for each metre that a step came nearer [1/m]; with 0 the reward is nearness alone."""
     change: float = 0.002
     """Price of each squared unit by which the action changes."""
-    power: float = 0.0
-    """Price of log(1 + e / 1e6 W^2), e being what P limits."""
-    stray: float = 0.0
-    """Price of each squared unit by which the action differs from what was learned before."""
-
-
-class Sensing(Protocol):
-    """What robots sense, and carry from frame to frame; see imitate.policy.Senses."""
-
-    observations: tuple[str, ...]
-    """Names of the terms that it needs."""
-
-    def to(self, device: str) -> None:
-        """Move what perceives to a device; nothing is remembered."""
-        ...
-
-    def begin(self, ids: Tensor, obs: Observations) -> None:
-        """Robots `ids` (M,) begin anew."""
-        ...
-
-    def see(self, obs: Observations) -> tuple[Tensor, Tensor | None]:
-        """What all robots see: vectors (N, ...), and maps or None."""
-        ...
-
-    def memory(self) -> dict[str, Tensor]:
-        """(N, ...) what is carried from frame to frame, by name."""
-        ...
-
-    def remember(self, memory: Mapping[str, Tensor]) -> None:
-        """Go on from what `memory` gave."""
-        ...
 
 
 class Exploration:
     """Steps all robots together; episodes that end start again at once."""
 
     def __init__(
-        self, clips: ClipSet, senses: Sensing, gains: str, config: ExploreConfig, seed: int, env_config: EnvConfig
+        self, clips: ClipSet, senses: Senses, gains: str, config: ExploreConfig, seed: int, env_config: EnvConfig
     ) -> None:
         """`clips` has the task, the robot and the objects; `senses` are the robots' own; `env_config` says which device
         and how many threads.
@@ -92,7 +60,7 @@ class Exploration:
         drawn = Starts(task, robot, "train", objects, len(objects), None)
         states = [drawn.draw(digest(seed, "start", number) % (1 << 63))[0] for number in range(config.starts)]
         physics = PhysicsConfig(gains=gains, meshes=any(obj.hulls for obj in objects))
-        env_config = replace(env_config, physics=physics, judged=True, measure_effort=config.power > 0)
+        env_config = replace(env_config, physics=physics, judged=True, measure_effort=False)
         first = torch.arange(config.num_envs) % len(states)
         self.env = VecEnv(task, robot, [states[number].obj for number in first.tolist()], env_config, seed)
         self.device, self.senses, self.config = self.env.device, senses, config
@@ -108,15 +76,14 @@ class Exploration:
         self.seen = self.senses.see(obs)
         """What all robots see now: vectors (N, size) and maps (N, channels, 128, 128), see Senses."""
 
-    def step(self, target: Tensor, action: Tensor, shown: Tensor | None = None) -> tuple[Tensor, Tensor, Tensor]:
+    def step(self, target: Tensor, action: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Apply joint targets (N, J) [rad], which were made of an action (N, A), and see what comes of it.
 
-        `shown` (N, A) is the action that was known before, where straying from it has a price. Returns reward (N,),
-        done (N,) bool, and time_out (N,) bool: done because time is over.
+        Returns reward (N,), done (N,) bool, and time_out (N,) bool: done because time is over.
         """
         env, metrics, before = self.env, self.env.metrics, self.env.last_action
         assert metrics is not None
-        effort = env.step(target, action).effort
+        env.step(target, action)
         near = self._nearness()
         failed = metrics.fell | metrics.diverged
         time_out = (env.steps >= self._limit) & ~failed
@@ -124,10 +91,6 @@ class Exploration:
         approached = torch.log(near.clamp(min=1e-6)) - torch.log(self._near.clamp(min=1e-6))  # d_before - d
         haste = (action - before).square().sum(-1) * (env.steps > 1)
         reward = near + self.config.approach * approached - self.config.change * haste
-        if self.config.power:
-            reward = reward - self.config.power * torch.log1p(effort / 1e6)
-        if shown is not None:
-            reward = reward - self.config.stray * (action - shown).square().sum(-1)
         reward = torch.where(failed, 0.0, reward)
         counts = (done, done & failed, done & metrics.success, env.steps * done)
         means = (reward.mean(), near.mean(), near.new_ones(()))
