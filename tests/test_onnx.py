@@ -16,6 +16,7 @@ from mimicbench.evaluate.rollout import run_policy
 from mimicbench.imitate.learned import save_learner
 from mimicbench.imitate.learners.ppo import PPOImitation
 from mimicbench.policies.loading import load_policy
+from mimicbench.tasks.registry import TASKS
 from test_hit import saved
 from test_imitate import INPUTS, tiny
 from test_policies import H1, SIT_CHAIR, clip_set
@@ -55,6 +56,18 @@ def test_exported_policies_decide_as_the_originals(kind, tmp_path):
         np.testing.assert_allclose(runs[0].recordings[i], runs[1].recordings[i], atol=5e-3)
     with pytest.raises(BadFile, match="policy of task 'sit-chair'"):
         load_policy(tmp_path / "policy.onnx", H1, replace(SIT_CHAIR, name="stand"))
+
+
+def test_who_is_told_places_is_checked_with_numbers_and_nan_is_no_agreement(tmp_path):
+    from mimicbench.policies.export import TOLERANCE, _difference, export_policy
+
+    touch, folder = TASKS.get("touch-points"), SHIPPED.parent / "touch-points" / "planner"
+    found = export_policy(folder, H1, touch, tmp_path / "policy.onnx")
+    assert 0 < found["difference"] < TOLERANCE, "sums round differently"
+    broken = load_policy(folder, H1, touch)
+    with torch.no_grad():
+        next(iter(broken.networks()[0].parameters())).fill_(torch.nan)
+    assert _difference(broken, tmp_path / "policy.onnx", H1, touch) == np.inf
 
 
 def made(path, terms=("proprio",), sizes=((48,),), joints=19, **notes):

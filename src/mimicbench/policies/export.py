@@ -122,6 +122,8 @@ def _drawn(names: tuple[str, ...], robot: Robot, task: Task, frame: int, robots:
     values = {name: 0.1 * torch.randn(shape, generator=random) for name, shape in shapes.items()}
     if "proprio" in values:
         values["proprio"][:, :4] += torch.tensor([0.0, 0.0, -1.0, 1.0])
+    if "hands" in values:
+        values["hands"] = torch.ones(shapes["hands"])
     values["time"] = torch.full((robots, 1), frame * TICK)
     return Observations(values)
 
@@ -136,5 +138,6 @@ def _difference(policy: Policy, path: Path, robot: Robot, task: Task) -> float:
         obs["time"][again.long()] = 0.0
         for each in (policy, other) if len(again) else ():
             each.reset(again.long(), obs)
-        worst = max(worst, float((policy.act(obs) - other.act(obs)).abs().max()))
+        apart = (policy.act(obs) - other.act(obs)).abs().nan_to_num(torch.inf)
+        worst = max(worst, float(apart.max()))
     return worst
