@@ -219,7 +219,7 @@ def test_metrics_sees_falls():
     stool.put(
         physics,
         np.arange(3),
-        np.array([[-1, 0, 0.42 - 0.14], [-1, 0, 1], [-1, 0, 0.42 - 0.16]]),
+        np.array([[0, 0, 0.42 - 0.14], [-1, 0, 1], [0, 0, 0.42 - 0.16]]),
         np.tile(rot.IDENTITY, (3, 1)),
         np.zeros((3, 19)),
     )
