@@ -19,8 +19,9 @@ from mimicbench.imitate.stored.demo_writer import Demonstration, DemoWriter
 from mimicbench.imitate.train import TrainConfig
 from mimicbench.policies.loading import load_policy
 from mimicbench.sensors.proprioception import s_current_names
-from mimicbench.track.checkpoint import build_tracker, save_tracker
+from mimicbench.track.checkpoint import build_tracker
 from mimicbench.track.driven import DrivenConfig, drive_clips
+from mimicbench.track.experts import ClipExpert, SensingExpert
 from mimicbench.track.tracking import EndConfig
 from stool import H1
 from tracked import CLIPS, ONE_THREAD, SIT_CHAIR, clip_set
@@ -30,10 +31,11 @@ WIDE = EndConfig(max_pos_error=5.0, max_angle_error=7.0, max_drop=5.0)
 SHAPE = shape_of("residual", SIT_CHAIR)
 
 
-def tracker():
+def expert():
     torch.manual_seed(0)
     weights = SHAPE.blueprint().network(19).tensors()
-    return build_tracker(SHAPE, {name: 0 * value for name, value in weights.items()})  # the reference is its target
+    tracker = build_tracker(SHAPE, {name: 0 * value for name, value in weights.items()})
+    return ClipExpert(tracker, H1)  # the reference is its target
 
 
 class Wriggles:
@@ -51,9 +53,16 @@ class Wriggles:
         return obs["proprio"][:, 10:29] + 0.1
 
 
+class Rests(Wriggles):
+    """Wants every joint where it is."""
+
+    def act(self, obs):
+        return obs["proprio"][:, 10:29]
+
+
 def test_the_policy_drives_from_some_moment_on_and_the_tracker_says_what_was_right():
     policy = Wriggles()
-    kept = drive_clips(tracker(), policy, clip_set(*SITS), DrivenConfig(WIDE, settle=0.4), 3, ONE_THREAD)
+    kept = drive_clips(expert(), policy, clip_set(*SITS), DrivenConfig(WIDE, settle=0.4), 3, ONE_THREAD)
     assert policy.asked == 3 and len({len(qpos) for qpos in kept.qpos} | {60}) == 1, "clip and settling are 60 frames"
     begins = []
     for motion, qpos, wanted, driven in zip(SITS, kept.qpos, kept.targets, kept.applied, strict=True):
@@ -67,12 +76,25 @@ def test_the_policy_drives_from_some_moment_on_and_the_tracker_says_what_was_rig
 
 def test_an_episode_is_over_where_the_tracker_no_longer_knows_what_to_do():
     narrow = DrivenConfig(EndConfig(max_pos_error=0.005, max_drop=0.005), settle=0.4)
-    ends = [len(q) for q in drive_clips(tracker(), Wriggles(), clip_set(*SITS), narrow, 3, ONE_THREAD).qpos]
+    ends = [len(q) for q in drive_clips(expert(), Wriggles(), clip_set(*SITS), narrow, 3, ONE_THREAD).qpos]
     assert max(ends) < 60
 
 
+def test_a_policy_says_what_was_right_where_another_drives():
+    wide = DrivenConfig(EndConfig(max_pos_error=0.0, max_drop=0.0), settle=0.4)
+    asked = Wriggles()
+    kept = drive_clips(SensingExpert(asked), Rests(), clip_set(*SITS), wide, 3, ONE_THREAD)
+    assert asked.asked == 3
+    for qpos, wanted, driven in zip(kept.qpos, kept.targets, kept.applied, strict=True):
+        assert len(qpos) > 30, "no clip to stray from: who falls is lost"
+        np.testing.assert_allclose(wanted, qpos[:, 7:] + 0.1, atol=1e-5)
+        own = np.abs(driven - wanted).max(-1) > 0.05
+        np.testing.assert_allclose(driven, qpos[:, 7:] + np.where(own, 0.0, 0.1)[:, None], atol=1e-5)
+        assert own[own.argmax() :].all()
+
+
 def given(tmp_path, clips):
-    """Demonstrations of robots that sit, and the tracker beside where the policy is to be."""
+    """Demonstrations of robots that sit, and the tracker that made them."""
     dataset = tmp_path / "dataset"
     writer = DemoWriter(dataset, "h1", SIT_CHAIR.title, H1.joint_names, 50.0, 64, s_current_names(H1))
     qpos = np.tile(np.r_[clips.motions[0].root_pos_w[0], 1, 0, 0, 0, clips.motions[0].joint_pos[0]], (30, 1))
@@ -81,8 +103,8 @@ def given(tmp_path, clips):
     for motion in clips.motions:
         writer.add(Demonstration(state, target, target, qpos, qvel, motion.object_id, motion.id, True))
     writer.finish()
-    save_tracker(tmp_path / "tracker", H1, SHAPE, tracker().network.tensors(), {})
-    return Given(clips, dataset, 0, "improved", RunContext(workers=1, quiet=True), load_policy)
+    context = RunContext(workers=1, quiet=True)
+    return Given(clips, dataset, 0, "improved", context, load_policy, expert())
 
 
 def test_a_cloner_learns_from_what_it_got_into(tmp_path):

@@ -21,6 +21,7 @@ from mimicbench.core.settings import Amount, BadSetting, Within, amounts, check,
 from mimicbench.core.stage import read_stage
 from mimicbench.evaluate.rows import read_rows, rows_made_from
 from mimicbench.imitate.cloning import CloneImitation
+from mimicbench.imitate.demos import DemosConfig
 from mimicbench.imitate.learners.act import ACTConfig
 from mimicbench.imitate.learners.bc import BCConfig
 from mimicbench.imitate.learners.diffusion import DiffusionConfig
@@ -194,6 +195,14 @@ def test_a_learner_without_its_tracker_is_told():
     check_recipe(Recipe(imitate=Stubborn()))
     with pytest.raises(BadSetting, match="needs the tracker 'residual', but track.tracker is 'hst'"):
         check_recipe(Recipe(imitate=Stubborn(), track=TrackConfig(tracker="hst")))
+
+
+def test_who_speaks_of_clips_learns_from_who_follows_them():
+    hit = read_recipe(recipe_tree([], None, {"imitate": {"learner": "hit"}})).imitate
+    check_recipe(Recipe(imitate=hit, demos=DemosConfig()))
+    with pytest.raises(BadSetting, match="'hit' learns to say what is in the clips, which demos.expert 'planner'"):
+        check_recipe(Recipe(imitate=hit, demos=DemosConfig(expert="planner")))
+    check_recipe(Recipe(imitate=ImitateConfig(), demos=DemosConfig(expert="planner")))
 
 
 @pytest.mark.parametrize(("learner", "network"), [("act", ACTConfig()), ("bc", BCConfig())])

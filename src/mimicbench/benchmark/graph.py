@@ -27,6 +27,7 @@ from mimicbench.retarget import make as retargeting
 if TYPE_CHECKING:
     from mimicbench.envs.vec_env import EnvConfig
     from mimicbench.imitate.spec import ImitateConfig
+    from mimicbench.track.experts import Expert
 
 
 def run_stage(stage: str, recipe: Recipe, workdir: Path | str, context: RunContext | None = None) -> Stage:
@@ -205,9 +206,8 @@ def _tell_tracker(run: Run) -> None:
 
 
 def make_demo_stage(run: Run) -> Stage:
-    """Let the tracker turn the training clips into demonstrations."""
+    """Let an expert turn the training clips into demonstrations."""
     from mimicbench.imitate.demos import make_demos
-    from mimicbench.track.checkpoint import load_tracker
 
     if run.part("demos").source != MADE:
         return run.named("demos", run.part("demos").source)
@@ -216,8 +216,20 @@ def make_demo_stage(run: Run) -> Stage:
     with _opened(run, keys.demo_key(run, folder), *PARTS[:5]) as stage:
         if stage.complete:
             return stage
-        tracker, config = load_tracker(folder, run.robot), run.part("demos")
-        return make_demos(stage, tracker, clips.split("train"), config, env_config(run), run.context.quiet)
+        train, config = clips.split("train"), run.part("demos")
+        return make_demos(stage, _expert(run, folder), train, config, env_config(run), run.context.quiet)
+
+
+def _expert(run: Run, tracker: Path) -> Expert:
+    """Who demonstrates: the tracker in a folder, or the policy that the recipe names."""
+    from mimicbench.policies.loading import load_policy
+    from mimicbench.track.checkpoint import load_tracker
+    from mimicbench.track.experts import ClipExpert, SensingExpert
+
+    folder = keys.expert_folder(run, tracker)
+    if folder == tracker:
+        return ClipExpert(load_tracker(tracker, run.robot), run.robot)
+    return SensingExpert(load_policy(folder, run.robot, run.task))
 
 
 def make_perception_stage(run: Run) -> Stage:
@@ -261,14 +273,15 @@ def make_imitate_stage(run: Run) -> Stage:
     with _opened(run, keys.imitate_key(run, tracker), *PARTS, trained=True) as stage:
         if stage.complete:
             return stage
-        gains = config.gains or ""
+        gains, expert = config.gains or "", None
         if tracker is not None:
             copy_checkpoint(tracker, stage.folder / keys.TRACKER)
-            gains = gains or load_tracker(tracker, run.robot).spec.gains
+            expert = _expert(run, tracker) if config.clones else None
+            gains = gains or (expert.gains if expert else load_tracker(tracker, run.robot).spec.gains)
         if eyes is not None:
             copy_checkpoint(eyes.folder, stage.folder / keys.PERCEPTION)
         dataset = None if demos is None else demos.folder / DATASET
-        given = Given(clips, dataset, run.recipe.seed, gains, run.context, load_policy)
+        given = Given(clips, dataset, run.recipe.seed, gains, run.context, load_policy, expert)
         summary = LEARNERS.get(config.learner).learn(stage.folder / keys.POLICY, given, config)
         return stage.finish(**summary, device=run.context.device)
 

@@ -15,7 +15,7 @@ from mimicbench.benchmark.graph import Clips, env_config, retargeted
 from mimicbench.benchmark.kept import keep, kept
 from mimicbench.benchmark.keys import Run
 from mimicbench.benchmark.recipe import stage_type
-from mimicbench.core.checkpoint import CONFIG, MODEL, beside, checkpoint_kind
+from mimicbench.core.checkpoint import CONFIG, MODEL, checkpoint_kind
 from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError, UnknownName
 from mimicbench.core.files import digest_of
 from mimicbench.imitate.registry import LEARNERS
@@ -57,9 +57,8 @@ class Who:
         """Digests of the networks that it runs on: its own, and those in the folders beside it that it may use."""
         if self.folder.suffix in FILES:
             return {"program": digest_of(self.folder)}
-        used = {name: beside(self.folder, name) for name in (keys.TRACKER, keys.PERCEPTION)}
-        folders = {"checkpoint": self.folder, **{n: f for n, f in used.items() if f != self.folder}}
-        return {n: digest_of(f / MODEL) + digest_of(f / CONFIG) for n, f in folders.items() if (f / MODEL).exists()}
+        used = keys.networks_of(self.folder)
+        return {name: digest_of(folder / MODEL) + digest_of(folder / CONFIG) for name, folder in used.items()}
 
 
 def who_of(run: Run, name: str) -> Who:

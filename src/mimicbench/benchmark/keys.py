@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from mimicbench.benchmark.recipe import Recipe, stage_type
-from mimicbench.core.checkpoint import CONFIG, MODEL, checkpoint_robot
+from mimicbench.core.checkpoint import CONFIG, MODEL, beside, checkpoint_robot
 from mimicbench.core.errors import BadFile
 from mimicbench.core.files import digest_of, read_json
 from mimicbench.core.run import RunContext
@@ -202,17 +202,40 @@ def shipped_trackers(robot: str) -> dict[str, Path]:
     return found
 
 
+def expert_folder(run: Run, tracker: Path) -> Path:
+    """Who demonstrates: the tracker in a folder, or the policy that the recipe names. Raises BadFile without it."""
+    name = run.part("demos").expert
+    if name == TRACKER:
+        return tracker
+    folder = Path(name) if "/" in name else shipped(run, name)
+    if folder is None or not (folder / CONFIG).is_file():
+        raise BadFile(
+            f"demos.expert is {name!r}, where no policy is; give `tracker`, the name of a policy that is shipped for "
+            f"{run.recipe.task}, or the folder of a checkpoint"
+        )
+    return folder
+
+
+def networks_of(folder: Path) -> dict[str, Path]:
+    """The checkpoint in a folder, and those in the folders beside it that it may use, by name."""
+    used = {name: beside(folder, name) for name in (TRACKER, PERCEPTION)}
+    folders = {"checkpoint": folder, **{name: other for name, other in used.items() if other != folder}}
+    return {name: other for name, other in folders.items() if (other / MODEL).exists()}
+
+
 def demo_key(run: Run, tracker: Path) -> StageKey:
-    """Demonstrations by the tracker in a folder."""
+    """Demonstrations by the tracker in a folder, or by the expert that the recipe names."""
     clips, settings = retarget_key(run), identity(run.part("demos"))
-    del settings["source"]
+    del settings["source"], settings["expert"]
+    expert = expert_folder(run, tracker)
+    by = {TRACKER: expert} if expert == tracker else {f"expert_{n}": f for n, f in networks_of(expert).items()}
     if not settings["images"]:
         del settings["images"]  # without any, demonstrations are what they were before there were any
     return run.key(
         "demos",
         settings,
-        {"retarget": clips.fingerprint, "tracker": digest_of(tracker / MODEL)},
-        reads={"retarget": run.folder(clips), "tracker": tracker},
+        {"retarget": clips.fingerprint, **{name: digest_of(folder / MODEL) for name, folder in by.items()}},
+        reads={"retarget": run.folder(clips), **by},
     )
 
 

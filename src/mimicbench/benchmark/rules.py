@@ -61,6 +61,19 @@ def learner_has_its_tracker(recipe: Recipe) -> None:
         )
 
 
+def expert_follows_clips(recipe: Recipe) -> None:
+    """Who learns to say what is in the clips needs demonstrations that follow them."""
+    if recipe.imitate is None or recipe.demos is None or recipe.demos.source != MADE:
+        return
+    from mimicbench.imitate.demos import TRACKER
+
+    if recipe.imitate.says_clips and recipe.demos.expert != TRACKER:
+        raise BadSetting(
+            f"imitate.learner {recipe.imitate.learner!r} learns to say what is in the clips, which demos.expert "
+            f"{recipe.demos.expert!r} does not follow; leave demos.expert out"
+        )
+
+
 def gains_agree(recipe: Recipe) -> None:
     """A policy drives the gains of the tracker that it learns from; who learns from none drives any of the robot's."""
     if recipe.imitate is None:
@@ -106,6 +119,7 @@ RULES: tuple[Callable[[Recipe], None], ...] = (
     sources_agree,
     method_has_variant,
     learner_has_its_tracker,
+    expert_follows_clips,
     gains_agree,
     tracked_together,
 )

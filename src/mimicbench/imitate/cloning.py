@@ -31,7 +31,6 @@ from mimicbench.sensors.heightmap import MapView, ObjectMaps
 from mimicbench.sensors.sight.views import CameraViews
 from mimicbench.sim.devices import tensor_device
 from mimicbench.tasks.task import Task
-from mimicbench.track.checkpoint import load_tracker
 
 REMEMBERING = InputConfig(body="proprio", clock=True, memory=True, elevation=False)
 """Body, clock, and what has to be found as seen in the first map."""
@@ -85,15 +84,14 @@ def clone(folder: Path, given: Given, config: CloneImitation) -> dict[str, Any]:
 
 
 def _driven(place: Path, folder: Path, number: int, given: Given, config: DaggerConfig, state: bool) -> Demos:
-    """What the tracker beside a policy's folder would have done where that policy drives."""
+    """What who demonstrated would have done where the policy in a folder drives."""
     clips, context = given.clips, given.context
-    assert given.load_policy is not None, "who is to drive has to be read"
+    assert given.load_policy is not None and given.expert is not None, "who is to drive has to be read"
     policy = given.load_policy(folder, clips.robot, clips.task)
-    tracker = load_tracker(beside(folder, "tracker"), clips.robot)
     env_config = EnvConfig(context.device, context.workers)
     make_driven(
         place,
-        tracker,
+        given.expert,
         policy,
         clips,
         config,

@@ -1,5 +1,5 @@
-"""Stage `demos`: the tracker follows the training clips to the time limit, and what fulfils K and stays becomes a
-demonstration. And what a cloner is shown besides, if it is to learn from its own mistakes.
+"""Stage `demos`: an expert, as a rule the tracker on the training clips, acts to the time limit, and what fulfils K and
+stays becomes a demonstration. And what a cloner is shown besides, if it is to learn from its own mistakes.
 """
 
 from collections.abc import Iterator
@@ -31,8 +31,11 @@ from mimicbench.sim.physics import RobotState
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.task import Task
 from mimicbench.track.driven import DrivenConfig, drive_clips
-from mimicbench.track.rollout import Rollout, RolloutConfig, track_clips
-from mimicbench.track.spec import Tracker
+from mimicbench.track.experts import Expert
+from mimicbench.track.rollout import Rollout, RolloutConfig, roll_out
+
+TRACKER = "tracker"
+"""The expert that follows clips."""
 
 
 @dataclass(frozen=True)
@@ -42,8 +45,12 @@ class DemosConfig:
     source: str = MADE
     """`made`: by the tracker. Else the name of a data set in `<workdir>/<task>/demos`, such as the published one of
     examples/sample; nothing is made then, and all other settings of this stage are without effect."""
+    expert: str = TRACKER
+    """Who demonstrates, and says in DAgger what should be done: the `tracker` on its clips; or a policy from the clips'
+    first frames on, by the name of what is shipped for the task, or the folder of its checkpoint. A tracker knows what
+    comes next, and who learns from it has to guess that; a policy acts on nothing that cannot be seen."""
     clips: Positive = 1500
-    """Training clips to track, at most."""
+    """Training clips to track, or to begin from, at most."""
     action_noise: float = 0.05
     """Standard deviation of what is added to the executed joint targets [rad]; the recorded targets stay clean."""
     push: float = 0.1
@@ -59,7 +66,7 @@ class DemosConfig:
 
 def make_demos(
     stage: Stage,
-    tracker: Tracker,
+    expert: Expert,
     clips: ClipSet,
     config: DemosConfig,
     env_config: EnvConfig | None = None,
@@ -86,13 +93,15 @@ def make_demos(
         if any(motion.id in written for motion in part.motions):
             continue
         world = Disturbance(action_noise=noise, push=config.push if noise else 0.0)
-        rollout = track_clips(tracker, part, RolloutConfig(True, world, seed, settle=None, observe=shown), env_config)
+        rollout = roll_out(expert, part, RolloutConfig(True, world, seed, settle=None, observe=shown), env_config)
         for demo in demonstrations(rollout, part, seed):
             writer.add(demo)
         writer.finish()
     made = len(writer.written)
     if not made:
-        raise BadMotion(f"the tracker fulfilled {task.name} and stayed on none of {len(clips)} clips; train it longer")
+        raise BadMotion(
+            f"the {config.expert} fulfilled {task.name} and stayed on none of {len(clips)} clips; train it longer"
+        )
     return stage.finish(clips=len(clips), demonstrations=made, rate=made / len(clips))
 
 
@@ -162,8 +171,8 @@ def observed_states(robot: Robot, qpos: np.ndarray, qvel: np.ndarray, targets: n
 
 @dataclass(frozen=True)
 class DaggerConfig:
-    """What a cloner learns from beside the demonstrations: what it got into itself, and what the tracker would have
-    done there (DAgger, Ross et al. 2011).
+    """What a cloner learns from beside the demonstrations: what it got into itself, and what who demonstrated would
+    have done there (DAgger, Ross et al. 2011).
     """
 
     rounds: Annotated[int, Within(0, 1000)] = 0
@@ -177,7 +186,7 @@ class DaggerConfig:
 
 def make_driven(
     folder: Path,
-    tracker: Tracker,
+    expert: Expert,
     policy: Policy,
     clips: ClipSet,
     config: DaggerConfig,
@@ -185,7 +194,7 @@ def make_driven(
     env_config: EnvConfig | None = None,
     quiet: bool = False,
 ) -> Path:
-    """Write a data set of what the tracker would have done where a policy got to, unless it is there; its folder.
+    """Write a data set of what an expert would have done where a policy got to, unless it is there; its folder.
 
     Killed and started again, it goes on after the last whole shard.
     """
@@ -200,7 +209,7 @@ def make_driven(
         part = replace(clips, motions=[clips.motions[index] for index in order[first : first + config.batch]])
         if any(motion.id in written for motion in part.motions):
             continue
-        kept = drive_clips(tracker, policy, part, config.driven, seed, env_config)
+        kept = drive_clips(expert, policy, part, config.driven, seed, env_config)
         for motion, qpos, qvel, wanted, chosen in zip(
             part.motions, kept.qpos, kept.qvel, kept.targets, kept.applied, strict=True
         ):

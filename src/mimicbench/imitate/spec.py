@@ -11,6 +11,7 @@ from mimicbench.envs.policy import Policy
 from mimicbench.imitate.perception import PerceptionConfig
 from mimicbench.robots.description import Robot
 from mimicbench.tasks.task import Task
+from mimicbench.track.experts import Expert
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,8 @@ class ImitateConfig:
     """The tracker that it speaks to while it runs; None for any."""
     clones: ClassVar[bool] = False
     """Whether it learns from demonstrations."""
+    says_clips: ClassVar[bool] = False
+    """Whether what it learns to say is in the clips, so that its demonstrations have to follow them."""
     references: ClassVar[bool] = True
     """Whether it learns from references: clips that were retargeted, and the tracker that follows them. Who does not is
     given objects alone, and says itself which gains it drives."""
@@ -60,6 +63,8 @@ class Given:
     """How to run."""
     load_policy: Callable[[Path, Robot, Task], Policy] | None = None
     """Reads what was learned, for who drives with it while it learns."""
+    expert: Expert | None = None
+    """Who demonstrates, for who asks it while it learns."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Clips on which somebody else drives, while the tracker says in every frame what should be done (DAgger, Ross et al.
+"""Clips on which somebody else drives, while an expert says in every frame what should be done (DAgger, Ross et al.
 2011).
 """
 
@@ -14,10 +14,9 @@ from mimicbench.envs.policy import Policy
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.sim.threads import one_torch_thread
-from mimicbench.track.history import Follower
+from mimicbench.track.experts import Expert
 from mimicbench.track.rollout import Recording, at_their_beginning
-from mimicbench.track.spec import Tracker
-from mimicbench.track.tracking import EndConfig, deviations
+from mimicbench.track.tracking import EndConfig
 
 
 @dataclass(frozen=True)
@@ -25,8 +24,9 @@ class DrivenConfig:
     """How far others may stray."""
 
     ends: EndConfig = EndConfig(max_pos_error=0.3, max_angle_error=0.5, max_drop=0.15)
-    """Where an episode is over: the tracker no longer knows what to do, and what it says to robots that tumble is large
-    enough to outweigh all others."""
+    """Where an episode is over: a tracker no longer knows what to do, and what it says to robots that tumble is large
+    enough to outweigh all others. A policy that is learned from follows no clip: with it, an episode is over when the
+    robot has fallen."""
     settle: float = 2.0
     """[s] that episodes go on after their clip."""
 
@@ -34,46 +34,43 @@ class DrivenConfig:
 @torch.no_grad()
 @one_torch_thread
 def drive_clips(
-    tracker: Tracker,
+    expert: Expert,
     policy: Policy,
     clips: ClipSet,
     config: DrivenConfig | None = None,
     seed: int = 0,
     env_config: EnvConfig | None = None,
 ) -> Recording:
-    """Episodes from the first frame of each clip, in which the tracker drives first, then the policy.
+    """Episodes from the first frame of each clip, in which the expert drives first, then the policy.
 
-    When the policy takes over is drawn for each, from all of its clip. `targets` of what is recorded are the tracker's,
-    `applied` those of who drove. An episode is as long as the robot stayed near its clip; one without a frame that the
+    When the policy takes over is drawn for each, from all of its clip. `targets` of what is recorded are the expert's,
+    `applied` those of who drove. An episode is as long as the expert knew what to do; one without a frame that the
     policy drove is empty.
     """
     config, env_config = config or DrivenConfig(), env_config or EnvConfig()
-    robot, n = clips.robot, len(clips)
-    env = at_their_beginning(tracker, clips, Disturbance(), seed, env_config)
+    n = len(clips)
+    env = at_their_beginning(expert, clips, Disturbance(), seed, env_config)
     assert env.bank is not None
     policy.to(env.device)
-    follower = Follower(tracker, n, env.device)
     random = torch.Generator().manual_seed(digest(seed, "takes over", *(m.id for m in clips.motions)) % (1 << 63))
     begins = (torch.rand(n, generator=random).to(env.device) * env.bank.lengths).long()
     limit = round(clips.task.time_limit / CONTROL_DT)
     lengths = (env.bank.lengths + round(config.settle / CONTROL_DT)).clamp(max=limit)
     running, steps = torch.ones(n, dtype=torch.bool, device=env.device), torch.zeros_like(lengths)
-    names = tuple(dict.fromkeys((*tracker.spec.observations, *policy.observations)))
+    names = tuple(dict.fromkeys((*expert.observations, *policy.observations)))
     rows: list[tuple[np.ndarray, ...]] = []
     for step in range(int(lengths.max())):
         obs = env.observe(names)
         if step == 0:
             policy.reset(torch.arange(n, device=env.device), obs)
-        action = follower.action(obs)
-        following, last = env.context.reference(1).joint_pos, env.context.last_action
-        wanted = tracker.spec.aim(robot, following, action, last, tracker.settings)
+        wanted, action = expert.says(env, obs)
         chosen = torch.where((step < begins)[:, None], wanted, policy.act(obs))
         before = [array.astype(np.float32) for array in (env.physics.qpos(), env.physics.qvel())]
         env.step(chosen, action, running)
         rows.append((*before, wanted.cpu().numpy(), chosen.cpu().numpy()))
         steps += running
-        strayed = torch.stack([*deviations(env.context, config.ends), env.physics.diverged]).any(0)
-        running = running & ~strayed & (steps < lengths)
+        over = expert.lost(env, config.ends) | env.physics.diverged
+        running = running & ~over & (steps < lengths)
         if not running.any():
             break
     env.close()

@@ -18,7 +18,7 @@ from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.rows import Rows
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.sim.threads import one_torch_thread
-from mimicbench.track.history import Follower
+from mimicbench.track.experts import ClipExpert, Expert
 from mimicbench.track.spec import Tracker
 
 SETTLE = 1.0
@@ -53,7 +53,7 @@ class Recording:
     qvel: list[np.ndarray] = field(default_factory=list)
     """Per episode, (T, nv)."""
     targets: list[np.ndarray] = field(default_factory=list)
-    """Per episode, (T, J) joint targets that the tracker chose [rad]."""
+    """Per episode, (T, J) joint targets that the expert chose [rad]."""
     applied: list[np.ndarray] = field(default_factory=list)
     """Per episode, (T, J) joint targets that were applied: with noise if there was any [rad]."""
     seen: Mapping[str, list[np.ndarray]] = field(default_factory=dict)
@@ -62,7 +62,7 @@ class Recording:
 
 @dataclass(frozen=True)
 class Rollout:
-    """What the tracker made of C clips."""
+    """What came of C clips."""
 
     verdict: Verdict
     steps: np.ndarray
@@ -73,8 +73,6 @@ class Rollout:
     """(C, nq) simulator positions before the last step of all."""
 
 
-@torch.no_grad()
-@one_torch_thread
 def track_clips(
     tracker: Tracker, clips: ClipSet, config: RolloutConfig | None = None, env_config: EnvConfig | None = None
 ) -> Rollout:
@@ -82,12 +80,19 @@ def track_clips(
 
     The tracker's network moves to where the tensors of physics on the device of `env_config` live.
     """
+    return roll_out(ClipExpert(tracker, clips.robot), clips, config, env_config)
+
+
+@torch.no_grad()
+@one_torch_thread
+def roll_out(
+    expert: Expert, clips: ClipSet, config: RolloutConfig | None = None, env_config: EnvConfig | None = None
+) -> Rollout:
+    """What an expert makes of every clip's first frame, beside its object; see Expert."""
     config, env_config = config or RolloutConfig(), env_config or EnvConfig()
-    task, robot, n = clips.task, clips.robot, len(clips)
     seed = digest(config.seed, "action noise", *(motion.id for motion in clips.motions))
-    env = at_their_beginning(tracker, clips, config.disturbance, seed, env_config)
-    follower = Follower(tracker, n, env.device)
-    limit = round(task.time_limit / CONTROL_DT)
+    env = at_their_beginning(expert, clips, config.disturbance, seed, env_config)
+    limit = round(clips.task.time_limit / CONTROL_DT)
     assert env.bank is not None
     lengths = torch.full_like(env.bank.lengths, limit)
     if config.settle is not None:
@@ -101,9 +106,7 @@ def track_clips(
             active &= ~(env.metrics.fell | env.metrics.diverged)
             if not active.any():
                 break
-        action = follower.action(env.observe(tracker.spec.observations))
-        following, last = env.context.reference(1).joint_pos, env.context.last_action
-        target = tracker.spec.aim(robot, following, action, last, tracker.settings)
+        target, action = expert.says(env, env.observe(expert.observations))
         before = [array.astype(np.float32) for array in (env.physics.qpos(), env.physics.qvel())]
         last_qpos, shown = before[0], env.observe(config.observe)
         seen = [shown[name].cpu().numpy() for name in config.observe]
@@ -123,18 +126,15 @@ def track_clips(
 
 
 def at_their_beginning(
-    tracker: Tracker, clips: ClipSet, disturbance: Disturbance, seed: int, env_config: EnvConfig
+    expert: Expert, clips: ClipSet, disturbance: Disturbance, seed: int, env_config: EnvConfig
 ) -> VecEnv:
-    """Every clip at its first frame, in an environment with the tracker's gains.
-
-    The tracker's network moves to where the environment's tensors live.
-    """
+    """Every clip at its first frame, in an environment with the gains of an expert, who begins there."""
     bank = ReferenceBank(clips.motions, clips.robot, tensor_device(env_config.device))
-    physics = PhysicsConfig(gains=tracker.spec.gains)
+    physics = PhysicsConfig(gains=expert.gains)
     config = disturbance.of(EnvConfig(env_config.device, env_config.workers, physics))
     env = VecEnv(clips.task, clips.robot, clips.scenes, config, seed, bank, disturbance.hooks())
     everyone = torch.arange(len(clips), device=env.device)
     starts = ClipStarts(bank, env.physics.add_objects(clips.scenes), clips.robot)
     env.reset(Rows.every(len(clips), env.device), starts.at(everyone, torch.zeros_like(everyone)))
-    tracker.network.to(env.device)
+    expert.begin(env)
     return env

@@ -21,7 +21,7 @@ how it differs from the first.
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Self
+from typing import ClassVar, Self
 
 import torch
 from torch import Tensor, nn
@@ -263,6 +263,7 @@ def load_hit(folder: Path, robot: Robot, task: Task) -> HITPolicy:
 class HITImitation(CloneImitation):
     """HIT as the paper has it: S_current and the map of every frame, over the tracker that made the demonstrations."""
 
+    says_clips: ClassVar[bool] = True
     learner: str = "hit"
     network: HITConfig = field(default_factory=HITConfig.small)
     train: TrainConfig = field(default_factory=lambda: TrainConfig(steps=20_000, learning_rate=5e-4))

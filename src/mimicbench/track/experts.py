@@ -1,0 +1,87 @@
+"""Who says what N robots should do, frame by frame: a tracker on its clips, or a policy by what it senses.
+
+A tracker is told by its clip what comes next, and nobody who learns from it is. A policy is told nothing that its
+learner could not see as well.
+"""
+
+from typing import Protocol
+
+import torch
+from torch import Tensor
+
+from mimicbench.envs.policy import Policy
+from mimicbench.envs.vec_env import VecEnv
+from mimicbench.robots.description import Robot
+from mimicbench.sensors.observations import Observations, Term
+from mimicbench.track.history import Follower
+from mimicbench.track.spec import Tracker
+from mimicbench.track.tracking import EndConfig, deviations
+
+
+class Expert(Protocol):
+    """Says what all robots of an environment should do, whoever drives them."""
+
+    gains: str
+    """Which of the robot's gains its targets are meant for."""
+    observations: tuple[str | Term, ...]
+    """What it observes."""
+
+    def begin(self, env: VecEnv) -> None:
+        """All episodes of an environment begin. Its networks move to where the environment's tensors live."""
+        ...
+
+    def says(self, env: VecEnv, obs: Observations) -> tuple[Tensor, Tensor]:
+        """Joint targets (N, J) [rad] of the present frame, and the actions (N, J) that they were made of."""
+        ...
+
+    def lost(self, env: VecEnv, ends: EndConfig) -> Tensor:
+        """(N,) whether it no longer knows what to do."""
+        ...
+
+
+class ClipExpert:
+    """A tracker by its mean action, each robot on its clip."""
+
+    def __init__(self, tracker: Tracker, robot: Robot) -> None:
+        self._tracker, self._robot = tracker, robot
+        self.gains = tracker.spec.gains
+        self.observations = tracker.spec.observations
+
+    def begin(self, env: VecEnv) -> None:
+        """All robots begin an episode."""
+        self._tracker.network.to(env.device)
+        self._follower = Follower(self._tracker, env.num_envs, env.device)
+
+    def says(self, env: VecEnv, obs: Observations) -> tuple[Tensor, Tensor]:
+        """Targets of its action and the one before it, which are those of the environment."""
+        action = self._follower.action(obs)
+        following, last = env.context.reference(1).joint_pos, env.context.last_action
+        return self._tracker.spec.aim(self._robot, following, action, last, self._tracker.settings), action
+
+    def lost(self, env: VecEnv, ends: EndConfig) -> Tensor:
+        """Who has strayed from its clip."""
+        return torch.stack(deviations(env.context, ends)).any(0)
+
+
+class SensingExpert:
+    """A policy, which follows no clip."""
+
+    def __init__(self, policy: Policy) -> None:
+        self._policy = policy
+        self.gains = policy.gains
+        self.observations: tuple[str | Term, ...] = policy.observations
+
+    def begin(self, env: VecEnv) -> None:
+        """It gets to know its goals in the first frame."""
+        self._policy.to(str(env.device))
+        self._policy.reset(torch.arange(env.num_envs, device=env.device), env.observe(self._policy.observations))
+
+    def says(self, env: VecEnv, obs: Observations) -> tuple[Tensor, Tensor]:
+        """Its targets, which are all that it says."""
+        target = self._policy.act(obs)
+        return target, target
+
+    def lost(self, env: VecEnv, ends: EndConfig) -> Tensor:
+        """Who has fallen: there is no clip to stray from."""
+        assert env.metrics is not None
+        return env.metrics.fell
