@@ -114,6 +114,24 @@ def test_what_is_learned_follows_the_tracker(run, tmp_path):
         assert first == again != third
 
 
+def test_demonstrations_follow_who_demonstrates(run, tmp_path):
+    """A policy, its tracker and its eyes: who has learned anew, demonstrates anew."""
+    shipped, planner = who_of(run, "tracker").folder, keys.shipped(run, "planner")
+    by_name = run.changed(demos=DemosConfig(expert="planner"))
+    key = keys.demo_key(by_name, shipped)
+    assert key.digest != keys.demo_key(run, shipped).digest
+    assert {"expert_checkpoint", "expert_tracker", "expert_perception"} <= set(key.reads)
+    copy = tmp_path / "sit-chair" / "planner"
+    shutil.copytree(planner.parent, copy.parent)
+    elsewhere = run.changed(demos=DemosConfig(expert=str(copy)))
+    assert keys.demo_key(elsewhere, shipped).digest == key.digest
+    with open(copy / "tracker" / "model.safetensors", "ab") as stream:
+        stream.write(b" ")
+    assert keys.demo_key(elsewhere, shipped).digest != key.digest
+    with pytest.raises(BadFile, match="demos.expert is 'nobody', where no policy is; give `tracker`, the name of"):
+        keys.demo_key(run.changed(demos=DemosConfig(expert="nobody")), shipped)
+
+
 def test_whose_tracker_is_taken_or_that_one_is_to_be_trained_is_told(tmp_path):
     said = []
     recipe = making.small(imitate=stage_type("imitate", {"learner": "bc-clock"})())
