@@ -4,6 +4,7 @@ import shutil
 from dataclasses import replace
 
 import numpy as np
+import pytest
 import torch
 
 from learning import shape_of
@@ -22,6 +23,7 @@ from mimicbench.sensors.proprioception import s_current_names
 from mimicbench.track.checkpoint import build_tracker
 from mimicbench.track.driven import DrivenConfig, drive_clips
 from mimicbench.track.experts import ClipExpert, SensingExpert
+from mimicbench.track.registry import TRACKERS
 from mimicbench.track.tracking import EndConfig
 from stool import H1
 from tracked import CLIPS, ONE_THREAD, SIT_CHAIR, clip_set
@@ -80,17 +82,48 @@ def test_an_episode_is_over_where_the_tracker_no_longer_knows_what_to_do():
     assert max(ends) < 60
 
 
+class Remembers(Wriggles):
+    """Wriggles, and keeps what was done."""
+
+    def __init__(self):
+        self.done = []
+
+    def drove(self, target):
+        self.done.append(target.clone())
+
+
 def test_a_policy_says_what_was_right_where_another_drives():
-    wide = DrivenConfig(EndConfig(max_pos_error=0.0, max_drop=0.0), settle=0.4)
-    asked = Wriggles()
-    kept = drive_clips(SensingExpert(asked), Rests(), clip_set(*SITS), wide, 3, ONE_THREAD)
+    asked, narrow = Remembers(), DrivenConfig(EndConfig(max_pos_error=0.0, max_drop=0.0), settle=0.4)
+    by = SensingExpert(asked)
+    by.late = 0.0
+    kept = drive_clips(by, Rests(), clip_set(*SITS), narrow, 3, ONE_THREAD)
     assert asked.asked == 3
-    for qpos, wanted, driven in zip(kept.qpos, kept.targets, kept.applied, strict=True):
+    for episode, (qpos, wanted, driven) in enumerate(zip(kept.qpos, kept.targets, kept.applied, strict=True)):
         assert len(qpos) > 30, "no clip to stray from: who falls is lost"
         np.testing.assert_allclose(wanted, qpos[:, 7:] + 0.1, atol=1e-5)
         own = np.abs(driven - wanted).max(-1) > 0.05
         np.testing.assert_allclose(driven, qpos[:, 7:] + np.where(own, 0.0, 0.1)[:, None], atol=1e-5)
         assert own[own.argmax() :].all()
+        told = np.stack([target[episode] for target in asked.done[: len(driven)]])
+        np.testing.assert_array_equal(told, driven, "it is told what was done")
+    fallen = [len(qpos) for qpos in kept.qpos if len(qpos) < 60]
+    by.late = 0.2
+    again = drive_clips(by, Rests(), clip_set(*SITS), narrow, 3, ONE_THREAD)
+    late = [len(qpos) for qpos in again.qpos if len(qpos) < 60]
+    assert fallen and all(short in (0, long - 10) for short, long in zip(late, fallen, strict=True))
+
+
+@pytest.mark.parametrize("name", list(TRACKERS))
+def test_what_somebody_else_did_in_a_trackers_own_words(name):
+    spec, random = TRACKERS.get(name), torch.Generator().manual_seed(0)
+    settings = spec.settings()
+    if hasattr(settings, "smoothing"):
+        settings = replace(settings, smoothing=0.4)
+    low, high = torch.tensor(H1.joint_range).float().T
+    following, target = (low + (high - low) * torch.rand(5, 19, generator=random) for _ in range(2))
+    last = torch.randn(5, 19, generator=random)
+    action = spec.aimed(H1, following, target, last, settings)
+    torch.testing.assert_close(spec.aim(H1, following, action, last, settings), target, atol=1e-5, rtol=0)
 
 
 def given(tmp_path, clips):

@@ -197,6 +197,7 @@ class PlannerPolicy:
         self.observations: tuple[str, ...] = tuple(dict.fromkeys((*BODY, *goal.observations, *self._own)))
         self._last_action, self._follower = torch.zeros(0, len(robot.joints)), Follower(tracker, 0)
         self._style = torch.zeros(0, network.sizes.style)
+        self._before: Mapping[str, torch.Tensor] = {}
 
     def to(self, device: str) -> None:
         """Move the networks to a device."""
@@ -240,8 +241,12 @@ class PlannerPolicy:
         inputs = planner_inputs(obs["proprio"], obs["time"][:, 0], memory, self._style)
         plan = self._layout.split(self._network.plan(inputs))
         terms = {**{name: obs[name] for name in self._own}, "last_action": self._last_action, **plan}
-        self._last_action = self._follower.action(terms)
+        self._last_action, self._before = self._follower.action(terms), terms
         return self._tracker.target(self._robot, terms, self._last_action)
+
+    def drove(self, target: torch.Tensor) -> None:
+        """Joint targets (N, J) [rad] were given instead of what `act` said last: it goes on from there."""
+        self._last_action = self._tracker.actions_of(self._robot, self._before, target)
 
 
 def save_planner(

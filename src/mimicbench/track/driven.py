@@ -44,8 +44,8 @@ def drive_clips(
     """Episodes from the first frame of each clip, in which the expert drives first, then the policy.
 
     When the policy takes over is drawn for each, from all of its clip. `targets` of what is recorded are the expert's,
-    `applied` those of who drove. An episode is as long as the expert knew what to do; one without a frame that the
-    policy drove is empty.
+    `applied` those of who drove. An episode is as long as the expert knew what to do, which may have ended some time
+    before it is seen (Expert.late); one without a frame that the policy drove is empty.
     """
     config, env_config = config or DrivenConfig(), env_config or EnvConfig()
     n = len(clips)
@@ -63,14 +63,15 @@ def drive_clips(
         obs = env.observe(names)
         if step == 0:
             policy.reset(torch.arange(n, device=env.device), obs)
-        wanted, action = expert.says(env, obs)
+        wanted, _ = expert.says(env, obs)
         chosen = torch.where((step < begins)[:, None], wanted, policy.act(obs))
         before = [array.astype(np.float32) for array in (env.physics.qpos(), env.physics.qvel())]
-        env.step(chosen, action, running)
+        env.step(chosen, expert.drove(env, chosen), running)
         rows.append((*before, wanted.cpu().numpy(), chosen.cpu().numpy()))
         steps += running
-        over = expert.lost(env, config.ends) | env.physics.diverged
-        running = running & ~over & (steps < lengths)
+        lost = running & (expert.lost(env, config.ends) | env.physics.diverged)
+        steps -= lost * round(expert.late / CONTROL_DT)
+        running = running & ~lost & (steps < lengths)
         if not running.any():
             break
     env.close()

@@ -1,10 +1,11 @@
 """Who says what N robots should do, frame by frame: a tracker on its clips, or a policy by what it senses.
 
 A tracker is told by its clip what comes next, and nobody who learns from it is. A policy is told nothing that its
-learner could not see as well.
+learner could not see as well. Either goes on from what it did last. Where somebody else drives it has to go on from
+what was done, or it answers what nobody has seen: its own past, which never was.
 """
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import torch
 from torch import Tensor
@@ -25,6 +26,8 @@ class Expert(Protocol):
     """Which of the robot's gains its targets are meant for."""
     observations: tuple[str | Term, ...]
     """What it observes."""
+    late: float
+    """[s] that it has known nothing any more before it is found to be lost."""
 
     def begin(self, env: VecEnv) -> None:
         """All episodes of an environment begin. Its networks move to where the environment's tensors live."""
@@ -34,13 +37,30 @@ class Expert(Protocol):
         """Joint targets (N, J) [rad] of the present frame, and the actions (N, J) that they were made of."""
         ...
 
+    def drove(self, env: VecEnv, target: Tensor) -> Tensor:
+        """Joint targets (N, J) are given in this frame, by somebody else perhaps, and it goes on from there. Returns
+        the actions (N, J) that they are made of.
+        """
+        ...
+
     def lost(self, env: VecEnv, ends: EndConfig) -> Tensor:
         """(N,) whether it no longer knows what to do."""
         ...
 
 
+@runtime_checkable
+class Corrigible(Protocol):
+    """A policy that remembers what it did, and can be told that something else was done."""
+
+    def drove(self, target: Tensor) -> None:
+        """Joint targets (N, J) were given instead of what `act` said last."""
+        ...
+
+
 class ClipExpert:
     """A tracker by its mean action, each robot on its clip."""
+
+    late = 0.0
 
     def __init__(self, tracker: Tracker, robot: Robot) -> None:
         self._tracker, self._robot = tracker, robot
@@ -58,6 +78,11 @@ class ClipExpert:
         following, last = env.context.reference(1).joint_pos, env.context.last_action
         return self._tracker.spec.aim(self._robot, following, action, last, self._tracker.settings), action
 
+    def drove(self, env: VecEnv, target: Tensor) -> Tensor:
+        """The actions that these targets would have come from; the environment keeps them."""
+        following, last = env.context.reference(1).joint_pos, env.context.last_action
+        return self._tracker.spec.aimed(self._robot, following, target, last, self._tracker.settings)
+
     def lost(self, env: VecEnv, ends: EndConfig) -> Tensor:
         """Who has strayed from its clip."""
         return torch.stack(deviations(env.context, ends)).any(0)
@@ -65,6 +90,9 @@ class ClipExpert:
 
 class SensingExpert:
     """A policy, which follows no clip."""
+
+    late = 0.8
+    """A fall takes that long."""
 
     def __init__(self, policy: Policy) -> None:
         self._policy = policy
@@ -80,6 +108,12 @@ class SensingExpert:
         """Its targets, which are all that it says."""
         target = self._policy.act(obs)
         return target, target
+
+    def drove(self, env: VecEnv, target: Tensor) -> Tensor:
+        """Tells the policy, if that remembers."""
+        if isinstance(self._policy, Corrigible):
+            self._policy.drove(target)
+        return target
 
     def lost(self, env: VecEnv, ends: EndConfig) -> Tensor:
         """Who has fallen: there is no clip to stray from."""

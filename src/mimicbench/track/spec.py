@@ -53,6 +53,8 @@ class TrackerSpec:
     """What terms are multiplied by before the network sees them, by name; 1 for all others."""
     smoothing: Callable[[Any], float] = lambda settings: 0.0
     """Share of the action before in the one that is carried out, by the settings."""
+    action: Callable[[Robot, Tensor, Tensor, Any], Tensor] = lambda robot, next_joint_pos, target, settings: target
+    """The inverse of `target`: (N, J) the action that joint targets (N, J), which stand where that does, come from."""
     ends: Mapping[str, Callable[[StepContext, Any], Tensor]] = field(default_factory=dict)
     """Why episodes of its training end beside what all trackers' end for, in words: (N,) bool whether a robot has
     failed, by the settings."""
@@ -63,6 +65,11 @@ class TrackerSpec:
         if share:
             action = (1.0 - share) * action + share * last_action
         return self.target(robot, next_joint_pos, action, settings)
+
+    def aimed(self, robot: Robot, next_joint_pos: Tensor, target: Tensor, last_action: Tensor, settings: Any) -> Tensor:
+        """(N, J) the action with which `aim` gives joint targets [rad]: what somebody else did, in its own words."""
+        share, action = self.smoothing(settings), self.action(robot, next_joint_pos, target, settings)
+        return (action - share * last_action) / (1.0 - share)
 
     def plan(self, task: Task) -> tuple[str, ...]:
         """Names of the privileged terms: what it has to be told by a clip or a planner."""
@@ -165,6 +172,11 @@ class Tracker:
         """(N, J) joint targets [rad] of an action on terms, whose `last_action` is the one before it."""
         before = terms.get("last_action", action)
         return self.spec.aim(robot, self.spec.next_joint_pos(robot, terms), action, before, self.settings)
+
+    def actions_of(self, robot: Robot, terms: Terms, target: Tensor) -> Tensor:
+        """(N, J) the actions whose `target` on terms, `last_action` among them, these joint targets (N, J) are."""
+        following = self.spec.next_joint_pos(robot, terms)
+        return self.spec.aimed(robot, following, target, terms["last_action"], self.settings)
 
 
 def flat(terms: Terms, names: tuple[str, ...]) -> Tensor:

@@ -110,6 +110,11 @@ def target(robot: Robot, next_joint_pos: Tensor, action: Tensor, settings: HSTOr
     return torch.clamp(action.new_tensor(robot.rest_pose) + action, low, high)
 
 
+def action(robot: Robot, next_joint_pos: Tensor, target: Tensor, settings: HSTOriginalConfig) -> Tensor:
+    """(N, J) the inverse of `target`."""
+    return target - target.new_tensor(robot.rest_pose)
+
+
 def next_joint_pos(robot: Robot, terms: Terms) -> Tensor:
     """(N, J) joint angles [rad] of the next frame, as it is told them."""
     return terms["joint_target+1"]
@@ -165,5 +170,6 @@ TRACKER = TrackerSpec(
     network=TransformerConfig,
     frames=8,
     scales={"root_ang_vel": 0.25, "joint_vel": 0.05},
+    action=action,
     ends={"touched": touched, "rolled": rolled, "pitched": pitched, "sank": sank},
 )

@@ -45,8 +45,12 @@ class ResidualConfig:
 
 def target(robot: Robot, next_joint_pos: Tensor, action: Tensor, settings: ResidualConfig) -> Tensor:
     """(N, J) joint targets [rad]: the reference's next joint angle + scale x action."""
-    scale = torch.tensor(robot.gains[GAINS].action_scale, dtype=action.dtype, device=action.device)
-    return next_joint_pos + scale * action
+    return next_joint_pos + action.new_tensor(robot.gains[GAINS].action_scale) * action
+
+
+def action(robot: Robot, next_joint_pos: Tensor, target: Tensor, settings: ResidualConfig) -> Tensor:
+    """(N, J) the inverse of `target`."""
+    return (target - next_joint_pos) / target.new_tensor(robot.gains[GAINS].action_scale)
 
 
 def next_joint_pos(robot: Robot, terms: Terms) -> Tensor:
@@ -96,4 +100,5 @@ TRACKER = TrackerSpec(
     ResidualConfig,
     measures_effort=lambda settings: settings.power > 0.0,
     smoothing=lambda settings: settings.smoothing,
+    action=action,
 )
