@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mimicbench.benchmark import keys
+from mimicbench.benchmark.experts import expert_of
 from mimicbench.benchmark.finding import objects_of_split, training_objects
 from mimicbench.benchmark.keys import Run
 from mimicbench.benchmark.published import published_clips
@@ -27,7 +28,6 @@ from mimicbench.retarget import make as retargeting
 if TYPE_CHECKING:
     from mimicbench.envs.vec_env import EnvConfig
     from mimicbench.imitate.spec import ImitateConfig
-    from mimicbench.track.experts import Expert
 
 
 def run_stage(stage: str, recipe: Recipe, workdir: Path | str, context: RunContext | None = None) -> Stage:
@@ -144,6 +144,7 @@ def retargeted(run: Run) -> Clips:
 
 def make_track_stage(run: Run) -> Stage:
     """Train the tracker on the clips of training objects; objects of the test split only judge it."""
+    from mimicbench.track.evaluation import in_words
     from mimicbench.track.ppo_config import ppo_learner
     from mimicbench.track.train import train_tracker
 
@@ -159,16 +160,7 @@ def make_track_stage(run: Run) -> Stage:
             raise BadMotion(f"no clip of {some.task.name} is on an object of the training split; make more objects")
 
     def report(row: dict) -> None:
-        told = {"training clips": "train", "unseen objects": "held_out"}
-        rates = [
-            f"{row[f'k_{name}']:.2f} / {row[f'stays_{name}']:.2f} on {words}"
-            for words, name in told.items()
-            if row[f"k_{name}"] is not None
-        ]
-        run.context.say(
-            f"{row['samples'] / 1e6:6.2f} M samples  {row['samples'] / row['seconds']:6.0f}/s  reward "
-            f"{row['reward']:.3f}  K / stays {', '.join(rates)}"
-        )
+        run.context.say(in_words(row))
 
     with _opened(run, keys.track_key(run), *PARTS[:4], trained=True) as stage:
         if stage.complete:
@@ -212,24 +204,25 @@ def make_demo_stage(run: Run) -> Stage:
     if run.part("demos").source != MADE:
         return run.named("demos", run.part("demos").source)
     _tell_tracker(run)
-    clips, folder = retargeted(run), tracker_for_learning(run)
+    clips, folder = demonstrated(run), tracker_for_learning(run)
     with _opened(run, keys.demo_key(run, folder), *PARTS[:5]) as stage:
         if stage.complete:
             return stage
         train, config = clips.split("train"), run.part("demos")
-        return make_demos(stage, _expert(run, folder), train, config, env_config(run), run.context.quiet)
+        return make_demos(stage, expert_of(run, folder), train, config, env_config(run), run.context.quiet)
 
 
-def _expert(run: Run, tracker: Path) -> Expert:
-    """Who demonstrates: the tracker in a folder, or the policy that the recipe names."""
-    from mimicbench.policies.loading import load_policy
-    from mimicbench.track.checkpoint import load_tracker
-    from mimicbench.track.experts import ClipExpert, SensingExpert
+def demonstrated(run: Run) -> ClipSet:
+    """The clips in whose first frames the recipe's demonstrations begin, and which trackers follow."""
+    from mimicbench.envs.rule_starts import standing
 
-    folder = keys.expert_folder(run, tracker)
-    if folder == tracker:
-        return ClipExpert(load_tracker(tracker, run.robot), run.robot)
-    return SensingExpert(load_policy(folder, run.robot, run.task))
+    config, published = run.part("demos"), published_clips(run)
+    if published is not None:
+        return published
+    if config.starts == keys.CLIPS:
+        return retargeted(run).set
+    objects = training_objects(make_object_stage(run))
+    return standing(run.task, run.robot, objects, config.clips, run.recipe.seed)
 
 
 def make_perception_stage(run: Run) -> Stage:
@@ -252,8 +245,7 @@ def _learned_from(run: Run) -> tuple[ClipSet, Path | None]:
     """
     if run.part("imitate").references:
         _tell_tracker(run)
-        clips = published_clips(run) if run.part("imitate").clones else None
-        clips = retargeted(run).set if clips is None else clips
+        clips = demonstrated(run) if run.part("imitate").clones else retargeted(run).set
         return clips.split("train"), tracker_for_learning(run)
     return ClipSet(run.task, run.robot, [], training_objects(make_object_stage(run))), None
 
@@ -276,7 +268,7 @@ def make_imitate_stage(run: Run) -> Stage:
         gains, expert = config.gains or "", None
         if tracker is not None:
             copy_checkpoint(tracker, stage.folder / keys.TRACKER)
-            expert = _expert(run, tracker) if config.clones else None
+            expert = expert_of(run, tracker) if config.clones else None
             gains = gains or (expert.gains if expert else load_tracker(tracker, run.robot).spec.gains)
         if eyes is not None:
             copy_checkpoint(eyes.folder, stage.folder / keys.PERCEPTION)

@@ -15,7 +15,7 @@ from mimicbench.benchmark.graph import Clips, env_config, retargeted
 from mimicbench.benchmark.kept import keep, kept
 from mimicbench.benchmark.keys import Run
 from mimicbench.benchmark.recipe import stage_type
-from mimicbench.core.checkpoint import CONFIG, MODEL, checkpoint_kind
+from mimicbench.core.checkpoint import CONFIG, MODEL, checkpoint_kind, used_by
 from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError, UnknownName
 from mimicbench.core.files import digest_of
 from mimicbench.imitate.registry import LEARNERS
@@ -57,7 +57,7 @@ class Who:
         """Digests of the networks that it runs on: its own, and those in the folders beside it that it may use."""
         if self.folder.suffix in FILES:
             return {"program": digest_of(self.folder)}
-        used = keys.networks_of(self.folder)
+        used = used_by(self.folder, (keys.TRACKER, keys.PERCEPTION))
         return {name: digest_of(folder / MODEL) + digest_of(folder / CONFIG) for name, folder in used.items()}
 
 

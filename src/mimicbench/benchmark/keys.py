@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from mimicbench.benchmark.recipe import Recipe, stage_type
-from mimicbench.core.checkpoint import CONFIG, MODEL, beside, checkpoint_robot
+from mimicbench.core.checkpoint import CONFIG, MODEL, checkpoint_robot, used_by
 from mimicbench.core.errors import BadFile
 from mimicbench.core.files import digest_of, read_json
 from mimicbench.core.run import RunContext
@@ -26,6 +26,7 @@ SHIPPED = Path(__file__).parents[1] / "checkpoints"
 """Checkpoints that come with the package: `tracker`, which follows clips of all tasks, and `<task>/<policy>`, beside
 the `tracker` and the `perception` that it uses."""
 TRACKER, PERCEPTION, POLICY, CHECKPOINT = "tracker", "perception", "policy", "checkpoint"
+CLIPS = "clips"
 
 
 @dataclass(frozen=True)
@@ -216,26 +217,24 @@ def expert_folder(run: Run, tracker: Path) -> Path:
     return folder
 
 
-def networks_of(folder: Path) -> dict[str, Path]:
-    """The checkpoint in a folder, and those in the folders beside it that it may use, by name."""
-    used = {name: beside(folder, name) for name in (TRACKER, PERCEPTION)}
-    folders = {"checkpoint": folder, **{name: other for name, other in used.items() if other != folder}}
-    return {name: other for name, other in folders.items() if (other / MODEL).exists()}
-
-
 def demo_key(run: Run, tracker: Path) -> StageKey:
     """Demonstrations by the tracker in a folder, or by the expert that the recipe names."""
-    clips, settings = retarget_key(run), identity(run.part("demos"))
+    settings, expert = identity(run.part("demos")), expert_folder(run, tracker)
     del settings["source"], settings["expert"]
-    expert = expert_folder(run, tracker)
-    by = {TRACKER: expert} if expert == tracker else {f"expert_{n}": f for n, f in networks_of(expert).items()}
+    if settings.pop("starts") == CLIPS:
+        key = retarget_key(run)
+        begin = {"retarget": (key.fingerprint, run.folder(key))}
+    else:
+        begin = {"objects": objects_of(run)}
+    used = used_by(expert, (TRACKER, PERCEPTION))
+    by = {TRACKER: expert} if expert == tracker else {f"expert_{name}": folder for name, folder in used.items()}
     if not settings["images"]:
         del settings["images"]  # without any, demonstrations are what they were before there were any
     return run.key(
         "demos",
         settings,
-        {"retarget": clips.fingerprint, **{name: digest_of(folder / MODEL) for name, folder in by.items()}},
-        reads={"retarget": run.folder(clips), **by},
+        {**{n: mark for n, (mark, _) in begin.items()}, **{n: digest_of(folder / MODEL) for n, folder in by.items()}},
+        reads={**{name: folder for name, (_, folder) in begin.items()}, **by},
     )
 
 

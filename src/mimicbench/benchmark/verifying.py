@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from mimicbench.benchmark import keys
-from mimicbench.benchmark.graph import retargeted
+from mimicbench.benchmark.graph import demonstrated
 from mimicbench.benchmark.keys import Run
-from mimicbench.benchmark.published import published_clips
 from mimicbench.core.errors import BadFile
 
 
@@ -26,8 +25,7 @@ def verify_demos(run: Run) -> dict[str, Any]:
             f"{run.recipe.task} --workdir {run.workdir}`"
         )
     demos = load_demos(stage / DATASET, run.recipe.robot, state=False)
-    clips = published_clips(run)
-    wrong = unfulfilled(demos, retargeted(run).set if clips is None else clips)
+    wrong = unfulfilled(demos, demonstrated(run))
     return {
         "task": run.recipe.task,
         "demonstrations": demos.episodes,

@@ -6,7 +6,7 @@ first and `config.json` last, each atomically, so a folder with a `config.json` 
 """
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any, TypeVar
@@ -232,3 +232,10 @@ def beside(folder: Path, name: str) -> Path:
     """
     own = folder / name
     return own if (own / CONFIG).exists() else folder.parent / name
+
+
+def used_by(folder: Path, names: Sequence[str]) -> dict[str, Path]:
+    """The `checkpoint` in a folder, and those of these names that are beside it, which it may run on."""
+    others = {name: beside(folder, name) for name in names}
+    found = {"checkpoint": folder, **{name: other for name, other in others.items() if other != folder}}
+    return {name: other for name, other in found.items() if (other / MODEL).exists()}

@@ -16,6 +16,7 @@ from mimicbench.core.errors import BadMotion, BadObject, MimicbenchError, Unknow
 from mimicbench.core.motion import RobotMotion
 from mimicbench.core.seeds import rng
 from mimicbench.core.stage import HEADER, read_stage
+from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.initial_states import InitialState, start_of
 from mimicbench.objects.make import read_objects
 from mimicbench.objects.registry import FAMILIES, make_object
@@ -25,6 +26,7 @@ from mimicbench.references.locomotion.walking import draw_start as draw_place
 from mimicbench.retarget.make import read_retargeted
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.heightmap import CELLS
+from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.task import Task
 
 SPLITS = ("train", "test", "all")
@@ -35,6 +37,8 @@ BACK_TO_TOUCH, BACK_TO_LIFT = 0.1, 0.3
 targets on its map of 1.28 m."""
 SIDE, TURN = 0.1, 0.2
 """How far it may stand to either side [m], and be turned [rad]."""
+STANDS = 0.6
+"""Share of a task's time for which a clip of somebody who only stands goes on."""
 _TRIES = 50
 """Draws of a start with both targets on the map; nine in ten pairs can be, of every object."""
 
@@ -102,6 +106,26 @@ def _around(obj: SceneObject, limit: float, random: np.random.Generator) -> tupl
         if np.linalg.norm(xy) <= limit:
             return xy, yaw
     raise BadObject(f"object {obj.id} leaves no room to stand within {limit:g} m of its middle; scale it down")
+
+
+def standing(task: Task, robot: Robot, objects: Mapping[str, SceneObject], count: int, seed: int) -> ClipSet:
+    """`count` clips for whoever begins where clips do and follows none: robots that stand where `draw_start` puts them,
+    beside objects drawn from these, for STANDS of the task's time.
+    """
+    stance, ids, motions = Stance.of(robot), sorted(objects), []
+    frames = round(STANDS * task.time_limit / CONTROL_DT)
+    for number in range(count):
+        random = rng(seed, "start of a demonstration", task.name, number)
+        start = draw_start(task, objects[ids[int(random.integers(len(ids)))]], stance, random)
+        pos, quat, joints = (
+            np.broadcast_to(values, (frames, len(values)))
+            for values in (start.root_pos_w, start.root_quat_w, start.joint_pos)
+        )
+        name = f"start-{number:06d}"
+        what = (name, task.name, robot.name, robot.joint_names, 1 / CONTROL_DT)
+        goal = start.wrist_goal_w
+        motions.append(RobotMotion(*what, pos, quat, joints, start.obj.id, name, wrist_goal_w=goal))
+    return ClipSet(task, robot, motions, objects)
 
 
 class Starts:

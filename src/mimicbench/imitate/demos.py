@@ -13,7 +13,7 @@ import torch
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.progress import progress
 from mimicbench.core.seeds import digest
-from mimicbench.core.settings import Positive, Share, Within
+from mimicbench.core.settings import BadSetting, Positive, Share, Within
 from mimicbench.core.stage import Stage
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.disturbance import Disturbance
@@ -34,8 +34,8 @@ from mimicbench.track.driven import DrivenConfig, drive_clips
 from mimicbench.track.experts import Expert
 from mimicbench.track.rollout import Rollout, RolloutConfig, roll_out
 
-TRACKER = "tracker"
-"""The expert that follows clips."""
+TRACKER, CLIPS, RULE = "tracker", "clips", "rule"
+"""The expert that follows clips; where demonstrations start."""
 
 
 @dataclass(frozen=True)
@@ -49,8 +49,11 @@ class DemosConfig:
     """Who demonstrates, and says in DAgger what should be done: the `tracker` on its clips; or a policy from the clips'
     first frames on, by the name of what is shipped for the task, or the folder of its checkpoint. A tracker knows what
     comes next, and who learns from it has to guess that; a policy acts on nothing that cannot be seen."""
+    starts: str = CLIPS
+    """Where a policy that demonstrates begins: `clips`, in their first frames; `rule`, at rest around training objects,
+    drawn by the rule of the environments. For that no clip has to be made, so there can be thousands."""
     clips: Positive = 1500
-    """Training clips to track, or to begin from, at most."""
+    """Training clips to track, or to begin from, at most; how many starts are drawn by rule."""
     action_noise: float = 0.05
     """Standard deviation of what is added to the executed joint targets [rad]; the recorded targets stay clean."""
     push: float = 0.1
@@ -62,6 +65,14 @@ class DemosConfig:
     images: bool = False
     """Store the elevation map of every frame, too, as a picture that LeRobot's policies see; our own learners make
     their maps from the states. Some milliseconds and 2 kB a frame."""
+
+    def __post_init__(self) -> None:
+        if self.starts not in (CLIPS, RULE):
+            raise BadSetting(f"demos.starts is {self.starts!r}; give clips or rule")
+        if self.starts == RULE and self.expert == TRACKER:
+            raise BadSetting(
+                "demos.starts is 'rule', where there is no clip for a tracker; name a policy, demos.expert"
+            )
 
 
 def make_demos(

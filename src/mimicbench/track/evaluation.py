@@ -28,6 +28,20 @@ def evaluated(
     return found
 
 
+def in_words(row: Mapping[str, Any]) -> str:
+    """A line about how far a training is, of what is logged of it and `evaluated`."""
+    told = {"training clips": "train", "unseen objects": "held_out"}
+    rates = [
+        f"{row[f'k_{name}']:.2f} / {row[f'stays_{name}']:.2f} on {words}"
+        for words, name in told.items()
+        if row[f"k_{name}"] is not None
+    ]
+    return (
+        f"{row['samples'] / 1e6:6.2f} M samples  {row['samples'] / row['seconds']:6.0f}/s  reward "
+        f"{row['reward']:.3f}  K / stays {', '.join(rates)}"
+    )
+
+
 def good_enough(row: Mapping[str, Any], until: float) -> bool:
     """Whether `until` or more stay in every task, on unseen objects where there are any; at 1 it never is enough."""
     rates = row["stays_held_out_of"] or row["stays_train_of"]
