@@ -125,7 +125,7 @@ def test_demonstrations_follow_who_demonstrates(run, tmp_path):
     shutil.copytree(planner.parent, copy.parent)
     elsewhere = run.changed(demos=DemosConfig(expert=str(copy)))
     assert keys.demo_key(elsewhere, shipped).digest == key.digest
-    with open(copy / "tracker" / "model.safetensors", "ab") as stream:
+    with open(copy.parent / "tracker" / "model.safetensors", "ab") as stream:
         stream.write(b" ")
     assert keys.demo_key(elsewhere, shipped).digest != key.digest
     with pytest.raises(BadFile, match="demos.expert is 'nobody', where no policy is; give `tracker`, the name of"):
