@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from learning import shape_of
+from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.run import RunContext
 from mimicbench.imitate.cloning import clone
 from mimicbench.imitate.demos import DaggerConfig, observed_states
@@ -124,6 +125,8 @@ def test_what_somebody_else_did_in_a_trackers_own_words(name):
     last = torch.randn(5, 19, generator=random)
     action = spec.aimed(H1, following, target, last, settings)
     torch.testing.assert_close(spec.aim(H1, following, action, last, settings), target, atol=1e-5, rtol=0)
+    with pytest.raises(MimicbenchError, match="does not say which action joint targets come from"):
+        replace(spec, action=None).aimed(H1, following, target, last, settings)
 
 
 def given(tmp_path, clips):

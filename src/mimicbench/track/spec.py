@@ -9,6 +9,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from mimicbench.core.errors import MimicbenchError
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.context import StepContext, Transition
 from mimicbench.sensors.observations import TERMS, Term, chosen_terms
@@ -53,8 +54,9 @@ class TrackerSpec:
     """What terms are multiplied by before the network sees them, by name; 1 for all others."""
     smoothing: Callable[[Any], float] = lambda settings: 0.0
     """Share of the action before in the one that is carried out, by the settings."""
-    action: Callable[[Robot, Tensor, Tensor, Any], Tensor] = lambda robot, next_joint_pos, target, settings: target
-    """The inverse of `target`: (N, J) the action that joint targets (N, J), which stand where that does, come from."""
+    action: Callable[[Robot, Tensor, Tensor, Any], Tensor] | None = None
+    """The inverse of `target`: (N, J) the action that joint targets (N, J), which stand where that does, come from. For
+    DAgger alone, where others drive while it says what is right."""
     ends: Mapping[str, Callable[[StepContext, Any], Tensor]] = field(default_factory=dict)
     """Why episodes of its training end beside what all trackers' end for, in words: (N,) bool whether a robot has
     failed, by the settings."""
@@ -67,7 +69,15 @@ class TrackerSpec:
         return self.target(robot, next_joint_pos, action, settings)
 
     def aimed(self, robot: Robot, next_joint_pos: Tensor, target: Tensor, last_action: Tensor, settings: Any) -> Tensor:
-        """(N, J) the action with which `aim` gives joint targets [rad]: what somebody else did, in its own words."""
+        """(N, J) the action with which `aim` gives joint targets [rad]: what somebody else did, in its own words.
+
+        Raises MimicbenchError if the design does not say.
+        """
+        if self.action is None:
+            raise MimicbenchError(
+                f"the tracker {self.name!r} does not say which action joint targets come from; give its TrackerSpec an "
+                "`action`, the inverse of `target`"
+            )
         share, action = self.smoothing(settings), self.action(robot, next_joint_pos, target, settings)
         return (action - share * last_action) / (1.0 - share)
 

@@ -46,6 +46,11 @@ def target(robot: Robot, next_joint_pos: Tensor, action: Tensor, settings: Agree
     return torch.clamp(action, low, high)
 
 
+def action(robot: Robot, next_joint_pos: Tensor, target: Tensor, settings: AgreementConfig) -> Tensor:
+    """(N, J) the inverse of `target`: the same."""
+    return target
+
+
 def next_joint_pos(robot: Robot, terms: Terms) -> Tensor:
     """(N, J) joint angles [rad] of the next frame, the first numbers of its target."""
     return terms["body_target"][:, : len(robot.joints)]
@@ -116,4 +121,5 @@ TRACKER = TrackerSpec(
     reward,
     HSTConfig,
     measures_effort=lambda settings: True,
+    action=action,
 )

@@ -6,7 +6,7 @@ from torch import Tensor
 
 from mimicbench.sensors.context import StepContext, Transition
 from mimicbench.track.spec import TrackerSpec
-from mimicbench.track.trackers.hst import AgreementConfig, agreement, next_joint_pos, target
+from mimicbench.track.trackers.hst import AgreementConfig, action, agreement, next_joint_pos, target
 
 
 def reward(context: StepContext, step: Transition, settings: AgreementConfig) -> Tensor:
@@ -31,4 +31,5 @@ TRACKER = TrackerSpec(
     next_joint_pos,
     reward,
     AgreementConfig,
+    action=action,
 )
