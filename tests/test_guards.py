@@ -130,6 +130,8 @@ def test_demonstrations_follow_who_demonstrates(run, tmp_path):
     assert keys.demo_key(elsewhere, shipped).digest != key.digest
     with pytest.raises(BadFile, match="demos.expert is 'nobody', where no policy is; give `tracker`, the name of"):
         keys.demo_key(run.changed(demos=DemosConfig(expert="nobody")), shipped)
+    published = run.changed(demos=DemosConfig(source="theirs", expert="nobody"))
+    assert keys.expert_folder(published, shipped) == shipped, "of a named set, all other settings are without effect"
 
 
 def test_whose_tracker_is_taken_or_that_one_is_to_be_trained_is_told(tmp_path):

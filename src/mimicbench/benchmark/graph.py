@@ -215,11 +215,12 @@ def make_demo_stage(run: Run) -> Stage:
 def demonstrated(run: Run) -> ClipSet:
     """The clips in whose first frames the recipe's demonstrations begin, and which trackers follow."""
     from mimicbench.envs.rule_starts import standing
+    from mimicbench.imitate.demos import CLIPS
 
     config, published = run.part("demos"), published_clips(run)
     if published is not None:
         return published
-    if config.starts == keys.CLIPS:
+    if config.starts == CLIPS:
         return retargeted(run).set
     objects = training_objects(make_object_stage(run))
     return standing(run.task, run.robot, objects, config.clips, run.recipe.seed)

@@ -26,7 +26,6 @@ SHIPPED = Path(__file__).parents[1] / "checkpoints"
 """Checkpoints that come with the package: `tracker`, which follows clips of all tasks, and `<task>/<policy>`, beside
 the `tracker` and the `perception` that it uses."""
 TRACKER, PERCEPTION, POLICY, CHECKPOINT = "tracker", "perception", "policy", "checkpoint"
-CLIPS = "clips"
 
 
 @dataclass(frozen=True)
@@ -205,8 +204,8 @@ def shipped_trackers(robot: str) -> dict[str, Path]:
 
 def expert_folder(run: Run, tracker: Path) -> Path:
     """Who demonstrates: the tracker in a folder, or the policy that the recipe names. Raises BadFile without it."""
-    name = run.part("demos").expert
-    if name == TRACKER:
+    config = run.part("demos")
+    if (name := config.expert) == TRACKER or config.source != MADE:
         return tracker
     folder = Path(name) if "/" in name else shipped(run, name)
     if folder is None or not (folder / CONFIG).is_file():
@@ -219,6 +218,8 @@ def expert_folder(run: Run, tracker: Path) -> Path:
 
 def demo_key(run: Run, tracker: Path) -> StageKey:
     """Demonstrations by the tracker in a folder, or by the expert that the recipe names."""
+    from mimicbench.imitate.demos import CLIPS
+
     settings, expert = identity(run.part("demos")), expert_folder(run, tracker)
     del settings["source"], settings["expert"]
     if settings.pop("starts") == CLIPS:
