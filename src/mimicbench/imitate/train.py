@@ -7,7 +7,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 import torch
@@ -55,6 +55,9 @@ class TrainConfig:
     """Of weights, batches and noise."""
     device: str = "cpu"
     """`cpu`, or `cuda` for a GPU."""
+    precision: Literal["float32", "bfloat16"] = "float32"
+    """Of the products of matrices; weights and what the network is used with stay float32. Where processors multiply
+    bfloat16 in hardware (avx512_bf16, amx_bf16 in /proc/cpuinfo; every recent GPU), training is several times faster."""
 
 
 def train(
@@ -182,7 +185,8 @@ class CloneTraining:
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(self._seed("dropout", self.steps))
             noise = torch.Generator(config.device).manual_seed(self._seed("noise", self.steps))
-            parts = self.learner.loss(batch, noise)
+            with torch.autocast(config.device, torch.bfloat16, config.precision == "bfloat16"):
+                parts = self.learner.loss(batch, noise)
         self.optimizer.zero_grad(set_to_none=True)
         parts["loss"].backward()
         if config.clip:
