@@ -20,7 +20,7 @@ from mimicbench.core.files import read_json
 from mimicbench.core.parallel import end_if_imported_by_worker
 from mimicbench.core.run import RunContext
 from mimicbench.core.stage import Stage, StageKey, opened
-from mimicbench.envs.clips import ClipSet
+from mimicbench.envs.clips import ClipSet, learned_and_judged
 from mimicbench.objects.make import MADE, make_objects, read_objects
 from mimicbench.references import make as references
 from mimicbench.retarget import make as retargeting
@@ -149,12 +149,7 @@ def make_track_stage(run: Run) -> Stage:
     from mimicbench.track.train import train_tracker
 
     config, _ = run.part("track"), ppo_learner()  # which had better be missing before clips are made for it
-    every = [retargeted(part) for part in keys.tracked(run).values()]
-    sets: dict[str, ClipSet] = {}
-    for clips in every:
-        task = clips.set.task.name
-        sets[task] = sets[task].joined(clips.set) if task in sets else clips.set
-    train, test = ([clips.split(name) for clips in sets.values()] for name in ("train", "test"))
+    train, test = learned_and_judged({name: retargeted(part).set for name, part in keys.tracked(run).items()})
     for some in train:
         if not len(some):
             raise BadMotion(f"no clip of {some.task.name} is on an object of the training split; make more objects")

@@ -51,3 +51,20 @@ class ClipSet:
     def spread(self, count: int) -> "ClipSet":
         """About so many clips from all over the set, never more."""
         return replace(self, motions=self.motions[:: max(1, len(self.motions) // count)][:count])
+
+
+def learned_and_judged(parts: Mapping[str, ClipSet]) -> tuple[list[ClipSet], list[ClipSet]]:
+    """For each task, clips to learn from and clips that only judge, of sets by `task`, or `task/set` for recordings.
+
+    Recordings are learned from whole, whatever their objects are called: who imports them has split them, by person,
+    and what is only to judge is in another set.
+    """
+    learned: dict[str, ClipSet] = {}
+    judged: dict[str, ClipSet] = {}
+    for name, clips in parts.items():
+        task, _, recorded = name.partition("/")
+        if recorded:
+            learned[task] = learned[task].joined(clips)
+        else:
+            learned[task], judged[task] = clips.split("train"), clips.split("test")
+    return list(learned.values()), list(judged.values())

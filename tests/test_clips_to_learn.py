@@ -1,0 +1,41 @@
+"""Which clips a tracker learns from, and which only judge it."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from mimicbench.core.motion import RobotMotion
+from mimicbench.envs.clips import ClipSet, learned_and_judged
+from mimicbench.objects.registry import make_object
+from mimicbench.objects.shape import split_of
+from mimicbench.robots.registry import ROBOTS
+from mimicbench.tasks.registry import TASKS
+
+ROBOT = ROBOTS.get("h1")
+
+
+def clips(task, family, named, kind):
+    """A clip of a robot that stands beside each of eight objects, called so; enough for both splits."""
+    ids = [f"{kind}-{index}" for index in range(8)]
+    assert {split_of(object_id) for object_id in ids} == {"train", "test"}
+    pose = np.array([[0, 0, 1.0]] * 2), np.array([[1.0, 0, 0, 0]] * 2), np.tile(ROBOT.rest_pose, (2, 1))
+    motions = [
+        RobotMotion(f"{named}-{i}", task, "h1", ROBOT.joint_names, 50, *pose, object_id, f"{named}-{i}")
+        for i, object_id in enumerate(ids)
+    ]
+    objects = {object_id: replace(make_object(f"{family}-0-00000"), id=object_id) for object_id in ids}
+    return ClipSet(TASKS.get(task), ROBOT, motions, objects)
+
+
+def test_recordings_are_learned_from_whole_and_judge_nothing():
+    chairs, sofas = clips("sit-chair", "chair", "made", "chair"), clips("sit-sofa", "sofa", "made", "sofa")
+    people = clips("sit-chair", "chair", "person", "fitted")
+    learned, judged = learned_and_judged({"sit-chair": chairs, "sit-sofa": sofas, "sit-chair/people": people})
+    assert [some.task.name for some in learned] == [some.task.name for some in judged] == ["sit-chair", "sit-sofa"]
+    names = [{motion.id for motion in some.motions} for some in (*learned, *judged)]
+    everyone = {motion.id for motion in people.motions}
+    assert everyone < names[0], "whatever split their objects are in"
+    assert not everyone & names[2] and not everyone & names[3]
+    for made, first, last in ((chairs, names[0] - everyone, names[2]), (sofas, names[1], names[3])):
+        assert first == {motion.id for motion in made.split("train").motions}
+        assert last == {motion.id for motion in made.split("test").motions}
