@@ -72,13 +72,18 @@ def pages() -> dict[Path, str]:
     results = RESULTS.read_text()
     for folder in sorted(path.parent for path in (ROOT / "runs").glob("*/evaluate")):
         results = with_table(results, f"runs/{folder.name}", of_run(folder))
-    starts, sitting, lying = (
-        ROOT / "runs" / name / "rows" for name in ("real-starts", "real-people", "real-people-lying")
+    starts, sitting, lying, hands = (
+        ROOT / "runs" / name / "rows"
+        for name in ("real-starts", "real-people", "real-people-lying", "real-people-hands")
     )
     results = with_table(results, "real-starts", recorded({f"`{task}`": starts / f"{task}.parquet" for task in TASKS}))
     followed = {
         f"`{task}`, {words}": folder / f"{task}-{split}.parquet"
-        for folder, tasks in ((sitting, ("sit-chair", "sit-sofa")), (lying, ("lie-bed", "lie-sofa")))
+        for folder, tasks in (
+            (sitting, ("sit-chair", "sit-sofa")),
+            (lying, ("lie-bed", "lie-sofa")),
+            (hands, ("touch-points", "lift-box")),
+        )
         for task in tasks
         for split, words in (("learn", "learned from"), ("judge", "never met"))
     }
