@@ -114,7 +114,9 @@ def frames(demos, chairs, network):
     plans = Waves(network) if network.action_size != 19 else None
     scene = [chairs[name] for name in sorted(set(demos.object_ids))]
     views = CameraViews(scene, SIT_CHAIR.rig).sample if network.inputs.views else None
-    return DemoFrames(demos, chairs, network.inputs, network.window, views, goals_of(demos, chairs), plans)
+    finds = network.goal_weight > 0
+    goals = goals_of(demos, chairs)
+    return DemoFrames(demos, chairs, network.inputs, network.window, views, goals, plans, finds)
 
 
 class Waves:

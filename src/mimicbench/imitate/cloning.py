@@ -43,6 +43,9 @@ class CloneImitation(ImitateConfig):
     clones: ClassVar[bool] = True
     network: Any = None
     """What it is made of, and what it sees."""
+    begin_from: str = ""
+    """Folder of a policy of the same kind, from whose weights and statistics learning begins; empty: from nothing. What
+    that policy does not have, such as a head that finds goals, begins as it would have."""
     train: TrainConfig = field(default_factory=TrainConfig)
     dagger: DaggerConfig = field(default_factory=DaggerConfig)
 
@@ -71,6 +74,8 @@ def clone(folder: Path, given: Given, config: CloneImitation) -> dict[str, Any]:
     course = replace(config.train, seed=given.seed, device=tensor_device(given.context.device))
     notes = {"seed": given.seed, "task": clips.task.name, "gains": given.gains}
     before = None
+    if config.begin_from:
+        before, _ = load_learner(Path(config.begin_from), clips.robot, type(network))
     for number in range(config.dagger.rounds):
         place = beside(folder, "rounds") / str(number)
         before = train(network, demo_frames(demos, clips, network, config), course, place, given.context.quiet, before)
@@ -106,8 +111,10 @@ def demo_frames(demos: Demos, clips: ClipSet, network: NetworkConfig, config: Cl
     """The frames of demonstrations that follow these clips, as a network is shown them."""
     scene = [clips.objects[object_id] for object_id in sorted(set(demos.object_ids))]
     maps = _maker(scene, clips.task, network.inputs) if network.inputs.sees else None
-    goals = _goals(demos, clips) if network.inputs.memory or network.inputs.targets else None
-    return DemoFrames(demos, clips.objects, network.inputs, network.window, maps, goals, config.plans(demos, clips))
+    finds, inputs = network.goal_weight > 0, network.inputs
+    goals = _goals(demos, clips) if inputs.memory or inputs.targets or finds else None
+    plans = config.plans(demos, clips)
+    return DemoFrames(demos, clips.objects, inputs, network.window, maps, goals, plans, finds)
 
 
 def _maker(scene: list[SceneObject], task: Task, inputs: InputConfig) -> MapMaker:

@@ -75,6 +75,7 @@ class DemoFrames:
         maps: MapMaker | None = None,
         goals: EpisodeGoals | None = None,
         plans: Plans | None = None,
+        finds: bool = False,
         validation: float = 0.1,
     ) -> None:
         """Prepare everything but the maps, which are made batch by batch.
@@ -86,8 +87,9 @@ class DemoFrames:
             window: Which frames it is shown.
             maps: Makes the elevation maps, or what the cameras see; by default the surfaces of objects that stay where
                 they are, as seen from the root, with noise.
-            goals: What they were to do; needed if the learner has a memory or is told.
+            goals: What they were to do; needed if the learner has a memory, is told, or finds.
             plans: What it is to say; joint targets by default.
+            finds: Whether it also says where its goal is in each frame.
             validation: Share of the episodes that is kept apart.
         """
         self.demos, self.inputs, self.window, self._plans = demos, inputs, window, plans
@@ -116,7 +118,8 @@ class DemoFrames:
         self._maps = maps
         if inputs.sees and maps is None:
             self._surfaces = ObjectMaps(scene)
-        if inputs.memory or inputs.targets:
+        self._finds = finds
+        if inputs.memory or inputs.targets or finds:
             if goals is None:
                 raise ValueError("this learner knows its goal; say what it was")
             first, self._goals = self.starts[:-1], goals
@@ -143,8 +146,15 @@ class DemoFrames:
             self._seen(seen, generator) if self.inputs.sees else None,
             self._actions(frames, steps, last),
             steps > last,
+            self._goal(frames) if self._finds else None,
             self._seen(ahead, generator) if self.window.looks_ahead and self.inputs.sees else None,
         )
+
+    def _goal(self, frames: Tensor) -> Tensor:
+        """(B, G) where the goal is in frames (B,), in the units of GoalSpec.middle_and_spread."""
+        spec, start_w = self._goals.spec, self._goals.start_w[self.episode[frames]]
+        middle, spread = spec.middle_and_spread()
+        return (spec.to_root(start_w, self.root_pos[frames], self.root_yaw[frames]) - middle) / spread
 
     def samples(self, frames: Tensor) -> Tensor:
         """What is learned, of frames (M,), for its statistics: (M, A), or (M / 10, chunk, A) of plans."""

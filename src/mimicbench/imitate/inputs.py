@@ -144,6 +144,8 @@ class Batch:
     """(B, chunk, A) joint position targets of the window's frames [rad], or what else is learned."""
     pad: Tensor
     """(B, chunk) true after the end of the episode."""
+    goal: Tensor | None = None
+    """(B, G) where the goal is in the present frame, in the units of GoalSpec.middle_and_spread, for who finds it."""
     ahead: Tensor | None = None
     """(B, channels, 128, 128) what is seen in the frame after the chunk, or (B, history, ...), for who looks ahead."""
 
@@ -159,16 +161,29 @@ class NetworkConfig:
     relative: bool = False
     """Say joint targets as differences from the joint angles of the frame in which they are chosen."""
 
+    goal_weight: float = 0.0
+    """While it learns, also say from what is seen alone where the goal is; weight of the error of that. Of joint targets
+    so little depends on where the object is that a network takes far longer to look for it than to walk."""
+    goal_size: int = 0
+    """Numbers in the task's goal, which decides."""
+
     may_be_relative: ClassVar[bool] = False
-    """Whether such a network can."""
+    """Whether such a network can say relative targets."""
+    may_find_goals: ClassVar[bool] = False
+    """Whether such a network can say where the goal is."""
 
     def __post_init__(self) -> None:
         if self.relative and not self.may_be_relative:
             raise BadSetting("network.relative is for learners that regress joint targets, such as act and bc")
+        if self.goal_weight and not (self.may_find_goals and self.inputs.sees):
+            raise BadSetting("network.goal-weight is for learners that see in every frame, such as act and bc")
 
     def of(self, robot: Robot, task: Task) -> Self:
         """The same for a robot at a task."""
-        return replace(self, inputs=self.inputs.of(robot, task), action_size=len(robot.joints))
+        if self.goal_weight and task.moves_object:
+            raise BadSetting(f"network.goal-weight is for goals that stay where they are, and {task.name} moves its own")
+        goal_size = task.goal.size if self.goal_weight else 0
+        return replace(self, inputs=self.inputs.of(robot, task), action_size=len(robot.joints), goal_size=goal_size)
 
     @property
     def window(self) -> Window:
@@ -233,6 +248,10 @@ class Learner(nn.Module):
         padding of the convolutions; color and depth as they are, from 0 to 1.
         """
         return picture.flatten(1, -3) + (0.0 if self.inputs.views else 1.0)
+
+    def goal_head(self, features: int) -> nn.Module:
+        """What says from so many features of a map where the goal is."""
+        return nn.Sequential(nn.Linear(features, 128), nn.ReLU(), nn.Linear(128, self.config.goal_size))
 
     def loss(self, batch: Batch, generator: torch.Generator | None = None) -> dict[str, Tensor]:
         """The parts of the loss by name; `loss` is what to minimize."""

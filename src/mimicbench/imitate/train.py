@@ -145,7 +145,7 @@ class CloneTraining:
         frames = data.train_frames[:: max(1, len(data.train_frames) // 20_000)]
         self.learner.normalize_by(data.vector(frames), data.samples(frames))
         if begin_from is not None:
-            self.learner.load_state_dict(begin_from.state_dict())
+            _take_over(self.learner, begin_from)
         self.learner.to(config.device)
         self.parameters = dict(self.learner.named_parameters())
         self.average = _Average(self.learner, config.average)
@@ -261,6 +261,18 @@ class CloneTraining:
         return digest(self.config.seed, "imitate", *keys) % (1 << 63)
 
 
+def _take_over(learner: Learner, begin_from: Learner) -> None:
+    """Weights and statistics of another network, where that has them. Raises MimicbenchError if it has others."""
+    own, given = learner.state_dict(), begin_from.state_dict()
+    for name, value in given.items():
+        if name not in own or own[name].shape != value.shape:
+            raise MimicbenchError(
+                f"{name} of the policy to begin from has the shape {tuple(value.shape)}, and not what this network's "
+                "configuration makes of it; begin from a policy of the same sizes and inputs"
+            )
+    learner.load_state_dict({**own, **given})
+
+
 def _identity(config: TrainConfig) -> dict[str, Any]:
     """The part of the configuration that a resumed run must share; it may run longer or elsewhere."""
     free = ("steps", "save_every", "log_steps", "device")
@@ -276,5 +288,6 @@ def _to(batch: Batch, device: str) -> Batch:
         None if batch.picture is None else move(batch.picture),
         move(batch.actions),
         move(batch.pad),
+        None if batch.goal is None else move(batch.goal),
         None if batch.ahead is None else move(batch.ahead),
     )

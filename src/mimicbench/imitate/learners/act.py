@@ -36,6 +36,7 @@ class ACTConfig(NetworkConfig):
     """The network. The defaults are the original's and the paper's."""
 
     may_be_relative: ClassVar[bool] = True
+    may_find_goals: ClassVar[bool] = True
 
     encoder: EncoderConfig = field(default_factory=EncoderConfig)
     """The network that reads the map."""
@@ -128,6 +129,8 @@ class ACT(Learner):
             self.map_encoder = Encoder(replace(config.encoder, channels=config.inputs.seen_channels))
             self.map_to_token = nn.Conv2d(config.encoder.widths[-1], width, 1)
             self.register_buffer("map_positions", sine_positions_2d(config.encoder.side, width), persistent=False)
+        if config.goal_weight:
+            self.finds = self.goal_head(config.encoder.widths[-1] * config.encoder.side**2)
         self.encoder_layers = nn.ModuleList(_EncoderLayer(config) for _ in range(config.encoder_layers))
         self.decoder_layers = nn.ModuleList(_DecoderLayer(config) for _ in range(config.decoder_layers))
         self.decoder_norm = nn.LayerNorm(width)
@@ -143,15 +146,20 @@ class ACT(Learner):
         state, actions = self.normalized_input(batch.vector), self.normalized_actions(batch.actions)
         mean, log_variance = self._posterior(state, actions, batch.pad)
         z = mean + (0.5 * log_variance).exp() * torch.randn(mean.shape, generator=generator, device=mean.device)
-        found = self._decode(z, state, batch.picture)
+        features = self._features(batch.picture)
+        found = self._decode(z, state, features)
         l1 = ((found - actions).abs() * ~batch.pad[..., None]).mean()
         kl = -0.5 * (1 + log_variance - mean.square() - log_variance.exp()).sum(-1).mean()
-        return {"loss": l1 + self.config.kl_weight * kl, "l1": l1, "kl": kl}
+        parts = {"loss": l1 + self.config.kl_weight * kl, "l1": l1, "kl": kl}
+        if features is None or batch.goal is None:
+            return parts
+        goal = functional.smooth_l1_loss(self.finds(features.flatten(1)).float(), batch.goal)
+        return {**parts, "loss": parts["loss"] + self.config.goal_weight * goal, "goal": goal}
 
     def plan(self, vector: Tensor, picture: Tensor | None) -> Tensor:
         """The actions (N, chunk, A) [rad] for z = 0."""
         state = self.normalized_input(vector)
-        chunk = self._decode(state.new_zeros(len(state), self.config.latent), state, picture)
+        chunk = self._decode(state.new_zeros(len(state), self.config.latent), state, self._features(picture))
         return chunk * self.action_std + self.action_mean
 
     def _posterior(self, state: Tensor, actions: Tensor, pad: Tensor) -> tuple[Tensor, Tensor]:
@@ -170,15 +178,20 @@ class ACT(Learner):
         mean, log_variance = self.posterior(tokens[:, 0]).chunk(2, -1)
         return mean, log_variance
 
-    def _decode(self, z: Tensor, state: Tensor, picture: Tensor | None) -> Tensor:
+    def _features(self, picture: Tensor | None) -> Tensor | None:
+        """(B, width, side, side) of what is seen; None for who sees nothing."""
+        if not self.inputs.sees:
+            return None
+        if picture is None:
+            raise ValueError("this learner sees pictures; give it one")
+        return self.map_encoder(self.normalized_map(picture))
+
+    def _decode(self, z: Tensor, state: Tensor, features: Tensor | None) -> Tensor:
         """Normalized actions (B, chunk, A)."""
         tokens = [self.latent_to_token(z)[:, None], self.state_to_token(state)[:, None]]
         positions = self.token_positions
-        if self.inputs.sees:
-            if picture is None:
-                raise ValueError("this learner sees pictures; give it one")
-            features = self.map_to_token(self.map_encoder(self.normalized_map(picture)))
-            tokens.append(features.flatten(2).transpose(1, 2))
+        if features is not None:
+            tokens.append(self.map_to_token(features).flatten(2).transpose(1, 2))
             positions = torch.cat([positions, self.get_buffer("map_positions")], 1)
         memory = torch.cat(tokens, 1)
         for layer in self.encoder_layers:

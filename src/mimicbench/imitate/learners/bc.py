@@ -24,6 +24,7 @@ class BCConfig(NetworkConfig):
     """The network. The defaults are the original's."""
 
     may_be_relative: ClassVar[bool] = True
+    may_find_goals: ClassVar[bool] = True
 
     encoder: EncoderConfig = field(default_factory=EncoderConfig)
     """The network that reads the map."""
@@ -63,6 +64,8 @@ class BC(Learner):
                 *(nn.Conv2d(a, b, 5, padding=2) for a, b in zip(widths[:-1], widths[1:], strict=True))
             )
             size += config.reduce[-1] * config.encoder.side**2
+            if config.goal_weight:
+                self.finds = self.goal_head(config.encoder.widths[-1] * config.encoder.side**2)
         self.mlp = nn.Sequential(
             nn.Linear(size, config.hidden),
             nn.ReLU(),
@@ -73,22 +76,30 @@ class BC(Learner):
 
     def loss(self, batch: Batch, generator: torch.Generator | None = None) -> dict[str, Tensor]:
         """Mean squared error of the normalized action."""
-        mse = functional.mse_loss(
-            self._forward(batch.vector, batch.picture), self.normalized_actions(batch.actions[:, 0])
-        )
-        return {"loss": mse}
+        features = self._features(batch.picture)
+        said = self._forward(batch.vector, features)
+        mse = functional.mse_loss(said, self.normalized_actions(batch.actions[:, 0]))
+        if features is None or batch.goal is None:
+            return {"loss": mse}
+        goal = functional.smooth_l1_loss(self.finds(features.flatten(1)).float(), batch.goal)
+        return {"loss": mse + self.config.goal_weight * goal, "goal": goal}
 
     def plan(self, vector: Tensor, picture: Tensor | None) -> Tensor:
         """The action (N, 1, A) [rad]."""
-        return (self._forward(vector, picture) * self.action_std + self.action_mean)[:, None]
+        said = self._forward(vector, self._features(picture))
+        return (said * self.action_std + self.action_mean)[:, None]
 
-    def _forward(self, vector: Tensor, picture: Tensor | None) -> Tensor:
+    def _features(self, picture: Tensor | None) -> Tensor | None:
+        """(N, width, side, side) of what is seen; None for who sees nothing."""
+        if not self.inputs.sees:
+            return None
+        if picture is None:
+            raise ValueError("this learner sees pictures; give it one")
+        return self.map_encoder(self.normalized_map(picture))
+
+    def _forward(self, vector: Tensor, features: Tensor | None) -> Tensor:
         x = self.normalized_input(vector)
-        if self.inputs.sees:
-            if picture is None:
-                raise ValueError("this learner sees pictures; give it one")
-            x = torch.cat([self.reduce(self.map_encoder(self.normalized_map(picture))).flatten(1), x], -1)
-        return self.mlp(x)
+        return self.mlp(x if features is None else torch.cat([self.reduce(features).flatten(1), x], -1))
 
 
 @dataclass(frozen=True)
