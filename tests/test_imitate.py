@@ -114,9 +114,8 @@ def frames(demos, chairs, network):
     plans = Waves(network) if network.action_size != 19 else None
     scene = [chairs[name] for name in sorted(set(demos.object_ids))]
     views = CameraViews(scene, SIT_CHAIR.rig).sample if network.inputs.views else None
-    finds = network.goal_weight > 0
-    goals = goals_of(demos, chairs)
-    return DemoFrames(demos, chairs, network.inputs, network.window, views, goals, plans, finds)
+    goals = replace(goals_of(demos, chairs), to_find=network.goal_weight > 0)
+    return DemoFrames(demos, chairs, network.inputs, network.window, views, goals, plans)
 
 
 class Waves:

@@ -8,7 +8,7 @@ import pytest
 from learning import ROBOT
 from mimicbench.benchmark.keys import SHIPPED
 from mimicbench.imitate.online.planning import OnlineConfig, Planning, from_standing
-from mimicbench.imitate.online.rehearsal import choose, rehearse, strayed
+from mimicbench.imitate.online.rehearsal import choose, rehearse, room, strayed
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.checkpoint import load_tracker
@@ -39,8 +39,8 @@ def test_as_many_are_planned_as_are_to_be_rehearsed(plans):
 def test_the_plan_that_goes_well_is_followed(plans):
     tracker = load_tracker(SHIPPED / "sit-chair" / "tracker", ROBOT)
     good = plans[0]
-    stays, success, effort = rehearse(tracker, ROBOT, TASK, [good, beside(good)])[0]
-    assert stays and success and -1e8 < effort < 0
+    stays, success, roomy, effort = rehearse(tracker, ROBOT, TASK, [good, beside(good)])[0]
+    assert stays and success and roomy == 0.0 and -1e8 < effort < 0
     assert rehearse(tracker, ROBOT, TASK, [good, beside(good)])[1][:2] == (False, False)
     found = [[beside(good), good], [good, beside(good)], [beside(good)]]
     chosen = choose(tracker, ROBOT, TASK, found)
@@ -48,12 +48,32 @@ def test_the_plan_that_goes_well_is_followed(plans):
     assert chosen[2] is found[2][0], "who has but one plan takes it"
 
 
-def test_of_two_that_stay_the_one_with_less_effort_is_followed(plans):
+def test_of_two_that_stay_the_one_with_room_and_then_with_less_effort_is_followed(plans):
     tracker = load_tracker(SHIPPED / "sit-chair" / "tracker", ROBOT)
-    worth = rehearse(tracker, ROBOT, TASK, plans)
-    assert all(stays for stays, _, _ in worth)
-    (chosen,) = choose(tracker, ROBOT, TASK, [plans])
-    assert chosen is plans[int(np.argmax([effort for _, _, effort in worth]))]
+    for most in (0.0, 0.1):
+        worth = rehearse(tracker, ROBOT, TASK, plans, most)
+        assert all(stays and 0.0 <= roomy <= most for stays, _, roomy, _ in worth)
+        assert any(roomy for _, _, roomy, _ in worth) == bool(most)
+        (chosen,) = choose(tracker, ROBOT, TASK, [plans], most)
+        assert chosen is plans[max(range(len(plans)), key=lambda i: worth[i][2:])]
+
+
+def test_room_is_what_k_can_lose(plans):
+    """Of a chair with its seat at H: the pelvis is to be in the rectangle of the chair, from H to H + 0.27 m."""
+    motion, chair = plans[0].motion, plans[0].stand_in
+    (low, high), seat = np.array(chair.bounds())[:, :2], chair.seat_height
+    end = np.concatenate([motion.root_pos_w[-1], motion.root_quat_w[-1], motion.joint_pos[-1]])
+
+    def with_pelvis_at(x, y, height):
+        end[:3] = x, y, seat + height
+        return room(TASK, ROBOT, motion, chair, end)
+
+    x, y = (low + high) / 2
+    assert with_pelvis_at(x, y, 0.07) == pytest.approx(0.07), "above the seat"
+    assert with_pelvis_at(x, y, 0.25) == pytest.approx(0.02), "below what is too high"
+    assert with_pelvis_at(x, y, 0.30) == pytest.approx(-0.03), "too high"
+    assert with_pelvis_at(high[0] - 0.04, y, 0.1) == pytest.approx(0.04), "within the front edge"
+    assert with_pelvis_at(high[0] + 0.03, high[1] + 0.04, 0.1) == pytest.approx(-0.05), "off a corner"
 
 
 def test_how_far_somebody_strayed(plans):

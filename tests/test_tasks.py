@@ -420,3 +420,13 @@ def test_starts_of_touch_points_show_both_targets_on_the_map():
         start = draw_start(TOUCH_POINTS, make_household(index), stance, rng(index, "start"))
         ahead = rot.rotate_inverse(start.root_quat_w, start.wrist_goal_w - start.root_pos_w)
         assert (abs(ahead[:, :2]) < 0.64).all() and (ahead[:, 0] > 0).all()
+
+
+def test_beside_is_signed_by_the_edge_of_the_interior():
+    """Of a block 0.4 m deep and 0.6 m wide around the origin: outside, the way to it; inside, to its nearest edge."""
+    half = np.array([[0.2, 0.3, 0.2]])
+    block = SceneObject("b", "b", "b", np.array([[0, 0, 0.2]]), np.array([[1.0, 0, 0, 0]]), half, np.ones((1, 3)), 0.4)
+    places = np.array([[0.0, 0.0, 1.0], [0.15, 0.0, 0.0], [0.2, 0.1, 0.0], [0.25, 0.0, 0.0], [0.23, -0.34, 0.0]])
+    info = ObjectInfo.of([block] * len(places))
+    np.testing.assert_allclose(info.beside(places), [-0.2, -0.05, 0.0, 0.05, 0.05], atol=1e-12)
+    assert (info.interior_xy(places) == (info.beside(places) <= 0)).all()

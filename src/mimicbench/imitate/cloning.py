@@ -112,9 +112,8 @@ def demo_frames(demos: Demos, clips: ClipSet, network: NetworkConfig, config: Cl
     scene = [clips.objects[object_id] for object_id in sorted(set(demos.object_ids))]
     maps = _maker(scene, clips.task, network.inputs) if network.inputs.sees else None
     finds, inputs = network.goal_weight > 0, network.inputs
-    goals = _goals(demos, clips) if inputs.memory or inputs.targets or finds else None
-    plans = config.plans(demos, clips)
-    return DemoFrames(demos, clips.objects, inputs, network.window, maps, goals, plans, finds)
+    goals = _goals(demos, clips, finds) if inputs.memory or inputs.targets or finds else None
+    return DemoFrames(demos, clips.objects, inputs, network.window, maps, goals, config.plans(demos, clips))
 
 
 def _maker(scene: list[SceneObject], task: Task, inputs: InputConfig) -> MapMaker:
@@ -134,10 +133,10 @@ def _maker(scene: list[SceneObject], task: Task, inputs: InputConfig) -> MapMake
     return make
 
 
-def _goals(demos: Demos, clips: ClipSet) -> EpisodeGoals:
+def _goals(demos: Demos, clips: ClipSet, to_find: bool) -> EpisodeGoals:
     """What the demonstrations were to do, by the clips that were tracked."""
     found = goals_of(clips)[clips_of(demos, clips)]
-    return EpisodeGoals(clips.task.goal, found, clips.task.map_cell)
+    return EpisodeGoals(clips.task.goal, found, clips.task.map_cell, to_find)
 
 
 def clips_of(demos: Demos, clips: ClipSet) -> Tensor:

@@ -37,6 +37,8 @@ class EpisodeGoals:
     """(E, G) their goals in the world, as they were at the start."""
     map_cell: float = TARGET_CELL
     """[m] Side of a cell of the maps of what robots are told."""
+    to_find: bool = False
+    """Whether a learner is also to say where they are in each frame."""
 
 
 class Plans(Protocol):
@@ -75,7 +77,6 @@ class DemoFrames:
         maps: MapMaker | None = None,
         goals: EpisodeGoals | None = None,
         plans: Plans | None = None,
-        finds: bool = False,
         validation: float = 0.1,
     ) -> None:
         """Prepare everything but the maps, which are made batch by batch.
@@ -87,9 +88,8 @@ class DemoFrames:
             window: Which frames it is shown.
             maps: Makes the elevation maps, or what the cameras see; by default the surfaces of objects that stay where
                 they are, as seen from the root, with noise.
-            goals: What they were to do; needed if the learner has a memory, is told, or finds.
+            goals: What they were to do; needed if the learner has a memory, is told, or finds them.
             plans: What it is to say; joint targets by default.
-            finds: Whether it also says where its goal is in each frame.
             validation: Share of the episodes that is kept apart.
         """
         self.demos, self.inputs, self.window, self._plans = demos, inputs, window, plans
@@ -118,15 +118,14 @@ class DemoFrames:
         self._maps = maps
         if inputs.sees and maps is None:
             self._surfaces = ObjectMaps(scene)
-        self._finds = finds
-        if inputs.memory or inputs.targets or finds:
+        self._finds = goals is not None and goals.to_find
+        if goals is not None:
+            self._goals = goals
+        if inputs.memory or inputs.targets:
             if goals is None:
                 raise ValueError("this learner knows its goal; say what it was")
-            first, self._goals = self.starts[:-1], goals
-            self._spec, self.goal = (
-                goals.spec,
-                goals.spec.to_root(goals.start_w, self.root_pos[first], self.root_yaw[first]),
-            )
+            first = self.starts[:-1]
+            self.goal = goals.spec.to_root(goals.start_w, self.root_pos[first], self.root_yaw[first])
         held = torch.from_numpy(_apart(demos, validation))[self.episode]
         self.train_frames, self.validation_frames = torch.nonzero(~held)[:, 0], torch.nonzero(held)[:, 0]
 

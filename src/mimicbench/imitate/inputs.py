@@ -162,8 +162,8 @@ class NetworkConfig:
     """Say joint targets as differences from the joint angles of the frame in which they are chosen."""
 
     goal_weight: float = 0.0
-    """While it learns, also say from what is seen alone where the goal is; weight of the error of that. Of joint targets
-    so little depends on where the object is that a network takes far longer to look for it than to walk."""
+    """While it learns, also say from what is seen alone where the goal is; weight of the error of that. Of joint
+    targets so little depends on where the object is that a network takes far longer to look for it than to walk."""
     goal_size: int = 0
     """Numbers in the task's goal, which decides."""
 
@@ -181,7 +181,9 @@ class NetworkConfig:
     def of(self, robot: Robot, task: Task) -> Self:
         """The same for a robot at a task."""
         if self.goal_weight and task.moves_object:
-            raise BadSetting(f"network.goal-weight is for goals that stay where they are, and {task.name} moves its own")
+            raise BadSetting(
+                f"network.goal-weight is for goals that stay where they are, and {task.name} moves its own"
+            )
         goal_size = task.goal.size if self.goal_weight else 0
         return replace(self, inputs=self.inputs.of(robot, task), action_size=len(robot.joints), goal_size=goal_size)
 

@@ -56,8 +56,8 @@ class TrainConfig:
     device: str = "cpu"
     """`cpu`, or `cuda` for a GPU."""
     precision: Literal["float32", "bfloat16"] = "float32"
-    """Of the products of matrices; weights and what the network is used with stay float32. Where processors multiply
-    bfloat16 in hardware (avx512_bf16, amx_bf16 in /proc/cpuinfo; every recent GPU), training is several times faster."""
+    """Of the products of matrices; weights, and what the network does in use, stay float32. Processors that multiply
+    bfloat16 (avx512_bf16, amx_bf16 in /proc/cpuinfo) and recent GPUs train large networks several times as fast."""
 
 
 def train(

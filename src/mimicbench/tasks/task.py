@@ -85,9 +85,11 @@ class ObjectInfo:
         return self.interior_xy(pos_w) & (height >= 0) & (height <= band)
 
     def beside(self, pos_w: np.ndarray) -> np.ndarray:
-        """(N,) how far positions (N, 3) are outside of the interior in the bird-eye view [m]; 0 in it."""
-        out = np.maximum(np.maximum(self.low[:, :2] - pos_w[:, :2], pos_w[:, :2] - self.high[:, :2]), 0.0)
-        return np.linalg.norm(out, axis=-1)
+        """(N,) how far positions (N, 3) are outside of the interior in the bird-eye view [m]; in it, as a negative
+        number, how far they are from its edge.
+        """
+        out = np.maximum(self.low[:, :2] - pos_w[:, :2], pos_w[:, :2] - self.high[:, :2])
+        return np.linalg.norm(np.maximum(out, 0.0), axis=-1) + np.minimum(out.max(-1), 0.0)
 
     def away(self, pos_w: np.ndarray) -> np.ndarray:
         """(N, K) how far positions (N, K, 3) are from the object's surface [m]; 0 inside."""

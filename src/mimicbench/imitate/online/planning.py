@@ -40,6 +40,9 @@ class OnlineConfig:
     """Styles that are tried until a plan is kept as a clip on the stand-in would be."""
     rehearsals: Annotated[int, Within(0, 64)] = 0
     """So many plans that are kept are rehearsed (imitate.online.rehearsal), and the best is followed; 0: the first."""
+    room: float = 0.0
+    """[m] Of plans that go well, those are better by whose end K could lose so much and still hold, as far as eyes err
+    about the object; what exceeds that counts no more. 0: as long as it holds, all are alike."""
     pace: float = 0.15
     """How fast a plan moves to where its goal is by now [m/s]; twice that in radians."""
     anew: float = 0.35

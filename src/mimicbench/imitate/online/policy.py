@@ -131,7 +131,8 @@ class OnlinePolicy:
         for near_it, (i, begin) in zip(around, begins.items(), strict=True):
             found[i] = self._planning.plans(own[i], near_it, begin, self._numbers[i])
         done = [i for i, plans in found.items() if plans]
-        chosen = choose(self._tracker, self._robot, self._task, [found[i] for i in done], self._device)
+        plans, most = [found[i] for i in done], self._config.room
+        chosen = choose(self._tracker, self._robot, self._task, plans, most, self._device)
         for i, planned in zip(done, chosen, strict=True):
             self._plans[i], self._minds[i] = lay(planned.motion, self._robot), planned
         known = next(plan for plan in self._plans if plan is not None)
