@@ -59,9 +59,9 @@ GUARDS = (
         "benchmark/judging.py", "test_only=True", "test_only=False", "tests/test_guards.py -k clips_for_an_evaluation"
     ),
     Change(
-        "benchmark/graph.py",
-        '[clips.split(name) for clips in sets.values()] for name in ("train", "test")',
-        '[clips.split("all") for clips in sets.values()] for name in ("train", "test")',
+        "envs/clips.py",
+        'clips.split("train"), clips.split("test")',
+        'clips, clips.split("test")',
         "tests/test_guards.py -k trackers_learn",
     ),
     Change(

@@ -133,7 +133,7 @@ def _maker(scene: list[SceneObject], task: Task, inputs: InputConfig) -> MapMake
     return make
 
 
-def _goals(demos: Demos, clips: ClipSet, to_find: bool) -> EpisodeGoals:
+def _goals(demos: Demos, clips: ClipSet, to_find: bool = False) -> EpisodeGoals:
     """What the demonstrations were to do, by the clips that were tracked."""
     found = goals_of(clips)[clips_of(demos, clips)]
     return EpisodeGoals(clips.task.goal, found, clips.task.map_cell, to_find)
