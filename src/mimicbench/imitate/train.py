@@ -56,8 +56,8 @@ class TrainConfig:
     device: str = "cpu"
     """`cpu`, or `cuda` for a GPU."""
     precision: Literal["float32", "bfloat16"] = "float32"
-    """Of the products of matrices; weights, and what the network does in use, stay float32. Processors that multiply
-    bfloat16 (avx512_bf16, amx_bf16 in /proc/cpuinfo) and recent GPUs train large networks several times as fast."""
+    """Of the products of matrices; weights, and what the network does in use, stay float32. Worth it where a processor
+    multiplies bfloat16 (avx512_bf16, amx_bf16 in /proc/cpuinfo), on recent GPUs, and for large networks."""
 
 
 def train(
