@@ -5,6 +5,7 @@ from typing import Any, ClassVar, Literal, Self
 
 import torch
 from torch import Tensor, nn
+from torch.nn import functional
 
 from mimicbench.core.settings import BadSetting, Positive
 from mimicbench.imitate.clock import SIZE as CLOCK_SIZE
@@ -254,6 +255,21 @@ class Learner(nn.Module):
     def goal_head(self, features: int) -> nn.Module:
         """What says from so many features of a map where the goal is."""
         return nn.Sequential(nn.Linear(features, 128), nn.ReLU(), nn.Linear(128, self.config.goal_size))
+
+    def features(self, picture: Tensor | None) -> Tensor | None:
+        """(N, width, side, side) what its `map_encoder` makes of what is seen; None for who sees nothing."""
+        if not self.inputs.sees:
+            return None
+        if picture is None:
+            raise ValueError("this learner sees pictures; give it one")
+        return self.map_encoder(self.normalized_map(picture))
+
+    def with_goal(self, parts: dict[str, Tensor], features: Tensor | None, batch: Batch) -> dict[str, Tensor]:
+        """Parts of a loss, and the error of where its head `finds` the goal by such features, if it has to say that."""
+        if features is None or batch.goal is None:
+            return parts
+        goal = functional.smooth_l1_loss(self.finds(features.flatten(1)).float(), batch.goal)
+        return {**parts, "loss": parts["loss"] + self.config.goal_weight * goal, "goal": goal}
 
     def loss(self, batch: Batch, generator: torch.Generator | None = None) -> dict[str, Tensor]:
         """The parts of the loss by name; `loss` is what to minimize."""

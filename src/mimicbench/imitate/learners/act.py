@@ -146,20 +146,16 @@ class ACT(Learner):
         state, actions = self.normalized_input(batch.vector), self.normalized_actions(batch.actions)
         mean, log_variance = self._posterior(state, actions, batch.pad)
         z = mean + (0.5 * log_variance).exp() * torch.randn(mean.shape, generator=generator, device=mean.device)
-        features = self._features(batch.picture)
+        features = self.features(batch.picture)
         found = self._decode(z, state, features)
         l1 = ((found - actions).abs() * ~batch.pad[..., None]).mean()
         kl = -0.5 * (1 + log_variance - mean.square() - log_variance.exp()).sum(-1).mean()
-        parts = {"loss": l1 + self.config.kl_weight * kl, "l1": l1, "kl": kl}
-        if features is None or batch.goal is None:
-            return parts
-        goal = functional.smooth_l1_loss(self.finds(features.flatten(1)).float(), batch.goal)
-        return {**parts, "loss": parts["loss"] + self.config.goal_weight * goal, "goal": goal}
+        return self.with_goal({"loss": l1 + self.config.kl_weight * kl, "l1": l1, "kl": kl}, features, batch)
 
     def plan(self, vector: Tensor, picture: Tensor | None) -> Tensor:
         """The actions (N, chunk, A) [rad] for z = 0."""
         state = self.normalized_input(vector)
-        chunk = self._decode(state.new_zeros(len(state), self.config.latent), state, self._features(picture))
+        chunk = self._decode(state.new_zeros(len(state), self.config.latent), state, self.features(picture))
         return chunk * self.action_std + self.action_mean
 
     def _posterior(self, state: Tensor, actions: Tensor, pad: Tensor) -> tuple[Tensor, Tensor]:
@@ -177,14 +173,6 @@ class ACT(Learner):
             tokens = layer(tokens, self.get_buffer("posterior_positions"), visible)
         mean, log_variance = self.posterior(tokens[:, 0]).chunk(2, -1)
         return mean, log_variance
-
-    def _features(self, picture: Tensor | None) -> Tensor | None:
-        """(B, width, side, side) of what is seen; None for who sees nothing."""
-        if not self.inputs.sees:
-            return None
-        if picture is None:
-            raise ValueError("this learner sees pictures; give it one")
-        return self.map_encoder(self.normalized_map(picture))
 
     def _decode(self, z: Tensor, state: Tensor, features: Tensor | None) -> Tensor:
         """Normalized actions (B, chunk, A)."""

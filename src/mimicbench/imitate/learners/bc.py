@@ -76,26 +76,15 @@ class BC(Learner):
 
     def loss(self, batch: Batch, generator: torch.Generator | None = None) -> dict[str, Tensor]:
         """Mean squared error of the normalized action."""
-        features = self._features(batch.picture)
+        features = self.features(batch.picture)
         said = self._forward(batch.vector, features)
         mse = functional.mse_loss(said, self.normalized_actions(batch.actions[:, 0]))
-        if features is None or batch.goal is None:
-            return {"loss": mse}
-        goal = functional.smooth_l1_loss(self.finds(features.flatten(1)).float(), batch.goal)
-        return {"loss": mse + self.config.goal_weight * goal, "goal": goal}
+        return self.with_goal({"loss": mse}, features, batch)
 
     def plan(self, vector: Tensor, picture: Tensor | None) -> Tensor:
         """The action (N, 1, A) [rad]."""
-        said = self._forward(vector, self._features(picture))
+        said = self._forward(vector, self.features(picture))
         return (said * self.action_std + self.action_mean)[:, None]
-
-    def _features(self, picture: Tensor | None) -> Tensor | None:
-        """(N, width, side, side) of what is seen; None for who sees nothing."""
-        if not self.inputs.sees:
-            return None
-        if picture is None:
-            raise ValueError("this learner sees pictures; give it one")
-        return self.map_encoder(self.normalized_map(picture))
 
     def _forward(self, vector: Tensor, features: Tensor | None) -> Tensor:
         x = self.normalized_input(vector)
