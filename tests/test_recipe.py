@@ -409,6 +409,11 @@ def test_trackers_that_cannot_be_trained_are_refused_at_once(track, said):
         read_recipe({"task": "sit-chair", "track": track})
 
 
+def test_a_cloner_that_begins_where_no_policy_is_is_refused_at_once():
+    with pytest.raises(BadSetting, match="imitate.begin_from is 'nowhere', where no policy is"):
+        read_recipe({"task": "sit-chair", "imitate": {"learner": "act", "begin_from": "nowhere"}})
+
+
 def test_recordings_to_learn_from_must_be_there(tmp_path):
     run = start(read_recipe({"task": "sit-chair", "track": {"recorded": ["people"]}}), tmp_path)
     with pytest.raises(BadFile, match="mimicbench import --to people"):

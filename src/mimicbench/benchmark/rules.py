@@ -114,6 +114,15 @@ def tracked_together(recipe: Recipe) -> None:
         raise BadSetting(f"track.begin_from is {begin_from!r}, where no tracker is; give the folder of its checkpoint")
 
 
+def cloner_begins_from_a_policy(recipe: Recipe) -> None:
+    """A cloner that begins from another policy's weights finds one there, before demonstrations are made for it."""
+    from mimicbench.core.checkpoint import MODEL
+
+    begin_from = getattr(recipe.imitate, "begin_from", "")
+    if begin_from and not (Path(begin_from) / MODEL).is_file():
+        raise BadSetting(f"imitate.begin_from is {begin_from!r}, where no policy is; give the folder of its checkpoint")
+
+
 RULES: tuple[Callable[[Recipe], None], ...] = (
     names_exist,
     sources_agree,
@@ -122,4 +131,5 @@ RULES: tuple[Callable[[Recipe], None], ...] = (
     expert_follows_clips,
     gains_agree,
     tracked_together,
+    cloner_begins_from_a_policy,
 )
