@@ -363,6 +363,23 @@ def test_nothing_is_learned_from_the_frames_that_judge(demos, chairs, tmp_path):
     assert all(torch.isfinite(value).all() for value in trained.state_dict().values())
 
 
+def test_of_what_a_learner_drove_a_batch_has_the_part_that_is_asked_for(demos, chairs):
+    blind = tiny("bc", INPUTS["blind"])
+    all_shown = frames(demos, chairs, blind)
+    chosen = int(all_shown.episode[all_shown.train_frames[0]])
+    data = frames(replace(demos, success=np.arange(6) != chosen), chairs, blind)
+
+    def drawn(data, part):
+        frames = data.draw(400, part, torch.Generator().manual_seed(0))
+        assert len(frames) == 400 and set(frames.tolist()) <= set(data.train_frames.tolist())
+        return float((data.episode[frames] == chosen).double().mean())
+
+    share = float((data.episode[data.train_frames] == chosen).double().mean())
+    assert drawn(data, 0.5) == 0.5 and drawn(data, 1.0) == 1.0
+    assert drawn(data, 0.0) == pytest.approx(share, abs=0.07), "as many as there are"
+    assert drawn(all_shown, 0.5) != 0.5, "there are none"
+
+
 def test_windows_end_where_episodes_do(demos, chairs):
     """Two frames are seen, and the actions of eight, one of them past; beyond either end there is but the end."""
     data = frames(demos, chairs, tiny("diffusion", INPUTS["blind"]))

@@ -14,16 +14,18 @@ from mimicbench.envs.clip_starts import ClipStartConfig
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.evaluate.rollout import run_policy
+from mimicbench.imitate.clock import SIZE as CLOCK_SIZE
 from mimicbench.imitate.dagger import SEEN, Episodes
 from mimicbench.imitate.goals import both_places, given_goal, goals_of
 from mimicbench.imitate.learn_planner import train_planner
 from mimicbench.imitate.perception import Perception, PerceptionConfig, save_perception
 from mimicbench.imitate.plan import PlanLayout
-from mimicbench.imitate.planner import PlannerConfig, load_planner, save_planner
+from mimicbench.imitate.planner import PlannerConfig, PlannerSizes, load_planner, save_planner
 from mimicbench.objects.families.chair import make_chair
 from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.methods.optimization import optimize
+from mimicbench.sensors.observations import Observations
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.checkpoint import save_tracker
@@ -85,6 +87,28 @@ def test_every_task_is_learned_over_one_tracker_of_all(task, every, tmp_path):
     short = replace(clips, task=replace(task, time_limit=0.2), motions=[*clips.motions] * 2)
     (run,) = run_policy(policy, short, env_config=ONE)
     assert not run.errors and run.verdict.steps.tolist() == [10, 10] and not run.verdict.diverged.any()
+
+
+def test_who_sees_no_clock_does_the_same_whatever_the_time(every, tmp_path):
+    clips, config = every("sit-chair"), replace(SMALL, clock=False)
+    network = train_planner(tmp_path / "training", tracker(SHAPE), clips, config, 0, ONE)
+    folder = saved(tmp_path, TASK, network, SHAPE)
+    save_planner(folder, ROBOT, network, config, {})
+    policy = load_planner(folder, ROBOT, TASK)
+    assert network.sizes.style == network.sizes.clock == 0
+    timed = PlannerSizes.of(ROBOT, TASK, TRACKERS.get("residual"), 0)
+    assert timed.inputs - network.sizes.inputs == CLOCK_SIZE
+
+    env = TrackingEnv(TRACKERS.get("residual"), clips, 2, TrackingConfig(), 0, ONE).env
+    seen = env.observe(policy.observations)
+
+    def said(seconds):
+        values = {name: seen[name] for name in policy.observations}
+        obs = Observations({**values, "time": torch.full_like(values["time"], seconds)})
+        policy.reset(torch.arange(obs.num_envs), obs)
+        return policy.act(obs)
+
+    assert torch.equal(said(0.0), said(7.3))
 
 
 @pytest.mark.parametrize(("design", "own"), [("hst", {"body", "gravity"}), ("hst-original", {"tilt", "joint_offset"})])

@@ -34,9 +34,9 @@ class Episodes:
     few seconds of holding on teach that at all of them the same is to be done.
     """
 
-    def __init__(self, env: TrackingEnv, styles: Tensor, seed: int) -> None:
-        """`styles` (C, S) are the clips', normalized."""
-        self._env, self._styles, device = env, styles, env.device
+    def __init__(self, env: TrackingEnv, styles: Tensor, seed: int, clock: bool = True) -> None:
+        """`styles` (C, S) are the clips', normalized; `clock` says whether the planner sees one."""
+        self._env, self._styles, self._clock, device = env, styles, clock, env.device
         self._spec = env.clips.task.goal
         clips = torch.arange(len(env.bank), device=device)
         first = env.bank.frame(clips, torch.zeros_like(clips))
@@ -72,7 +72,8 @@ class Episodes:
 
     def inputs(self, seen: Mapping[str, Tensor]) -> Tensor:
         """(N, I) what the planner sees now, of the terms SEEN."""
-        return planner_inputs(seen["proprio"], self.seconds, self._memory(seen), self.styles)
+        seconds = self.seconds if self._clock else None
+        return planner_inputs(seen["proprio"], seconds, self._memory(seen), self.styles)
 
     def _memory(self, seen: Mapping[str, Tensor]) -> Tensor:
         """(N, memory_size) what is known of the goals by now."""

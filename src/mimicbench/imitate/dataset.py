@@ -4,6 +4,7 @@ what to do.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -128,6 +129,24 @@ class DemoFrames:
             self.goal = goals.spec.to_root(goals.start_w, self.root_pos[first], self.root_yaw[first])
         held = torch.from_numpy(_apart(demos, validation))[self.episode]
         self.train_frames, self.validation_frames = torch.nonzero(~held)[:, 0], torch.nonzero(held)[:, 0]
+
+    @cached_property
+    def _by_driver(self) -> tuple[Tensor, Tensor]:
+        """Frames to learn from: of demonstrations, which succeeded, and of what a learner drove, judged by nobody."""
+        shown = torch.from_numpy(self.demos.success)[self.episode[self.train_frames]]
+        return self.train_frames[shown], self.train_frames[~shown]
+
+    def draw(self, count: int, driven: float, generator: torch.Generator) -> Tensor:
+        """(count,) frames to learn from, that part of them from what a learner drove, if there is any; 0: from all."""
+
+        def some(frames: Tensor, count: int) -> Tensor:
+            return frames[torch.randint(len(frames), (count,), generator=generator)]
+
+        by_experts, by_learners = self._by_driver
+        if not driven or not len(by_experts) or not len(by_learners):
+            return some(self.train_frames, count)
+        wanted = round(driven * count)
+        return torch.cat([some(by_experts, count - wanted), some(by_learners, wanted)])
 
     def batch(self, frames: Tensor, generator: torch.Generator | None = None) -> Batch:
         """What is seen in the given frames (B,) and the actions from there on.

@@ -87,12 +87,15 @@ class _Run:
         self.own_widths = sizes(self.own, robot, task)
         self.follower = Follower(tracker, config.num_envs, self.env.device)
         _, styles = styles_of(clips.motions)
+        styles = styles if config.clock else styles[:, :0]
         device = self.env.device
-        self.network = PlannerNetwork(PlannerSizes.of(robot, task, tracker.spec, styles.shape[1]), config.hidden)
+        planner_sizes = PlannerSizes.of(robot, task, tracker.spec, styles.shape[1], config.clock)
+        self.network = PlannerNetwork(planner_sizes, config.hidden)
         self.network.set_styles(styles)
         self.network.to(device)
         tracker.network.to(device)
-        self.episodes = Episodes(self.env, self.network.normalized_style(styles.to(device)), seed)
+        styles = self.network.normalized_style(styles.to(device))
+        self.episodes = Episodes(self.env, styles, seed, config.clock)
         self.optimizer = torch.optim.Adam(self.network.parameters(), lr=config.learning_rate)
         self.sensed_widths = [*self.own_widths, self.follower.history.past.shape[1]]
         widths = [self.network.sizes.inputs, sum(self.sensed_widths), self.layout.size]

@@ -45,6 +45,10 @@ class PlannerConfig:
 
     hidden: Sizes = (512, 512, 256)
     """Widths of the hidden layers."""
+    clock: bool = True
+    """See a clock, and settle a style once. Without either, what it does follows from its body and its goal as they are
+    now, and so can be learned by who sees no clock, such as ACT and BC, also where that got to itself: if the clock is
+    half a second off, what a planner with one says is other by half of its spread."""
     samples: Positive = 3_200_000
     """Control steps to see, over all robots."""
     num_envs: Positive = 256
@@ -91,17 +95,20 @@ class PlannerSizes:
     """Of what the tracker is told."""
     style: int
     """Of what clips choose."""
+    clock: int = CLOCK_SIZE
+    """Of the time."""
 
     @staticmethod
-    def of(robot: Robot, task: Task, spec: TrackerSpec, style: int) -> "PlannerSizes":
-        """For a robot at a task, over a tracker, and clips of so much style."""
+    def of(robot: Robot, task: Task, spec: TrackerSpec, style: int, clock: bool = True) -> "PlannerSizes":
+        """For a robot at a task, over a tracker, and clips of so much style, with a clock or without."""
         (body,) = TERMS["proprio"].shape(robot, task)
-        return PlannerSizes(body, task.goal.size, task.goal.memory_size, PlanLayout(spec, robot, task).size, style)
+        plan = PlanLayout(spec, robot, task).size
+        return PlannerSizes(body, task.goal.size, task.goal.memory_size, plan, style, CLOCK_SIZE if clock else 0)
 
     @property
     def inputs(self) -> int:
         """All that it takes."""
-        return self.body + CLOCK_SIZE + self.memory + self.style
+        return self.body + self.clock + self.memory + self.style
 
 
 class PlannerNetwork(nn.Module):
@@ -167,10 +174,10 @@ class PlannerNetwork(nn.Module):
 
 
 def planner_inputs(
-    body: torch.Tensor, seconds: torch.Tensor, memory: torch.Tensor, style: torch.Tensor
+    body: torch.Tensor, seconds: torch.Tensor | None, memory: torch.Tensor, style: torch.Tensor
 ) -> torch.Tensor:
-    """(N, PlannerSizes.inputs) what the planner sees; `style` is normalized."""
-    return torch.cat([body, clock_features(seconds), memory, style], -1)
+    """(N, PlannerSizes.inputs) what the planner sees; `style` is normalized, `seconds` None for who sees no clock."""
+    return torch.cat([body, *([] if seconds is None else [clock_features(seconds)]), memory, style], -1)
 
 
 def styles_of(motions: Sequence[RobotMotion]) -> tuple[tuple[str, ...], torch.Tensor]:
@@ -238,7 +245,8 @@ class PlannerPolicy:
     def act(self, obs: Observations) -> torch.Tensor:
         """Joint position targets (N, J) [rad]."""
         memory = self._goal.recall(obs)
-        inputs = planner_inputs(obs["proprio"], obs["time"][:, 0], memory, self._style)
+        seconds = obs["time"][:, 0] if self._network.sizes.clock else None
+        inputs = planner_inputs(obs["proprio"], seconds, memory, self._style)
         plan = self._layout.split(self._network.plan(inputs))
         terms = {**{name: obs[name] for name in self._own}, "last_action": self._last_action, **plan}
         self._last_action, self._before = self._follower.action(terms), terms
@@ -272,6 +280,6 @@ def load_planner(folder: Path, robot: Robot, task: Task) -> PlannerPolicy:
     tracker = load_tracker(beside(folder, "tracker"), robot)
     goal = known_goal(beside(folder, "perception"), robot, task)
     style = checkpoint.tensors["style_mean"].size if "style_mean" in checkpoint.tensors else 0
-    sizes = PlannerSizes.of(robot, task, tracker.spec, style)
+    sizes = PlannerSizes.of(robot, task, tracker.spec, style, config.clock)
     network = built(checkpoint, lambda: PlannerNetwork(sizes, config.hidden), [len(config.hidden)])
     return PlannerPolicy(robot, task, network, tracker, goal)

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.progress import counter
 from mimicbench.core.seeds import digest
-from mimicbench.core.settings import Positive
+from mimicbench.core.settings import Positive, Share
 from mimicbench.core.training import NetworkState, OptimizerState, append_metrics, resume_training, save_training
 from mimicbench.imitate.dataset import DemoFrames
 from mimicbench.imitate.inputs import Batch, Learner
@@ -33,6 +33,9 @@ class TrainConfig:
     """Batches to learn from: a faster machine gets the same network, sooner."""
     batch: Positive = 128
     """Frames per batch."""
+    driven: Share = 0.0
+    """Part of every batch that comes from what a learner got into itself (DAgger); 0 for as much of it as there is of
+    all frames. Demonstrations are many and alike, and what goes wrong is rare."""
     learning_rate: float = 1e-3
     """The highest."""
     schedule: str = "cosine"
@@ -204,8 +207,8 @@ class CloneTraining:
 
     def _batch(self, number: int) -> Batch:
         """The batch of that number."""
-        random, every = torch.Generator().manual_seed(self._seed("batch", number)), self.data.train_frames
-        return self.data.batch(every[torch.randint(len(every), (self.config.batch,), generator=random)], random)
+        random = torch.Generator().manual_seed(self._seed("batch", number))
+        return self.data.batch(self.data.draw(self.config.batch, self.config.driven, random), random)
 
     def log(self, parts: dict[str, float]) -> None:
         """Append a line to metrics.jsonl."""
