@@ -18,6 +18,7 @@ import safetensors.numpy
 
 from mimicbench.core.errors import BadFile
 from mimicbench.core.files import digest_of, read_record, write_atomic, write_record
+from mimicbench.core.settings import BadSetting
 
 FORMAT = 1
 CONFIG = "config.json"
@@ -53,7 +54,7 @@ class Checkpoint:
         """
         try:
             found = msgspec.convert(self.config, config_type)
-        except (msgspec.ValidationError, TypeError, ValueError, RecursionError) as error:
+        except (msgspec.ValidationError, BadSetting, TypeError, ValueError, RecursionError) as error:
             raise self._unlike(str(error)) from None
         wrong = _unfit(self.config, msgspec.to_builtins(found))
         if wrong:
