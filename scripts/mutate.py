@@ -83,9 +83,9 @@ GUARDS = (
         "imitate/lerobot.py", 'if row["success"] or not only_success', "if True", "tests/test_lerobot.py -k round_trip"
     ),
     Change(
-        "imitate/train.py",
-        'Generator().manual_seed(self._seed("batch", number)), self.data.train_frames',
-        'Generator().manual_seed(self._seed("batch", number)), torch.arange(self.data.demos.frames)',
+        "imitate/dataset.py",
+        "return some(self.train_frames, count)",
+        "return some(torch.arange(self.demos.frames), count)",
         "tests/test_imitate.py -k that_judge",
     ),
     Change(
