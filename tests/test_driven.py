@@ -157,6 +157,11 @@ def test_a_cloner_learns_from_what_it_got_into(tmp_path):
     assert len({demos.reference_ids for demos in rounds}) == 2 or rounds[0].frames != rounds[1].frames
     assert not rounds[0].success.any()
     learned, _ = load_learner(tmp_path / "policy", H1, BCConfig)
+    # another one learns from the same frames in one training, and then has a round of its own
+    joined = replace(config, dagger=replace(config.dagger, rounds=1, rounds_of=str(tmp_path / "policy")))
+    heir = clone(tmp_path / "heir" / "policy", given(tmp_path / "heir", clips), joined)
+    own = load_demos(tmp_path / "heir" / "rounds" / "0" / "dataset", "h1", only_success=False)
+    assert heir["demonstrations"] == told["demonstrations"] + own.episodes and heir["batches"] == 6
     # taken up in its second round it comes to the same
     again = tmp_path / "again"
     shutil.copytree(tmp_path / "rounds" / "0", again / "rounds" / "0")

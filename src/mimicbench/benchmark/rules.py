@@ -114,13 +114,25 @@ def tracked_together(recipe: Recipe) -> None:
         raise BadSetting(f"track.begin_from is {begin_from!r}, where no tracker is; give the folder of its checkpoint")
 
 
-def cloner_begins_from_a_policy(recipe: Recipe) -> None:
-    """A cloner that begins from another policy's weights finds one there, before demonstrations are made for it."""
+def cloner_finds_policies(recipe: Recipe) -> None:
+    """A cloner that begins from another policy's weights, or learns from its rounds, finds them, before demonstrations
+    are made for it.
+    """
     from mimicbench.core.checkpoint import MODEL
 
     begin_from = getattr(recipe.imitate, "begin_from", "")
     if begin_from and not (Path(begin_from) / MODEL).is_file():
         raise BadSetting(f"imitate.begin_from is {begin_from!r}, where no policy is; give the folder of its checkpoint")
+    dagger = getattr(recipe.imitate, "dagger", None)
+    if dagger is None or not (driver := dagger.rounds_of):
+        return
+    from mimicbench.imitate.cloning import rounds_of
+
+    if not rounds_of(driver):
+        raise BadSetting(
+            f"imitate.dagger.rounds-of is {driver!r}, beside which no rounds are; give the folder `policy` of one that "
+            "was learned with --imitate.dagger.rounds"
+        )
 
 
 RULES: tuple[Callable[[Recipe], None], ...] = (
@@ -131,5 +143,5 @@ RULES: tuple[Callable[[Recipe], None], ...] = (
     expert_follows_clips,
     gains_agree,
     tracked_together,
-    cloner_begins_from_a_policy,
+    cloner_finds_policies,
 )

@@ -35,6 +35,9 @@ from mimicbench.tasks.task import Task
 REMEMBERING = InputConfig(body="proprio", clock=True, memory=True, elevation=False)
 """Body, clock, and what has to be found as seen in the first map."""
 
+ROUNDS = "rounds"
+"""Folder beside a policy in which each of its rounds of DAgger has one of its own, by its number."""
+
 
 @dataclass(frozen=True)
 class CloneImitation(ImitateConfig):
@@ -71,13 +74,15 @@ def clone(folder: Path, given: Given, config: CloneImitation) -> dict[str, Any]:
     clips = given.clips
     network: NetworkConfig = config.network.of(clips.robot, clips.task)
     demos = load_demos(given.demonstrations, clips.robot.name, state=network.inputs.body == "state")
+    for place in rounds_of(config.dagger.rounds_of):
+        demos = demos.joined(_read_round(place, clips.robot.name, demos.state is not None))
     course = replace(config.train, seed=given.seed, device=tensor_device(given.context.device))
     notes = {"seed": given.seed, "task": clips.task.name, "gains": given.gains}
     before = None
     if config.begin_from:
         before, _ = load_learner(Path(config.begin_from), clips.robot, type(network))
     for number in range(config.dagger.rounds):
-        place = beside(folder, "rounds") / str(number)
+        place = beside(folder, ROUNDS) / str(number)
         before = train(network, demo_frames(demos, clips, network, config), course, place, given.context.quiet, before)
         save_learner(folder, before, clips.robot.name, notes)
         demos = demos.joined(_driven(place / DATASET, folder, number, given, config.dagger, demos.state is not None))
@@ -104,7 +109,20 @@ def _driven(place: Path, folder: Path, number: int, given: Given, config: Dagger
         env_config,
         context.quiet,
     )
-    return load_demos(place, clips.robot.name, state, only_success=False)
+    return _read_round(place, clips.robot.name, state)
+
+
+def _read_round(place: Path, robot: str, state: bool) -> Demos:
+    # who drove may have failed: what is learned from it is what the expert says
+    return load_demos(place, robot, state, only_success=False)
+
+
+def rounds_of(policy: str) -> list[Path]:
+    """The data sets of the rounds in which a policy in a folder drove, in order; none of none."""
+    if not policy:
+        return []
+    rounds = beside(Path(policy), ROUNDS)
+    return [rounds / str(number) / DATASET for number in range(len(list(rounds.glob(f"*/{DATASET}"))))]
 
 
 def demo_frames(demos: Demos, clips: ClipSet, network: NetworkConfig, config: CloneImitation) -> DemoFrames:
