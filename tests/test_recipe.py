@@ -16,6 +16,7 @@ from mimicbench.benchmark.judging import judge, rows_path
 from mimicbench.benchmark.presets import PRESETS, Chosen, preset_tree
 from mimicbench.benchmark.recipe import EvaluateConfig, check_recipe, read_recipe, recipe_tree, stage_type
 from mimicbench.commands.parsing import read_call
+from mimicbench.core.checkpoint import CONFIG
 from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
 from mimicbench.core.settings import Amount, BadSetting, Within, amounts, check, identity, merge, read
 from mimicbench.core.stage import read_stage
@@ -424,13 +425,14 @@ def test_recordings_to_learn_from_must_be_there(tmp_path):
 
 @pytest.mark.parametrize("profile", ["smoke", "default", "full"])
 @pytest.mark.parametrize("task", list(TASKS))
-def test_sizes_name_policies_that_can_also_be_learned(task, profile):
-    """`run --train` learns whom a size names, and nobody is judged twice."""
+def test_sizes_name_policies_that_are_shipped_and_can_be_learned(task, profile):
+    """`run --train` learns whom a size names, all others judge what is shipped, and nobody is judged twice."""
     recipe = read_call("evaluate", ["--task", task], presets=[profile]).recipes[0]
     names = recipe.evaluate.policy
     assert names[0] == "tracker" and len(names) > 1 and len(set(names)) == len(names)
     for name in names[1:]:
         stage_type("imitate", {"learner": name})
+        assert (keys.SHIPPED / task / name / CONFIG).exists(), name
 
 
 @pytest.mark.parametrize("task", list(TASKS))

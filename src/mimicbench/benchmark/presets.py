@@ -242,9 +242,9 @@ PRESETS: Mapping[str, Callable[[Chosen], Tree]] = {
     "paper-size": _paper_size,
     "new-objects": lambda _: {"seed": 1},
     "smoke": lambda chosen: _sizes(16, 16, 16, 16, _policies(chosen.task)),
-    "default": lambda chosen: _sizes(120, 128, 128, 128, _policies(chosen.task, "planner", "act-clock", "bc-clock")),
+    "default": lambda chosen: _sizes(120, 128, 128, 128, _policies(chosen.task, "planner", "bc-clock")),
     "brief": _brief,
-    "full": lambda _: _sizes(400, 2000, 256, 400, ("planner", "act", "bc", "act-clock", "bc-clock")),
+    "full": lambda chosen: _sizes(400, 2000, 256, 400, _policies(chosen.task, "planner", "act", "bc", "bc-clock")),
 }
 PROFILES = ("smoke", "default", "full")
 
