@@ -103,10 +103,10 @@ def reference_key(run: Run) -> StageKey:
     fingerprint, folder = objects_of(run)
     return run.key(
         "references",
-        {"test_only": config.test_only, "objects_used": None if name else run.part("objects").count},
+        {**config.flags, "objects_used": None if name else run.part("objects").count},
         {"objects": fingerprint},
         amounts=amounts(config),
-        words=(name or MADE, *(("test",) if config.test_only else ())),
+        words=(name or MADE, *(flag.removesuffix("_only") for flag, on in config.flags.items() if on)),
         reads={"objects": folder},
     )
 

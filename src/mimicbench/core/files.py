@@ -64,7 +64,7 @@ def read_json(path: Path, max_bytes: int = 64 << 20) -> Any:
         return json.loads(path.read_text())
     except FileNotFoundError:
         raise BadFile(f"{path} does not exist") from None
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # of text, of JSON, of numbers too long, of what is nested too deep
         raise BadFile(f"{path} is not valid JSON ({error}); it may be cut off: make it again") from None
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.motion import RobotMotion
-from mimicbench.objects.shape import SceneObject
+from mimicbench.objects.shape import SceneObject, original_of
 from mimicbench.robots.description import Robot
 from mimicbench.tasks.task import Task
 
@@ -57,14 +57,16 @@ def learned_and_judged(parts: Mapping[str, ClipSet]) -> tuple[list[ClipSet], lis
     """For each task, clips to learn from and clips that only judge, of sets by `task`, or `task/set` for recordings.
 
     Recordings are learned from whole, whatever their objects are called: who imports them has split them, by person,
-    and what is only to judge is in another set.
+    and what is only to judge is in another set. Of variants of clips that only judge nothing is learned.
     """
     learned: dict[str, ClipSet] = {}
     judged: dict[str, ClipSet] = {}
     for name, clips in parts.items():
         task, _, recorded = name.partition("/")
         if recorded:
-            learned[task] = learned[task].joined(clips)
+            apart = {motion.object_id for motion in judged[task].motions}
+            others = [motion for motion in clips.motions if original_of(motion.object_id) not in apart]
+            learned[task] = learned[task].joined(replace(clips, motions=others))
         else:
             learned[task], judged[task] = clips.split("train"), clips.split("test")
     return list(learned.values()), list(judged.values())

@@ -37,9 +37,14 @@ class Guard:
         """(N,) the episodes in which every target so far was finite."""
         self._error = ""
 
+    def to(self, device: str) -> None:
+        """The policy is to run on a device. Raises MimicbenchError, which is something that the user can mend."""
+        self._tried("to", lambda: self._policy.to(device), self._patience)
+
     def reset(self, ids: Tensor, obs: Observations) -> None:
         """All N episodes begin. Raises MimicbenchError, which is something that the user can mend."""
-        self._tried("reset", lambda: self._policy.reset(ids, obs), self._patience * BEFOREHAND)
+        if not self._error:
+            self._tried("reset", lambda: self._policy.reset(ids, obs), self._patience * BEFOREHAND)
 
     def act(self, obs: Observations) -> Tensor | None:
         """(N, J) targets, the last good ones of robots that are given no finite ones; None if there are none at all."""
@@ -49,6 +54,9 @@ class Guard:
         if not isinstance(target, Tensor) or target.shape != self._last.shape:
             given = f"a tensor of {tuple(target.shape)}" if isinstance(target, Tensor) else type(target).__name__
             self._error = f"act gave {given} instead of a tensor of {tuple(self._last.shape)}"
+            return None
+        if not target.is_floating_point() or target.device != self._last.device:
+            self._error = f"act gave {target.dtype} on {target.device} instead of numbers on {self._last.device}"
             return None
         # without asking the device whether there are any
         self.sound = self.sound & target.isfinite().all(-1)

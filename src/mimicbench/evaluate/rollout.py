@@ -91,7 +91,6 @@ def _run_batch(
     env = VecEnv(task, robot, clips.scenes, replace(env_config, physics=PhysicsConfig(gains=policy.gains)))
     starts = [start_of(motion, clips.objects[motion.object_id], robot, task) for motion in clips.motions]
     env.reset(Rows.every(len(clips), env.device), stacked(starts, env.physics))
-    policy.to(env.device)
     assert env.metrics is not None
     start_distance = env.root_distance()
     end_distance, running = start_distance, torch.ones(len(clips), dtype=torch.bool, device=env.device)
@@ -99,6 +98,7 @@ def _run_batch(
         episode: [env.physics.qpos()[episode].astype(np.float32)] for episode in record
     }
     guard = Guard(policy, env.context.state.joint_pos, patience)
+    guard.to(env.device)
     for step in range(round(task.time_limit / CONTROL_DT)):
         obs = env.observe(policy.observations)
         if step == 0:
@@ -159,7 +159,7 @@ def tracker_rows(rollout: Rollout, clips: ClipSet, who: Judged) -> list[EpisodeR
     """One row per clip of `track.rollout.track_clips`."""
     rows = []
     for i, (motion, obj) in enumerate(zip(clips.motions, clips.scenes, strict=True)):
-        distances = _distance(obj, motion.root_pos_w[0]), _distance(obj, motion.root_pos_w[-1])
+        distances = _distance(obj, motion.root_pos_w[0]), _distance(obj, rollout.last_qpos[i])
         rows.append(_row(rollout.verdict, i, clips, i, who, distances))
     return rows
 

@@ -18,12 +18,14 @@ LARGEST = 100.0
 """[m] Nothing of an object is farther from its origin."""
 
 
-def split_of(object_id: str) -> str:
-    """`train` or `test`, 3:1, decided by an object's id alone.
+def original_of(object_id: str) -> str:
+    """The object that a variant was made of, or the object itself: what stands behind a `~` names a variant."""
+    return object_id.partition("~")[0]
 
-    What stands behind a `~` names a variant, which goes with its original.
-    """
-    return "test" if digest(0, "split", object_id.partition("~")[0]) % 4 == 0 else "train"
+
+def split_of(object_id: str) -> str:
+    """`train` or `test`, 3:1, decided by an object's id alone; a variant goes with its original."""
+    return "test" if digest(0, "split", original_of(object_id)) % 4 == 0 else "train"
 
 
 @dataclass(frozen=True, eq=False)

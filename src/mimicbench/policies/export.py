@@ -70,15 +70,19 @@ def export_policy(folder: Path, robot: Robot, task: Task, path: Path) -> dict[st
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         logging.getLogger("torch.onnx").setLevel(logging.ERROR)
-        program = torch.onnx.export(
-            graph.eval(),
-            values,
-            input_names=[*names, *(f"{name}.before" for name in carried)],
-            output_names=["target", *(f"{name}.after" for name in carried)],
-            opset_version=OPSET,
-            dynamo=True,
-            verbose=False,
-        )
+        try:
+            program = torch.onnx.export(
+                graph.eval(),
+                values,
+                input_names=[*names, *(f"{name}.before" for name in carried)],
+                output_names=["target", *(f"{name}.after" for name in carried)],
+                opset_version=OPSET,
+                dynamo=True,
+                verbose=False,
+            )
+        except Exception as error:  # noqa: BLE001 torch's exporter raises what it likes
+            told = str(error).strip().partition("\n")[0]
+            raise MimicbenchError(f"{folder} holds a policy that has no ONNX form ({told}); export another") from None
     assert program is not None
     model = program.model_proto
     told = {"robot": robot.name, "task": task.name, "gains": policy.gains, "observations": ",".join(names)}

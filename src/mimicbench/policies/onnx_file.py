@@ -102,10 +102,10 @@ def load_onnx(path: Path, robot: Robot, task: Task) -> OnnxPolicy:
     if gains not in robot.gains:
         raise UnknownName("gains", gains, list(robot.gains))
     inputs, outputs = session.get_inputs(), session.get_outputs()
-    if len(inputs) != len(names) + len(carried) or len(outputs) < 1 + len(carried):
+    if not names or len(inputs) != len(names) + len(carried) or len(outputs) < 1 + len(carried):
         raise MimicbenchError(
             f"{path} has {len(inputs)} inputs and {len(outputs)} outputs, but names {len(names)} observations and "
-            f"{len(carried)} values to carry; name one for each input"
+            f"{len(carried)} values to carry; name one for each input, and at least one"
         )
     for one, name in zip(inputs, names, strict=False):
         _check(path, one, f"observation {name!r}", terms[name])

@@ -2,10 +2,11 @@
 
 import re
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -41,6 +42,14 @@ class ReferencesConfig:
     """Good clips to have, spread evenly over the objects: what fails the quality gate is replaced by further clips."""
     test_only: bool = False
     """Use the objects of the test split alone: for an evaluation without training."""
+    alike: bool = False
+    """Everybody does it in one style: the middle of what there is to choose. What is done then follows from start and
+    object, and can be learned by who is told no style."""
+
+    @property
+    def flags(self) -> dict[str, bool]:
+        """What decides which clips are made; `alike` where it is on alone: without it they are as they were."""
+        return {"test_only": self.test_only, **({"alike": True} if self.alike else {})}
 
 
 @dataclass(frozen=True)
@@ -76,7 +85,7 @@ def make_references(stage: Stage, ids: Sequence[str], places: Places, count: int
     while kept < count and tried < MOST_TRIES * count:
         missing = min(count - kept, MOST_TRIES * count - tried)
         jobs = [(index, ids[index % len(ids)]) for index in range(tried, tried + missing)]
-        work = partial(_make_one, stage.folder, places, stage.header["task"], stage.header["seed"])
+        work = partial(_make_one, stage.folder, places, stage.header)
         found = map_items(work, jobs, context.workers, "human clips", context.quiet)
         tried, kept = tried + missing, kept + found.count([])
         wrong.update(name for names in found for name in names)
@@ -114,18 +123,18 @@ def remake(references: Stage, objects: Path, name: str, fulfils: Fulfils) -> tup
     ids = used_objects(objects, ReferencesConfig(test_only=settings["test_only"]), settings["objects_used"])
     index = int(match[1])
     obj = load_object(objects, ids[index % len(ids)])
-    motion = synthesize(header["task"], index, obj, header["seed"])
+    motion = synthesize(header["task"], index, obj, header["seed"], settings.get("alike", False))
     return motion, gate(motion, obj, fulfils)
 
 
-def _make_one(folder: Path, places: Places, task: str, seed: int, job: tuple[int, str]) -> list[str]:
+def _make_one(folder: Path, places: Places, header: Mapping[str, Any], job: tuple[int, str]) -> list[str]:
     """What is wrong with a clip, which is on disk if that is nothing."""
-    index, object_id = job
+    (index, object_id), task, seed = job, header["task"], header["seed"]
     path = folder / f"{clip_id(task, index, seed)}.npz"
     if path.exists():
         return []
     obj = load_object(places.objects, object_id)
-    motion = synthesize(task, index, obj, seed)
+    motion = synthesize(task, index, obj, seed, header["settings"].get("alike", False))
     wrong = gate(motion, obj, places.fulfils)
     if not wrong:
         motion.save(path)

@@ -17,6 +17,7 @@ from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait
 from mimicbench.references.locomotion.route import Route, around_box
 from mimicbench.references.locomotion.walking import draw_start
+from mimicbench.references.synthesis.manner import manner
 from mimicbench.references.synthesis.synthesis import Synthesis
 
 INSIDE = 0.32
@@ -29,16 +30,17 @@ ON_SIDE = 0.25
 """Share of people who turn onto the side in the end."""
 
 
-def synthesize_lie_bed(clip_id: str, obj: SceneObject, seed: int) -> HumanMotion:
+def synthesize_lie_bed(clip_id: str, obj: SceneObject, seed: int, alike: bool = False) -> HumanMotion:
     """One clip. Raises BadObject if there is nothing to lie on."""
     height = obj.require_seat()
     random = rng(seed, clip_id, obj.id)
     start_xy, start_yaw = draw_start(random, obj)
     # the shortest people stay away from the highest beds, where their feet would hang
-    scale = random.uniform(max(0.96, min(1.10, 1.75 * height)), 1.15)
-    duration = 24.8 + 0.7 * float(np.clip(random.standard_normal(), -2.0, 2.0))
-    style = draw_style(random, scale, duration, (0.95, 1.1))
-    if random.uniform() < ON_SIDE:
+    chance = manner(random, alike)
+    scale = chance.uniform(max(0.96, min(1.10, 1.75 * height)), 1.15)
+    duration = 24.8 + 0.7 * float(np.clip(chance.standard_normal(), -2.0, 2.0))
+    style = draw_style(chance, scale, duration, (0.95, 1.1))
+    if chance.uniform() < ON_SIDE:
         style = onto_the_side(style, TURNS)
     return make_lie_bed(clip_id, obj, start_xy, start_yaw, style)
 

@@ -19,6 +19,7 @@ from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait, plan_footsteps
 from mimicbench.references.locomotion.route import Route, around_box
 from mimicbench.references.locomotion.walking import draw_start
+from mimicbench.references.synthesis.manner import manner
 from mimicbench.references.synthesis.synthesis import Synthesis
 
 MARGIN = 0.40
@@ -32,7 +33,7 @@ TRIES = 60
 longer."""
 
 
-def synthesize_lie_sofa(clip_id: str, obj: SceneObject, seed: int) -> HumanMotion:
+def synthesize_lie_sofa(clip_id: str, obj: SceneObject, seed: int, alike: bool = False) -> HumanMotion:
     """One clip. Raises BadObject if there is nothing to lie on."""
     height = obj.require_seat()
     random = rng(seed, clip_id, obj.id)
@@ -41,11 +42,12 @@ def synthesize_lie_sofa(clip_id: str, obj: SceneObject, seed: int) -> HumanMotio
     # the shortest people stay away from the highest sofas, where their feet would hang, and tall ones from the shortest
     # sofas
     shortest = max(0.96, min(1.08, 2.0 * height))
-    scale = random.uniform(shortest, max(shortest + 0.02, min(1.15, (span + 0.03) / 1.25)))
-    duration = 12.1 + 0.05 * float(np.clip(random.standard_normal(), -2.0, 2.0))
-    style = draw_style(random, scale, duration, (0.66, 0.72))
-    if random.uniform() < ON_SIDE:
-        style = onto_the_side(replace(style, curl=random.uniform(0.4, 0.85)), TURNS)
+    chance = manner(random, alike)
+    scale = chance.uniform(shortest, max(shortest + 0.02, min(1.15, (span + 0.03) / 1.25)))
+    duration = 12.1 + 0.05 * float(np.clip(chance.standard_normal(), -2.0, 2.0))
+    style = draw_style(chance, scale, duration, (0.66, 0.72))
+    if chance.uniform() < ON_SIDE:
+        style = onto_the_side(replace(style, curl=chance.uniform(0.4, 0.85)), TURNS)
     plans, ends = [], []
     for _ in range(TRIES):
         start_xy, start_yaw = draw_start(random, obj)

@@ -34,6 +34,7 @@ from mimicbench.references.curves import minimum_jerk
 from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.route import Route
 from mimicbench.references.locomotion.walking import FPS, Walk, follow
+from mimicbench.references.synthesis.manner import manner
 from mimicbench.references.synthesis.synthesis import Synthesis
 
 SIDES = np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
@@ -145,10 +146,10 @@ def draw_style(random: np.random.Generator) -> LiftStyle:
     )
 
 
-def synthesize_lift_box(clip_id: str, obj: SceneObject, seed: int) -> HumanMotion:
+def synthesize_lift_box(clip_id: str, obj: SceneObject, seed: int, alike: bool = False) -> HumanMotion:
     """One clip."""
     random = rng(seed, clip_id, obj.id)
-    style = draw_style(random)
+    style = draw_style(manner(random, alike))
     start_xy, start_yaw = draw_approach(random, np.array([stand_off(obj, style.body_scale), 0.0]), np.pi)
     return make_lift_box(clip_id, obj, start_xy, start_yaw, style)
 

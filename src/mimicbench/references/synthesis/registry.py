@@ -25,12 +25,12 @@ KEPT = 64
 """So many objects and styles are remembered with all that was found for them."""
 
 
-def synthesize(task: str, index: int, obj: SceneObject, seed: int) -> HumanMotion:
-    """Clip number `index` of a task on an object; depends on these and the seed alone.
+def synthesize(task: str, index: int, obj: SceneObject, seed: int, alike: bool = False) -> HumanMotion:
+    """Clip number `index` of a task on an object, all people being `alike` or not; depends on these and the seed alone.
 
     Raises UnknownName or BadObject.
     """
-    return SYNTHESES.get(task).make(clip_id(task, index, seed), obj, seed)
+    return SYNTHESES.get(task).make(clip_id(task, index, seed), obj, seed, alike)
 
 
 def clip_id(task: str, index: int, seed: int) -> str:

@@ -11,6 +11,7 @@ from mimicbench.references.body.body import unihsi_body
 from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait
 from mimicbench.references.locomotion.walking import draw_start
+from mimicbench.references.synthesis.manner import manner
 from mimicbench.references.synthesis.synthesis import Synthesis
 
 SLOW, DROPS = 0.12, 0.12
@@ -37,12 +38,12 @@ def draw_style(random: np.random.Generator, seat_height: float) -> SitStyle:
     )
 
 
-def synthesize_sit_chair(clip_id: str, obj: SceneObject, seed: int) -> HumanMotion:
+def synthesize_sit_chair(clip_id: str, obj: SceneObject, seed: int, alike: bool = False) -> HumanMotion:
     """One clip. Raises BadObject if there is no seat."""
     seat_height = obj.require_seat()
     random = rng(seed, clip_id, obj.id)
     start_xy, start_yaw = draw_start(random, obj)
-    return make_sit_chair(clip_id, obj, start_xy, start_yaw, draw_style(random, seat_height))
+    return make_sit_chair(clip_id, obj, start_xy, start_yaw, draw_style(manner(random, alike), seat_height))
 
 
 def make_sit_chair(

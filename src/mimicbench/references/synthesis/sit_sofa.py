@@ -13,6 +13,7 @@ from mimicbench.references.body.body import roam_body
 from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.gait import Gait, plan_footsteps
 from mimicbench.references.locomotion.walking import draw_start
+from mimicbench.references.synthesis.manner import manner
 from mimicbench.references.synthesis.synthesis import Synthesis
 
 REST = 0.6
@@ -47,13 +48,13 @@ def draw_style(random: np.random.Generator, obj: SceneObject, start_xy: np.ndarr
     )
 
 
-def synthesize_sit_sofa(clip_id: str, obj: SceneObject, seed: int) -> HumanMotion:
+def synthesize_sit_sofa(clip_id: str, obj: SceneObject, seed: int, alike: bool = False) -> HumanMotion:
     """One clip. Raises BadObject if there is no seat."""
     obj.require_seat()
     random = rng(seed, clip_id, obj.id)
     for _ in range(TRIES):
         start_xy, start_yaw = draw_start(random, obj)
-        style = draw_style(random, obj, start_xy)
+        style = draw_style(manner(random, alike), obj, start_xy)
         if arrival(obj, start_xy, start_yaw, style) + settled(style) + REST <= style.duration:
             return make_sit_sofa(clip_id, obj, start_xy, start_yaw, style)
     raise BadMotion(f"clip {clip_id}: sofa {obj.id} is too large to walk to and sit down on in time; use a smaller one")

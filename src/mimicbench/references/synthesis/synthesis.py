@@ -17,8 +17,8 @@ class Synthesis:
 
     name: str
     """The task's."""
-    make: Callable[[str, SceneObject, int], HumanMotion]
-    """(clip id, object, seed) -> clip."""
+    make: Callable[[str, SceneObject, int, bool], HumanMotion]
+    """(clip id, object, seed, whether all people are to be alike) -> clip."""
     style: type | None = None
     """Dataclass of the choices that are stored with a clip; None if nobody is to plan anew by them."""
     find: Callable[[SceneObject, Any, np.ndarray], tuple[Course, ...]] | None = None

@@ -31,6 +31,7 @@ from mimicbench.references.curves import minimum_jerk
 from mimicbench.references.locomotion.course import Course
 from mimicbench.references.locomotion.route import Route
 from mimicbench.references.locomotion.walking import FPS, Walk, follow
+from mimicbench.references.synthesis.manner import manner
 from mimicbench.references.synthesis.synthesis import Synthesis
 
 STANCES = (-0.12, -0.04, 0.04)
@@ -88,13 +89,13 @@ def draw_style(random: np.random.Generator) -> TouchStyle:
     )
 
 
-def synthesize_touch_points(clip_id: str, obj: SceneObject, seed: int) -> HumanMotion:
+def synthesize_touch_points(clip_id: str, obj: SceneObject, seed: int, alike: bool = False) -> HumanMotion:
     """One clip. Raises BadObject if the object has no pair of touch points."""
     random = rng(seed, clip_id, obj.id)
     goal = np.stack(touch_pair(obj, random))
     *place, yaw = stance_before(obj, goal[0], goal[1])
     start_xy, start_yaw = draw_approach(random, np.array(place), float(yaw))
-    return make_touch_points(clip_id, obj, goal, start_xy, start_yaw, draw_style(random))
+    return make_touch_points(clip_id, obj, goal, start_xy, start_yaw, draw_style(manner(random, alike)))
 
 
 def make_touch_points(
