@@ -36,6 +36,12 @@ def test_recordings_are_learned_from_whole_and_judge_nothing():
     everyone = {motion.id for motion in people.motions}
     assert everyone < names[0], "whatever split their objects are in"
     assert not everyone & names[2] and not everyone & names[3]
+    variants = [replace(motion, id=f"{motion.id}~start") for motion in chairs.motions]
+    (more, _), (apart, _) = learned_and_judged(
+        {"sit-chair": chairs, "sit-sofa": sofas, "sit-chair/augmented": replace(chairs, motions=variants)}
+    )
+    assert {motion.object_id for motion in more.motions}.isdisjoint(motion.object_id for motion in apart.motions)
+    assert len(more) == 2 * len(chairs.split("train")), "variants of what judges teach nothing"
     for made, first, last in ((chairs, names[0] - everyone, names[2]), (sofas, names[1], names[3])):
         assert first == {motion.id for motion in made.split("train").motions}
         assert last == {motion.id for motion in made.split("test").motions}

@@ -177,3 +177,15 @@ def test_comparisons_are_listed(capsys):
     cli.main(["compare", "list"])
     told = capsys.readouterr().out
     assert all(name in told for name in COMPARISONS)
+
+
+def test_a_share_is_of_what_demonstrations_begin_from():
+    """Of people who are made, or of starts by rule; a set of somebody's recordings is used whole."""
+    part = SHARED.variants[2]
+    people = recipe_of(SHARED, part, Said(settings={"references": {"count": 50}}))
+    assert people.references.count == 5
+    starts = {"demos": {"starts": "rule", "expert": "planner", "clips": 300}, "references": {"count": 50}}
+    ruled = recipe_of(SHARED, part, Said(settings=starts))
+    assert (ruled.demos.clips, ruled.references.count) == (30, 50)
+    with pytest.raises(BadSetting, match="shared, of a tenth: the set 'recorded' is used whole"):
+        recipe_of(SHARED, part, Said(settings={"references": {"source": "recorded"}}))

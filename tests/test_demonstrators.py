@@ -6,6 +6,7 @@ import pytest
 from mimicbench.benchmark import keys
 from mimicbench.benchmark.graph import demonstrated, run_stage, start
 from mimicbench.benchmark.recipe import Recipe, stage_type
+from mimicbench.benchmark.shipped import shipped_trackers
 from mimicbench.benchmark.verifying import verify_demos
 from mimicbench.core.run import RunContext
 from mimicbench.core.settings import BadSetting
@@ -26,7 +27,7 @@ CONTEXT = RunContext(workers=1, quiet=True)
 def test_who_stands_is_where_the_rule_says():
     objects = clip_set().objects
     few, more = (standing(SIT_CHAIR, H1, objects, count, 0) for count in (2, 4))
-    assert [motion.id for motion in few.motions] == ["start-000000", "start-000001"]
+    assert [motion.id for motion in few.motions] == ["start-0-000000", "start-0-000001"]
     for one, other in zip(few.motions, more.motions, strict=False):
         np.testing.assert_array_equal(one.root_pos_w, other.root_pos_w)
     assert {motion.frames for motion in more.motions} == {600} and len(more) == 4
@@ -56,9 +57,9 @@ def test_a_clone_of_a_planner_without_any_clip(tmp_path):
     made = {path.name for path in (tmp_path / "touch-points").iterdir()}
     assert made == {"objects", "demos", "imitate"}, "no people, no retargeting"
     run = start(recipe, tmp_path, CONTEXT)
-    folder = keys.demos_of(run, keys.shipped_trackers("h1")["touch-points"])[1]
+    folder = keys.demos_of(run, shipped_trackers("h1")["touch-points"])[1]
     kept = load_demos(folder / DATASET, "h1")
-    assert 1 <= kept.episodes <= 4 and set(kept.reference_ids) <= {f"start-00000{i}" for i in range(4)}
+    assert 1 <= kept.episodes <= 4 and set(kept.reference_ids) <= {f"start-0-00000{i}" for i in range(4)}
     assert {motion.id for motion in demonstrated(run).motions} >= set(kept.reference_ids)
     assert verify_demos(run)["fulfilled"] == kept.episodes, "found again in the states"
     driven = load_demos(stage.folder / "rounds" / "0" / DATASET, "h1", only_success=False)

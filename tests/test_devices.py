@@ -18,7 +18,7 @@ import stool
 from mimicbench import cli
 from mimicbench.benchmark import Recipe
 from mimicbench.benchmark.graph import start
-from mimicbench.benchmark.keys import SHIPPED
+from mimicbench.benchmark.shipped import SHIPPED
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError, UnknownName
 from mimicbench.core.run import RunContext

@@ -128,12 +128,15 @@ def test_falls_are_told_in_the_words_of_the_task():
     ("x", "y", "distance"),
     [(-1.2, 0.0, 0.95), (1.2, 0.0, 0.95), (0.1, -0.65, 0.4), (0.1, 0.65, 0.4), (0.55, -0.65, 0.5), (0.2, -0.2, 0.0)],
 )
-def test_a_trackers_distances_are_those_of_its_clip(x, y, distance):
-    """From the rectangle of the stool, 0.5 m wide, of the first frame and of the last; not of the robot's height."""
+def test_a_trackers_distances_are_of_where_it_began_and_ended(x, y, distance):
+    """From the rectangle of the stool, 0.5 m wide: of the clip's first frame, and of the robot in the end, wherever its
+    clip may lead; not of the robot's height.
+    """
     clip = still((np.array([x, y, 0.9]), np.zeros(19)), "there")
-    elsewhere = np.tile([9.0, 9.0, 0.9], (clip.frames - 2, 1))
-    clip = replace(clip, root_pos_w=np.concatenate([clip.root_pos_w[:1], elsewhere, [[0.75, 0.0, 0.3]]]))
-    rollout = Rollout(part(verdict(), 0, 1), np.array([9]), Recording([], [], [], []))
+    elsewhere = np.tile([9.0, 9.0, 0.9], (clip.frames - 1, 1))
+    clip = replace(clip, root_pos_w=np.concatenate([clip.root_pos_w[:1], elsewhere]))
+    ended = np.array([[0.75, 0.0, 0.3, 1.0, 0.0, 0.0, 0.0, *np.zeros(19)]])
+    rollout = Rollout(part(verdict(), 0, 1), np.array([9]), Recording([], [], [], []), ended)
     (row,) = tracker_rows(rollout, replace(CLIP_SET, motions=[clip]), replace(WHO, stage="track"))
     assert (row.stage, row.reference_id, row.episode, row.error) == ("track", "there", 0, "")
     assert (row.start_distance, row.end_distance) == (pytest.approx(distance), pytest.approx(0.5))

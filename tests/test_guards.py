@@ -11,6 +11,7 @@ import torch
 
 import making
 from mimicbench.benchmark import keys
+from mimicbench.benchmark import shipped as shipped_there
 from mimicbench.benchmark.graph import _tell_tracker, retargeted, start, tracker_for_learning
 from mimicbench.benchmark.judging import _of_split, judge, who_of
 from mimicbench.benchmark.recipe import EvaluateConfig, stage_type
@@ -70,7 +71,7 @@ def test_clips_for_an_evaluation_are_not_those_of_a_training(run):
 
 def test_a_tracker_is_judged_by_its_kind_not_by_its_name(run, tmp_path, monkeypatch):
     shipped = who_of(run, "tracker").folder
-    monkeypatch.setattr(keys, "SHIPPED", tmp_path)
+    monkeypatch.setattr(shipped_there, "SHIPPED", tmp_path)
     shutil.copytree(shipped, tmp_path / "sit-chair" / "another")
     first, *_ = by_name = judge(with_evaluation(run, tracked=1, episodes=9), "another")
     assert (first.stage, first.policy) == ("track", "another") and len(by_name) == 1
@@ -116,7 +117,7 @@ def test_what_is_learned_follows_the_tracker(run, tmp_path):
 
 def test_demonstrations_follow_who_demonstrates(run, tmp_path):
     """A policy, its tracker and its eyes: who has learned anew, demonstrates anew."""
-    shipped, planner = who_of(run, "tracker").folder, keys.shipped(run, "planner")
+    shipped, planner = who_of(run, "tracker").folder, shipped_there.shipped("h1", "sit-chair", "planner")
     by_name = run.changed(demos=DemosConfig(expert="planner"))
     key = keys.demo_key(by_name, shipped)
     assert key.digest != keys.demo_key(run, shipped).digest
@@ -139,7 +140,7 @@ def test_whose_tracker_is_taken_or_that_one_is_to_be_trained_is_told(tmp_path):
     recipe = making.small(imitate=stage_type("imitate", {"learner": "bc-clock"})())
     there = start(recipe, tmp_path, RunContext(1, quiet=True, say=said.append))
     _tell_tracker(there)
-    assert said == [] and tracker_for_learning(there) == keys.shipped_trackers("h1")["sit-chair"]
+    assert said == [] and tracker_for_learning(there) == shipped_there.shipped_trackers("h1")["sit-chair"]
     assert said.pop() == "taking the shipped tracker of sit-chair; `mimicbench track` trains one here"
     _tell_tracker(there.changed(track=TINY))
     assert said == [

@@ -25,7 +25,7 @@ from mimicbench.imitate.perception import (
 )
 from mimicbench.imitate.policy import VisionPolicy
 from mimicbench.imitate.registry import LEARNERS
-from mimicbench.imitate.train import TrainConfig, train
+from mimicbench.imitate.train import Course, train
 from mimicbench.objects.families.chair import make_chair
 from mimicbench.policies.loading import load_policy
 from mimicbench.robots.registry import ROBOTS
@@ -37,7 +37,7 @@ TINY = EncoderConfig(pool=4, widths=(8, 8, 8, 8), blocks=(1, 1, 1, 1))
 H1 = ROBOTS.get("h1")
 INPUTS = {
     "paper": InputConfig(),
-    "timed": InputConfig.timed(),
+    "timed": InputConfig(body="proprio", clock=True, memory=True),
     "blind": InputConfig(body="state", clock=True, memory=True, elevation=False),
     "history": InputConfig(history=3),
     "cameras": InputConfig(views=True),
@@ -222,7 +222,7 @@ def test_clock_leaves_the_last_action_out():
     vector = inputs.vector(state, proprio, time, None)
     assert vector.shape == (1, inputs.size) == (1, 281 + 13)
     assert not set(range(278, 297)) & set(vector[0, :281].int().tolist())
-    assert InputConfig.timed().of(H1, SIT_CHAIR).size == 48 + 13 + 10
+    assert InputConfig(body="proprio", clock=True, memory=True).of(H1, SIT_CHAIR).size == 48 + 13 + 10
 
 
 def test_the_last_action_can_be_left_out():
@@ -260,7 +260,7 @@ def test_proprioception_of_a_turned_robot():
     assert found.shape == (48,)
 
 
-SHORT = TrainConfig(steps=6, batch=8, log_steps=2, save_every=1e9, average=0.9)
+SHORT = Course(steps=6, batch=8, log_steps=2, save_every=1e9, average=0.9)
 
 
 @pytest.mark.parametrize("kind", kinds())
@@ -359,7 +359,7 @@ def test_nothing_is_learned_from_the_frames_that_judge(demos, chairs, tmp_path):
     episodes = {int(data.episode[frame]) for frame in held}
     assert not episodes & {int(data.episode[frame]) for frame in learned}, "whole episodes are kept apart"
     data.action[data.validation_frames] = math.nan  # whoever learned from one would notice
-    trained = train(config, data, TrainConfig(steps=20, batch=32, device="cpu"), tmp_path, quiet=True)
+    trained = train(config, data, Course(steps=20, batch=32, device="cpu"), tmp_path, quiet=True)
     assert all(torch.isfinite(value).all() for value in trained.state_dict().values())
 
 

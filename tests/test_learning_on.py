@@ -10,7 +10,7 @@ from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.settings import BadSetting
 from mimicbench.imitate.learned import load_learner
 from mimicbench.imitate.registry import LEARNERS
-from mimicbench.imitate.train import TrainConfig, train
+from mimicbench.imitate.train import Course, train
 from mimicbench.tasks.registry import TASKS
 from test_imitate import H1, INPUTS, SHORT, SIT_CHAIR, chairs, demos, frames, kinds, tiny  # noqa: F401
 
@@ -66,7 +66,7 @@ def test_learning_goes_on_from_a_network_that_lacks_a_head(kind, demos, chairs, 
     before = tiny(kind, INPUTS["paper"])
     train(before, frames(demos, chairs, before), SHORT, tmp_path / "before", quiet=True)
     begun, _ = load_learner(tmp_path / "before", H1, type(before))
-    config, still = finder(kind), TrainConfig(steps=1, batch=8, learning_rate=0.0, weight_decay=0.0, average=0.0)
+    config, still = finder(kind), Course(steps=1, batch=8, learning_rate=0.0, weight_decay=0.0, average=0.0)
     after = train(config, frames(demos, chairs, config), still, tmp_path / "after", quiet=True, begin_from=begun)
     given, found = begun.state_dict(), after.state_dict()
     assert all((found[name] == value).all() for name, value in given.items())

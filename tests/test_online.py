@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from learning import ONE, ROBOT, clip_of, shape_of, tracker
-from mimicbench.benchmark.keys import SHIPPED
+from mimicbench.benchmark.shipped import SHIPPED
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.envs.clips import ClipSet

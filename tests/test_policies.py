@@ -149,6 +149,7 @@ def test_a_policy_of_a_python_file_is_judged(tmp_path):
     [
         ('assert self.steps < 4, "tired"', "act raised AssertionError: tired", [0, 1, 2], [3, 3, 3]),
         ("target = target[:, :7]", "act gave a tensor of (3, 7) instead of a tensor of (3, 19)", [0, 1, 2], [0, 0, 0]),
+        ("return target.long()", "act gave torch.int64 on cpu instead of numbers on cpu", [0, 1, 2], [0, 0, 0]),
         ("return target.numpy()", "act gave ndarray instead of a tensor of (3, 19)", [0, 1, 2], [0, 0, 0]),
         ("target[1, 4] = float('nan') if self.steps == 6 else 0.0", "not finite", [1], [10, 5, 10]),
         ("target[:] = float('inf')", "not finite", [0, 1, 2], [0, 0, 0]),

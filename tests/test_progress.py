@@ -10,6 +10,7 @@ import making
 from mimicbench.benchmark import keys
 from mimicbench.benchmark.graph import start
 from mimicbench.benchmark.recipe import stage_type
+from mimicbench.benchmark.shipped import SHIPPED
 from mimicbench.core import progress
 from mimicbench.core.events import EVENTS
 from mimicbench.core.training import append_metrics, forget_after
@@ -122,6 +123,6 @@ def test_only_who_looks_needs_eyes(tmp_path):
         config = stage_type("imitate", {"learner": learner})()
         assert config.remembers == looks, learner
         run = start(making.small(imitate=config), tmp_path, making.QUIET)
-        key = keys.imitate_key(run, keys.SHIPPED / "sit-chair" / "tracker" if config.references else None)
+        key = keys.imitate_key(run, SHIPPED / "sit-chair" / "tracker" if config.references else None)
         assert ("perception" in key.made_from) == ("perception" in key.settings) == looks
         assert ("tracker" in key.made_from) == ("retarget" in key.made_from or config.clones) == config.references

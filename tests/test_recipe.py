@@ -15,6 +15,7 @@ from mimicbench.benchmark.graph import start
 from mimicbench.benchmark.judging import judge, rows_path
 from mimicbench.benchmark.presets import PRESETS, Chosen, preset_tree
 from mimicbench.benchmark.recipe import EvaluateConfig, check_recipe, read_recipe, recipe_tree, stage_type
+from mimicbench.benchmark.shipped import SHIPPED
 from mimicbench.commands.parsing import read_call
 from mimicbench.core.checkpoint import CONFIG
 from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
@@ -432,7 +433,7 @@ def test_sizes_name_policies_that_are_shipped_and_can_be_learned(task, profile):
     assert names[0] == "tracker" and len(names) > 1 and len(set(names)) == len(names)
     for name in names[1:]:
         stage_type("imitate", {"learner": name})
-        assert (keys.SHIPPED / task / name / CONFIG).exists(), name
+        assert (SHIPPED / task / name / CONFIG).exists(), name
 
 
 @pytest.mark.parametrize("task", list(TASKS))

@@ -9,6 +9,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadObject, UnknownName
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.families.chair import make_chair
+from mimicbench.objects.registry import FAMILIES
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.actions.sit_styles import SitStyle
 from mimicbench.references.body import skeletons as human
@@ -20,7 +21,9 @@ from mimicbench.references.locomotion.balance import balance, support_point
 from mimicbench.references.locomotion.feet import swing_feet
 from mimicbench.references.locomotion.gait import Gait, plan_footsteps
 from mimicbench.references.locomotion.route import around_box
+from mimicbench.references.synthesis.manner import Middle
 from mimicbench.references.synthesis.registry import synthesize
+from mimicbench.tasks.registry import TASKS
 
 CLIPS = 48
 
@@ -203,6 +206,27 @@ def test_a_clip_is_remade_alone_from_its_id():
         synthesize("sit-chair", 8, obj, 5).style != first.style
         and synthesize("sit-chair", 7, obj, 6).style != first.style
     )
+
+
+@pytest.mark.parametrize("task", list(TASKS))
+def test_people_who_are_alike_differ_in_where_they_begin_alone(task):
+    """Nobody has to be told how they do it: two clips on one object have one style. They are not those of others."""
+    obj = FAMILIES.get(TASKS.get(task).family).make(2, 0)
+    one, other, usual = (synthesize(task, index, obj, 0, alike) for index, alike in ((0, True), (1, True), (0, False)))
+    # which place on a sofa, and which side of a bed, follow from where somebody comes from; so does who is in a hurry
+    led = {"seat_y", "turn", "walking", "reach_duration", "overlap", "body_scale"}
+    same = {name for name in one.style if one.style[name] == other.style[name]}
+    assert set(one.style) - same <= led
+    assert not np.allclose(one.root_pos_w[0, :2], other.root_pos_w[0, :2], atol=1e-3)
+    assert one.style != usual.style
+
+
+def test_the_middle_of_what_can_be_drawn():
+    chance = Middle()
+    assert chance.uniform(2, 5) == 3.5 and chance.uniform(size=2).tolist() == [0.5, 0.5]
+    assert chance.standard_normal() == 0.0 and chance.integers(2) == 0 and chance.integers(1, 9) == 1
+    assert chance.choice([3, 4, 5], p=[0.2, 0.5, 0.3]) == 4 and chance.choice([7, 8], 2).tolist() == [7, 7]
+    assert chance.permutation([2.0, 1.0]).tolist() == [2.0, 1.0]
 
 
 def test_unknown_task_and_missing_seat():

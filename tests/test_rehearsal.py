@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from learning import ROBOT
-from mimicbench.benchmark.keys import SHIPPED
+from mimicbench.benchmark.shipped import SHIPPED
 from mimicbench.imitate.online.planning import OnlineConfig, Planning, from_standing
 from mimicbench.imitate.online.rehearsal import choose, rehearse, room, strayed
 from mimicbench.objects.registry import FAMILIES

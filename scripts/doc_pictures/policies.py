@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from doc_pictures.picture import DocPicture, of_objects, of_robots
-from mimicbench.benchmark.keys import SHIPPED
+from mimicbench.benchmark.shipped import SHIPPED
 from mimicbench.core.checkpoint import CONFIG, beside
 from mimicbench.core.motion import RobotMotion
 from mimicbench.core.seeds import digest

@@ -5,7 +5,7 @@ import faulthandler
 import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from types import FrameType
@@ -14,6 +14,8 @@ from typing import NoReturn
 from mimicbench import __version__
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.names import printable
+
+STOPPED = "stopped; the same command goes on from here"
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,12 @@ def main(argv: Sequence[str] | None = None) -> None:
         _leave(2, str(error))
     except KeyboardInterrupt as stop:
         number = stop.args[0] if stop.args else signal.SIGINT
-        _leave(128 + int(number), "stopped; the same command goes on from here")
+        _leave(128 + int(number), STOPPED)
+    except ImportError as error:
+        # native modules that are stopped while they load make another error of it
+        if not (stops := [part for part in _behind(error) if isinstance(part, KeyboardInterrupt)]):
+            raise
+        _leave(128 + int((stops[0].args or (signal.SIGINT,))[0]), STOPPED)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes stdout once more at its end
         sys.exit(128 + signal.SIGPIPE)
@@ -135,6 +142,13 @@ def overview() -> str:
             '`eval "$(mimicbench --completion)"` lets bash and zsh complete all of them.',
         ]
     )
+
+
+def _behind(error: BaseException | None) -> Iterator[BaseException]:
+    """An error, and those that it came from."""
+    while error is not None:
+        yield error
+        error = error.__cause__ or error.__context__
 
 
 def _interrupt(number: int, frame: FrameType | None) -> NoReturn:

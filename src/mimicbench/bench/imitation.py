@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from mimicbench.benchmark.keys import SHIPPED, shipped_trackers
+from mimicbench.benchmark.shipped import SHIPPED, shipped_trackers
 from mimicbench.core import rotations as rot
 from mimicbench.core.checkpoint import CONFIG, copy_checkpoint
 from mimicbench.core.motion import RobotMotion
@@ -20,7 +20,7 @@ from mimicbench.imitate.cloning import CloneImitation, demo_frames
 from mimicbench.imitate.learned import save_learner
 from mimicbench.imitate.lerobot import Demos
 from mimicbench.imitate.registry import LEARNERS
-from mimicbench.imitate.train import CloneTraining
+from mimicbench.imitate.train import CloneTraining, Course
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.policies.loading import load_policy
 from mimicbench.robots.description import Robot
@@ -72,7 +72,7 @@ def _training(config: CloneImitation, demos: Demos, clips: ClipSet, folder: Path
     """Learn for so long, and leave the network in a folder."""
     network = config.network.of(clips.robot, clips.task)
     data = demo_frames(demos, clips, network, config)
-    training = CloneTraining(network, data, replace(config.train, steps=1 << 30), folder)
+    training = CloneTraining(network, data, Course.of(replace(config.train, steps=1 << 30), 0, "cpu"), folder)
     for _ in range(WARM_UP):
         training.step()
     batches, begun, waited = 0, time.perf_counter(), training.waited

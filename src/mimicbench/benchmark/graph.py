@@ -14,6 +14,7 @@ from mimicbench.benchmark.finding import objects_of_split, training_objects
 from mimicbench.benchmark.keys import Run
 from mimicbench.benchmark.published import published_clips
 from mimicbench.benchmark.recipe import Recipe, check_recipe
+from mimicbench.benchmark.shipped import SHIPPED
 from mimicbench.core.checkpoint import CONFIG, copy_checkpoint
 from mimicbench.core.errors import BadFile, BadMotion, UnknownName
 from mimicbench.core.files import read_json
@@ -178,7 +179,7 @@ def tracker_for_learning(run: Run) -> Path:
     folder = keys.tracker_folder(run)
     if folder is None:
         return make_track_stage(run).folder / keys.CHECKPOINT
-    if keys.SHIPPED in folder.parents:
+    if SHIPPED in folder.parents:
         run.context.say(f"taking the shipped tracker of {run.recipe.task}; `mimicbench track` trains one here")
     return folder
 

@@ -14,10 +14,12 @@ from mimicbench.benchmark import keys
 from mimicbench.benchmark.graph import Clips, env_config, retargeted
 from mimicbench.benchmark.kept import keep, kept
 from mimicbench.benchmark.keys import Run
-from mimicbench.benchmark.recipe import stage_type
-from mimicbench.core.checkpoint import CONFIG, MODEL, checkpoint_kind, used_by
+from mimicbench.benchmark.recipe import Recipe, stage_type
+from mimicbench.benchmark.shipped import shipped, shipped_for, shipped_names, shipped_trackers
+from mimicbench.core.checkpoint import CONFIG, MODEL, checkpoint_kind, checkpoint_task, used_by
 from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError, UnknownName
 from mimicbench.core.files import digest_of
+from mimicbench.core.settings import identity
 from mimicbench.imitate.registry import LEARNERS
 
 if TYPE_CHECKING:
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 
     from mimicbench.core.motion import RobotMotion
     from mimicbench.envs.clips import ClipSet
+    from mimicbench.envs.policy import Policy
     from mimicbench.evaluate.rows import EpisodeRow
 
 FILES = {".py": "a Python file with a function make_policy()", ".onnx": "an ONNX file"}
@@ -51,6 +54,11 @@ class Who:
     def is_tracker(self) -> bool:
         """Whether it follows clips, and is judged by how many."""
         return self.folder.suffix not in FILES and checkpoint_kind(self.folder) == keys.TRACKER
+
+    @property
+    def task(self) -> str:
+        """The task at which it was learned, as far as it tells; else empty."""
+        return "" if self.folder.suffix in FILES else checkpoint_task(self.folder)
 
     @property
     def digests(self) -> dict[str, str]:
@@ -82,36 +90,41 @@ def who_of(run: Run, name: str) -> Who:
     tracker = keys.tracker_folder(run)
     if name == keys.TRACKER:
         if tracker is None:
-            raise _nobody(run, "track", name, sorted(keys.shipped_trackers(run.recipe.robot)))
+            raise _nobody(run, "track", name, sorted(shipped_trackers(run.recipe.robot)))
         return Who(name, tracker)
-    if name not in LEARNERS and (other := keys.shipped(run, name)) is not None:
+    task, robot = run.recipe.task, run.recipe.robot
+    if name not in LEARNERS and (other := shipped(robot, task, name)) is not None:
         return Who(name, other)
-    there = (each for each in LEARNERS if keys.shipped(run, each) is not None)
+    there = (each for each in LEARNERS if shipped(robot, task, each) is not None)
     learner = next(there, next(iter(LEARNERS))) if name == "best" else name
     try:
         config = stage_type("imitate", {"learner": learner})()
     except UnknownName as error:
-        raise UnknownName("policy", name, ["best", keys.TRACKER, *error.args[2]]) from None
+        if tasks := shipped_for(name):
+            told = f"no {name} is shipped for {task} (only for {', '.join(tasks)}), and none is learned by that name"
+            raise MimicbenchError(f"{told}; name another, or give the folder of a checkpoint") from None
+        names = dict.fromkeys(["best", keys.TRACKER, *error.args[2], *shipped_names(task)])
+        raise UnknownName("policy", name, list(names)) from None
     if name != "best" and (tracker is not None or not config.references):
         if run.recipe.imitate is not None and run.recipe.imitate.learner == learner:
             config = run.recipe.imitate
         own = run.folder(keys.imitate_key(run.changed(imitate=config), tracker if config.references else None))
         if keys.is_complete(own):
             return Who(name, own / keys.POLICY)
-    shipped = keys.shipped(run, learner)
-    if shipped is None:
-        there = sorted(path.parents[1].name for path in keys.SHIPPED.glob(f"*/{learner}/{CONFIG}"))
-        raise _nobody(run, f"imitate --learner {learner}", learner, there)
-    return Who(learner, shipped)
+    if (best := shipped(robot, task, learner)) is None:
+        raise _nobody(run, f"imitate --learner {learner}", learner, shipped_for(learner))
+    return Who(learner, best)
 
 
-def _nobody(run: Run, command: str, name: str, shipped: Sequence[str]) -> MimicbenchError:
-    task = run.recipe.task
-    where = f"for {task} (only for {', '.join(shipped)})" if shipped else "for any task"
-    told = "" if task in shipped else f"no {name} is shipped {where}, and "
+def _nobody(run: Run, command: str, name: str, tasks: Sequence[str]) -> MimicbenchError:
+    task, robot = run.recipe.task, run.recipe.robot
+    where = f"for {task} (only for {', '.join(tasks)})" if tasks else "for any task"
+    told = "" if task in tasks else f"no {name} is shipped {where}, and "
+    of = "" if robot == Recipe.robot else f" --robot {robot}"
+    own = any(identity(run.part(stage)) != identity(stage_type(stage)()) for stage in ("retarget", "track", "demos"))
     return MimicbenchError(
-        f"{told}no {name} was made by this recipe in {run.workdir}; make it with `mimicbench {command} --task {task} "
-        f"--workdir {run.workdir}`"
+        f"{told}no {name} was made by this recipe in {run.workdir}; make it with `mimicbench {command} --task {task}"
+        f"{of} --workdir {run.workdir}`" + (", and the presets and settings that are given here" if own else "")
     )
 
 
@@ -141,7 +154,8 @@ def episodes_of(run: Run, count: int) -> Clips:
 def _of_split(run: Run, wanted: int | None) -> Clips:
     """The recipe's clips on objects of the split; or so many human clips, retargeted, on test objects alone."""
     if wanted is not None:
-        run = run.changed(references=replace(run.part("references"), count=wanted, test_only=True))
+        # episodes are the same for everybody, whoever was learned from
+        run = run.changed(references=replace(run.part("references"), count=wanted, test_only=True, alike=False))
     clips = retargeted(run)
     return replace(clips, set=clips.split(run.recipe.evaluate.split))
 
@@ -154,6 +168,7 @@ def judge(run: Run, name: str) -> list[EpisodeRow]:
 
     who, config = who_of(run, name), run.recipe.evaluate
     count = config.tracked if who.is_tracker else config.episodes
+    policy = None if who.is_tracker else _loaded(run, who)  # which had better fail before clips are made for it
     clips = episodes_of(run, count)
     source = _source(run, who, clips)
     path = rows_path(run, who, source)
@@ -164,7 +179,7 @@ def judge(run: Run, name: str) -> list[EpisodeRow]:
     if who.is_tracker:
         rows = judge_tracker(run, who, clips.set)
     else:
-        rows, positions = judge_policy(run, who, clips.set, _first_batch(count))
+        rows, positions = judge_policy(run, who, clips.set, _first_batch(count), policy)
     if (
         there < count or who.is_program
     ):  # the last, smaller batch of fewer episodes may round differently: they are judged, but not kept
@@ -239,16 +254,28 @@ def judge_tracker(run: Run, who: Who, clips: ClipSet) -> list[EpisodeRow]:
     return tracker_rows(rollout, clips, Judged("track", who.name, tracker.spec.gains, run.recipe.seed))
 
 
-def judge_policy(
-    run: Run, who: Who, clips: ClipSet, record: Sequence[int] = ()
-) -> tuple[list[EpisodeRow], dict[int, np.ndarray]]:
-    """One row per episode, from the first frames of the clips alone, and the positions of the episodes in `record`."""
-    from mimicbench.core.progress import counter
-    from mimicbench.evaluate.rollout import Judged, Protocol, policy_rows, run_policy
+def _loaded(run: Run, who: Who) -> Policy:
+    """The policy, to be judged at the recipe's task; it is told if it was learned at another."""
     from mimicbench.policies.loading import load_policy
 
+    policy, learned_at = load_policy(who.folder, run.robot, run.task), who.task
+    if learned_at not in ("", run.recipe.task):
+        run.context.say(f"{who.name} was learned at {learned_at}, and is judged at {run.recipe.task}")
+    return policy
+
+
+def judge_policy(
+    run: Run, who: Who, clips: ClipSet, record: Sequence[int] = (), policy: Policy | None = None
+) -> tuple[list[EpisodeRow], dict[int, np.ndarray]]:
+    """One row per episode, from the first frames of the clips alone, and the positions of the episodes in `record`.
+
+    `policy` is the one that `who` means, if it is there already.
+    """
+    from mimicbench.core.progress import counter
+    from mimicbench.evaluate.rollout import Judged, Protocol, policy_rows, run_policy
+
     _one_thread()
-    policy = load_policy(who.folder, run.robot, run.task)
+    policy = policy or _loaded(run, who)
     protocol = Protocol()
     seconds = math.ceil(len(clips) / protocol.batch) * int(run.task.time_limit)
     label = f"evaluating {who.name}, {len(clips)} episodes, seconds"

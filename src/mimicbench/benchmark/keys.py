@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from mimicbench.benchmark.recipe import Recipe, stage_type
-from mimicbench.core.checkpoint import CONFIG, MODEL, checkpoint_robot, used_by
+from mimicbench.benchmark.shipped import TRACKER, shipped, shipped_trackers
+from mimicbench.core.checkpoint import CONFIG, checkpoint_digest, used_by
 from mimicbench.core.errors import BadFile
-from mimicbench.core.files import digest_of, read_json
+from mimicbench.core.files import digest_of_json
 from mimicbench.core.run import RunContext
 from mimicbench.core.settings import amounts, identity
 from mimicbench.core.stage import Stage, StageKey, read_stage
@@ -22,10 +23,7 @@ from mimicbench.robots.registry import ROBOTS
 from mimicbench.tasks.registry import TASKS
 from mimicbench.tasks.task import Task
 
-SHIPPED = Path(__file__).parents[1] / "checkpoints"
-"""Checkpoints that come with the package: `tracker`, which follows clips of all tasks, and `<task>/<policy>`, beside
-the `tracker` and the `perception` that it uses."""
-TRACKER, PERCEPTION, POLICY, CHECKPOINT = "tracker", "perception", "policy", "checkpoint"
+PERCEPTION, POLICY, CHECKPOINT = "perception", "policy", "checkpoint"
 
 
 @dataclass(frozen=True)
@@ -159,7 +157,7 @@ def track_key(run: Run) -> StageKey:
     told_apart = ("begin_from", "also", "recorded")
     settings = {name: value for name, value in identity(config).items() if name not in told_apart}
     if config.begin_from:
-        made_from["begin_from"] = digest_of(Path(config.begin_from) / MODEL)
+        made_from["begin_from"] = checkpoint_digest(Path(config.begin_from))
     return run.key(
         "track",
         settings,
@@ -168,12 +166,6 @@ def track_key(run: Run) -> StageKey:
         words=(config.tracker, *(("also",) if config.also else ()), *config.recorded),
         reads={names[name]: parts[name].folder(key) for name, key in clips.items()},
     )
-
-
-def shipped(run: Run, name: str) -> Path | None:
-    """The checkpoint of that name which comes with the package for the recipe's task and robot, if there is one."""
-    folder = SHIPPED / run.recipe.task / name
-    return folder if (folder / CONFIG).exists() and checkpoint_robot(folder) == run.recipe.robot else None
 
 
 def tracker_folder(run: Run) -> Path | None:
@@ -188,26 +180,12 @@ def tracker_folder(run: Run) -> Path | None:
     return shipped_trackers(run.recipe.robot).get(run.recipe.task) if same else None
 
 
-def shipped_trackers(robot: str) -> dict[str, Path]:
-    """The robot's tracker that comes with the package, for each task that one was trained for.
-
-    A task's own, which is beside its policies, comes before that of several tasks.
-    """
-    found = {}
-    for folder in (SHIPPED / TRACKER, *sorted(SHIPPED.glob(f"*/{TRACKER}"))):
-        if (folder / CONFIG).exists() and checkpoint_robot(folder) == robot:
-            notes = read_json(folder / CONFIG)["notes"]
-            several = notes.get("tasks", [notes.get("task")])
-            found |= dict.fromkeys([folder.parent.name] if folder.parent != SHIPPED else several, folder)
-    return found
-
-
 def expert_folder(run: Run, tracker: Path) -> Path:
     """Who demonstrates: the tracker in a folder, or the policy that the recipe names. Raises BadFile without it."""
     config = run.part("demos")
     if (name := config.expert) == TRACKER or config.source != MADE:
         return tracker
-    folder = Path(name) if "/" in name else shipped(run, name)
+    folder = Path(name) if "/" in name else shipped(run.robot.name, run.recipe.task, name)
     if folder is None or not (folder / CONFIG).is_file():
         raise BadFile(
             f"demos.expert is {name!r}, where no policy is; give `tracker`, the name of a policy that is shipped for "
@@ -234,7 +212,7 @@ def demo_key(run: Run, tracker: Path) -> StageKey:
     return run.key(
         "demos",
         settings,
-        {**{n: mark for n, (mark, _) in begin.items()}, **{n: digest_of(folder / MODEL) for n, folder in by.items()}},
+        {**{n: mark for n, (mark, _) in begin.items()}, **{n: checkpoint_digest(folder) for n, folder in by.items()}},
         reads={**{name: folder for name, (_, folder) in begin.items()}, **by},
     )
 
@@ -255,7 +233,7 @@ def perception_key(run: Run) -> StageKey:
     """The network that finds objects in elevation maps."""
     fingerprint, folder = objects_of(run)
     settings = identity(run.part("imitate").perception)
-    return run.key("perception", settings, {"objects": fingerprint}, reads={"objects": folder})
+    return run.key("perception", settings, {"objects": fingerprint, "robot": run.robot.name}, reads={"objects": folder})
 
 
 def imitate_key(run: Run, tracker: Path | None) -> StageKey:
@@ -266,10 +244,12 @@ def imitate_key(run: Run, tracker: Path | None) -> StageKey:
     before = []
     if tracker is None:
         made_from["objects"], reads["objects"] = objects_of(run)
+        made_from["robot"] = run.robot.name  # which nothing else that it is made from depends on
     else:
-        made_from["tracker"], reads["tracker"] = digest_of(tracker / MODEL), tracker
+        made_from["tracker"], reads["tracker"] = checkpoint_digest(tracker), tracker
         if config.clones:
             made_from["demos"], reads["demos"] = demos_of(run, tracker)
+            made_from |= _learned_before(settings)
         else:
             before.append(retarget_key(run))
     if needs_eyes(run):
@@ -284,6 +264,19 @@ def imitate_key(run: Run, tracker: Path | None) -> StageKey:
         words=(config.learner,),
         reads={**reads, **{key.stage: run.folder(key) for key in before}},
     )
+
+
+def _learned_before(settings: dict[str, Any]) -> dict[str, str]:
+    """What a cloner goes on from, whose paths are taken out of its settings: whatever they lead to is what counts."""
+    from mimicbench.imitate.cloning import rounds_of
+    from mimicbench.imitate.stored.digests import read_digests
+
+    found = {}
+    if policy := settings.pop("begin_from"):
+        found["begin_from"] = checkpoint_digest(Path(policy))
+    if driver := settings["dagger"].pop("rounds_of"):
+        found["rounds_of"] = digest_of_json([read_digests(place) for place in rounds_of(driver)])
+    return found
 
 
 def needs_eyes(run: Run) -> bool:

@@ -151,7 +151,7 @@ def _sizes(objects: int, clips: int, tracked: int, episodes: int, policies: tupl
 
 def _policies(task: str, *others: str) -> tuple[str, ...]:
     """The best policy that comes with the package for a task, or else a planner, and those of some others that do."""
-    from mimicbench.benchmark.keys import SHIPPED
+    from mimicbench.benchmark.shipped import SHIPPED
     from mimicbench.core.checkpoint import CONFIG
     from mimicbench.imitate.registry import LEARNERS
 
@@ -246,7 +246,6 @@ PRESETS: Mapping[str, Callable[[Chosen], Tree]] = {
     "brief": _brief,
     "full": lambda chosen: _sizes(400, 2000, 256, 400, _policies(chosen.task, "planner", "act", "bc", "bc-clock")),
 }
-PROFILES = ("smoke", "default", "full")
 
 
 def preset_tree(name: str, chosen: Chosen) -> Tree:

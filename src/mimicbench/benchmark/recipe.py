@@ -44,6 +44,8 @@ class EvaluateConfig:
     def __post_init__(self) -> None:
         if self.split not in ("test", "train", "all"):
             raise BadSetting(f"evaluate.split is {self.split!r}; give test, train or all")
+        if not self.policy:
+            raise BadSetting("evaluate.policy names nobody; name a policy, such as best")
 
 
 @dataclass(frozen=True)

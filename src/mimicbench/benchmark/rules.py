@@ -104,6 +104,10 @@ def tracked_together(recipe: Recipe) -> None:
     also, begin_from = recipe.track.also, recipe.track.begin_from
     for name in also:
         TASKS.get(name)
+    if recipe.track.num_envs < (parts := max(recipe.track.parts, 1 + len(also))):
+        raise BadSetting(
+            f"track.num-envs is {recipe.track.num_envs}, too few for {parts} parts; give at least one robot for each"
+        )
     if recipe.task in also or len(set(also)) != len(also):
         raise BadSetting(f"track.also is {', '.join(also)}; name each task beside {recipe.task!r} once")
     if len(recipe.track.shares) not in (0, 1 + len(also)):

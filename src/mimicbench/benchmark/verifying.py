@@ -1,4 +1,4 @@
-"""Whether what a stage keeps is what it says, without making anything."""
+"""Whether what a stage keeps is what it says."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from mimicbench.core.errors import BadFile
 
 
 def verify_demos(run: Run) -> dict[str, Any]:
-    """How many of a recipe's stored demonstrations fulfil K and stay, by their states, and which do not; nothing is
-    made. Raises BadFile if there are none.
+    """How many of a recipe's stored demonstrations fulfil K and stay, by their states, and which do not. Clips
+    that they follow are made again where they are missing, demonstrations are not. Raises BadFile if there are none.
     """
     from mimicbench.imitate.lerobot import DATASET, load_demos
     from mimicbench.imitate.stored.verify import unfulfilled

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from mimicbench.commands.options import Form
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.report.tables.registry import HEADLINES, TABLES
+
+if TYPE_CHECKING:
+    from mimicbench.evaluate.rows import EpisodeRow
 
 
 def table(
@@ -27,7 +31,9 @@ def table(
     from mimicbench.report.table import WRITERS
     from mimicbench.report.tables.spec import Episodes
 
-    episodes = Episodes(tuple(row for path in files for row in read_rows(path)))
+    rows = [(path, row) for path in files for row in read_rows(path)]
+    _told_apart(rows)
+    episodes = Episodes(tuple(row for _, row in rows))
     several = len(episodes.by_task) > 1
     made = [one for spec in chosen if show or several or spec.per_task for one in spec.of(episodes)]
     if not made:
@@ -38,6 +44,18 @@ def table(
         )
     for one in made:
         print(WRITERS[form](one))
+
+
+def _told_apart(rows: Sequence[tuple[Path, EpisodeRow]]) -> None:
+    """Raise MimicbenchError if an episode of one policy is told of twice: these are two networks of one name."""
+    told: dict[tuple[str, ...], Path] = {}
+    for path, row in rows:
+        other = told.setdefault((row.stage, row.policy, row.preset, row.robot, row.id), path)
+        if other is not path:
+            raise MimicbenchError(
+                f"{other} and {path} both tell of episode {row.id} of {row.policy!r}: these are two runs; give one of "
+                "them at a time"
+            )
 
 
 def list_(form: Form = "terminal") -> None:

@@ -1,4 +1,6 @@
-"""How much more people teach: a clone of the demonstrations that come from parts of the human clips."""
+"""How much more people teach: a clone of the demonstrations that come from parts of the human clips, or, where a policy
+demonstrates that needs none, from parts of the starts.
+"""
 
 from mimicbench.comparisons.spec import Comparison, Variant
 

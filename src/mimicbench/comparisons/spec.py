@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from mimicbench.benchmark.recipe import Recipe, read_recipe, recipe_tree, stage_type
 from mimicbench.core.settings import BadSetting, Share, merge
+from mimicbench.references.make import MADE
 
 Tree = Mapping[str, Any]
 
@@ -82,10 +83,24 @@ def recipe_of(comparison: Comparison, variant: Variant, said: Said) -> Recipe:
         recipe = read_recipe(tree)
     except BadSetting as error:
         raise BadSetting(f"{comparison.name}, {variant.label}: {error}") from None
-    if variant.share == 1.0:
-        return recipe
-    references = recipe.references or stage_type("references")()
-    return replace(recipe, references=replace(references, count=max(1, round(variant.share * references.count))))
+    return recipe if variant.share == 1.0 else _with_share(recipe, variant.share, f"{comparison.name}, {variant.label}")
+
+
+def _with_share(recipe: Recipe, share: float, where: str) -> Recipe:
+    """The same with that share of what demonstrations begin from: human clips, or starts drawn by rule. Raises
+    BadSetting.
+    """
+    from mimicbench.imitate.demos import RULE
+
+    demos, references = (getattr(recipe, name) or stage_type(name)() for name in ("demos", "references"))
+    if demos.starts == RULE:
+        return replace(recipe, demos=replace(demos, clips=max(1, round(share * demos.clips))))
+    if references.source != MADE:
+        raise BadSetting(
+            f"{where}: the set {references.source!r} is used whole; compare shares of people who are made "
+            "(references.source made)"
+        )
+    return replace(recipe, references=replace(references, count=max(1, round(share * references.count))))
 
 
 def _choosing(common: Tree) -> Tree:

@@ -17,7 +17,7 @@ import safetensors
 import safetensors.numpy
 
 from mimicbench.core.errors import BadFile
-from mimicbench.core.files import digest_of, read_record, write_atomic, write_record
+from mimicbench.core.files import digest_of, digest_of_json, read_record, write_atomic, write_record
 from mimicbench.core.settings import BadSetting
 
 FORMAT = 1
@@ -160,6 +160,19 @@ def checkpoint_kind(folder: Path) -> str:
 def checkpoint_robot(folder: Path) -> str:
     """Name of the robot that a folder's checkpoint drives, without reading its arrays. Raises BadCheckpoint."""
     return _read_header(folder)["robot"]
+
+
+def checkpoint_task(folder: Path) -> str:
+    """Name of the task at which a folder's checkpoint was learned, if it tells; else empty. Raises BadCheckpoint."""
+    return str(_read_header(folder)["notes"].get("task", ""))
+
+
+def checkpoint_digest(folder: Path) -> str:
+    """Stands for all that decides what a checkpoint does: its arrays, and what the network is built from. Raises
+    BadCheckpoint.
+    """
+    header = _read_header(folder)
+    return digest_of(folder / MODEL) + digest_of_json([header["kind"], header["robot"], header["config"]])
 
 
 def read_tensors(path: Path) -> dict[str, np.ndarray]:

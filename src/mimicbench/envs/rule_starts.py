@@ -121,7 +121,7 @@ def standing(task: Task, robot: Robot, objects: Mapping[str, SceneObject], count
             np.broadcast_to(values, (frames, len(values)))
             for values in (start.root_pos_w, start.root_quat_w, start.joint_pos)
         )
-        name = f"start-{number:06d}"
+        name = f"start-{seed}-{number:06d}"
         what = (name, task.name, robot.name, robot.joint_names, 1 / CONTROL_DT)
         goal = start.wrist_goal_w
         motions.append(RobotMotion(*what, pos, quat, joints, start.obj.id, name, wrist_goal_w=goal))

@@ -131,7 +131,10 @@ def _write_table(table: pa.Table, stream: Any) -> None:
 def read_rows(path: Path) -> list[EpisodeRow]:
     """Read what `write_rows` wrote. Raises BadFile if it is missing, cut off, damaged or something else."""
     if not path.is_file():
-        raise BadFile(f"{path} does not exist; run `mimicbench evaluate` first")
+        told = (
+            "is a folder; give the files in it" if path.is_dir() else "does not exist; run `mimicbench evaluate` first"
+        )
+        raise BadFile(f"{path} {told}")
     if path.stat().st_size > MAX_BYTES:
         raise BadFile(f"{path} is larger than {MAX_BYTES >> 20} MiB; it is not a file of episode rows")
     try:

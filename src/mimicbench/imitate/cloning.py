@@ -1,7 +1,7 @@
 """Cloning demonstrations, whatever the network: how it is configured, learned, saved and loaded."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -23,7 +23,7 @@ from mimicbench.imitate.learned import load_learner, save_learner
 from mimicbench.imitate.lerobot import DATASET, Demos, load_demos
 from mimicbench.imitate.policy import VisionPolicy
 from mimicbench.imitate.spec import Given, ImitateConfig, LearnerSpec
-from mimicbench.imitate.train import TrainConfig, train
+from mimicbench.imitate.train import Course, TrainConfig, train
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.elevation import ElevationMaps
@@ -75,8 +75,10 @@ def clone(folder: Path, given: Given, config: CloneImitation) -> dict[str, Any]:
     network: NetworkConfig = config.network.of(clips.robot, clips.task)
     demos = load_demos(given.demonstrations, clips.robot.name, state=network.inputs.body == "state")
     for place in rounds_of(config.dagger.rounds_of):
-        demos = demos.joined(_read_round(place, clips.robot.name, demos.state is not None))
-    course = replace(config.train, seed=given.seed, device=tensor_device(given.context.device))
+        driven = _read_round(place, clips.robot.name, demos.state is not None)
+        clips_of(driven, clips)  # whose rounds they are has to be found out before anything is learned of them
+        demos = demos.joined(driven)
+    course = Course.of(config.train, given.seed, tensor_device(given.context.device))
     notes = {"seed": given.seed, "task": clips.task.name, "gains": given.gains}
     before = None
     if config.begin_from:
@@ -127,7 +129,7 @@ def rounds_of(policy: str) -> list[Path]:
 
 def demo_frames(demos: Demos, clips: ClipSet, network: NetworkConfig, config: CloneImitation) -> DemoFrames:
     """The frames of demonstrations that follow these clips, as a network is shown them."""
-    scene = [clips.objects[object_id] for object_id in sorted(set(demos.object_ids))]
+    scene = [clips.objects[object_id] for object_id in sorted(set(demos.object_ids) & set(clips.objects))]
     maps = _maker(scene, clips.task, network.inputs) if network.inputs.sees else None
     finds, inputs = network.goal_weight > 0, network.inputs
     goals = _goals(demos, clips, finds) if inputs.memory or inputs.targets or finds else None
@@ -158,11 +160,16 @@ def _goals(demos: Demos, clips: ClipSet, to_find: bool = False) -> EpisodeGoals:
 
 
 def clips_of(demos: Demos, clips: ClipSet) -> Tensor:
-    """(E,) which of the clips each demonstration follows. Raises BadFile if one is missing."""
+    """(E,) which of the clips each demonstration follows. Raises BadFile if one is missing, or is beside something
+    else.
+    """
     place = {motion.id: i for i, motion in enumerate(clips.motions)}
     missing = sorted(set(demos.reference_ids) - set(place))
     if missing:
         raise BadFile(f"clip {missing[0]!r} of the demonstrations is missing; make the demonstrations again")
+    for name, object_id in zip(demos.reference_ids, demos.object_ids, strict=True):
+        if clips.motions[place[name]].object_id != object_id:
+            raise BadFile(f"{name!r} of the demonstrations is beside another object; they are not of these clips")
     return torch.tensor([place[name] for name in demos.reference_ids])
 
 

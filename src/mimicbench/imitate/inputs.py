@@ -43,11 +43,6 @@ class InputConfig:
     links: int = 0
     """Of the robot, which decides."""
 
-    @staticmethod
-    def timed() -> "InputConfig":
-        """The paper's inputs with a clock and a memory of the start."""
-        return InputConfig(body="proprio", clock=True, memory=True)
-
     def on(self, robot: Robot) -> "InputConfig":
         """The same for a robot."""
         return replace(self, joints=len(robot.joints), links=len(robot.links))
@@ -149,6 +144,12 @@ class Batch:
     """(B, G) where the goal is in the present frame, in the units of GoalSpec.middle_and_spread, for who finds it."""
     ahead: Tensor | None = None
     """(B, channels, 128, 128) what is seen in the frame after the chunk, or (B, history, ...), for who looks ahead."""
+
+
+def check_heads(hidden: int, heads: int) -> None:
+    """Raise BadSetting if tokens of that width cannot be shared out among so many heads."""
+    if hidden % heads:
+        raise BadSetting(f"network.hidden is {hidden}, and network.heads {heads}; give a width that heads divide")
 
 
 @dataclass(frozen=True)

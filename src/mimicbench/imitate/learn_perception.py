@@ -17,7 +17,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.checkpoint import CONFIG
+from mimicbench.core.checkpoint import CONFIG, load_checkpoint
 from mimicbench.core.progress import counter
 from mimicbench.core.seeds import digest
 from mimicbench.core.training import NetworkState, OptimizerState, append_metrics, resume_training, save_training
@@ -256,10 +256,10 @@ def make_perception(
     quiet: bool,
 ) -> dict[str, float]:
     """Learn to find a task's goal beside `objects` in elevation maps; `held_out` measures how well, if there are any.
-    Does nothing if that is done.
+    What is there is not learned again. Returns the errors on those, if they were measured.
     """
     if (folder / CONFIG).exists():
-        return {}
+        return dict(load_checkpoint(folder, "perception", robot.name).notes.get("error", {}))
     with counter(config.steps, "perception", quiet) as tick:
         network = train_perception(
             folder, config, task, objects, lambda batches, loss: tick(batches, f"loss {loss:.3f}")

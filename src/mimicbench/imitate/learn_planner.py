@@ -1,5 +1,6 @@
 """Learning the planner by DAgger: tracker or planner drives, and the clip says what should have been planned."""
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import asdict
@@ -53,7 +54,7 @@ def train_planner(
     identity["clips"] = [motion.id for motion in clips.motions]
     parts = run.parts()
     progress = resume_training(folder, identity, parts, {"round": 0, "samples": 0, "seconds": 0.0})
-    rounds = config.samples // (config.num_envs * config.steps)
+    rounds = math.ceil(config.samples / (config.num_envs * config.steps))
     now = saved = time.monotonic()
     while progress["round"] < rounds:
         row = run.round(progress["round"] / rounds, first=progress["round"] == 0)

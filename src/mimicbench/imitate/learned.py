@@ -7,6 +7,7 @@ from typing import Any
 
 from mimicbench.core.building import built
 from mimicbench.core.checkpoint import load_checkpoint, save_checkpoint
+from mimicbench.core.errors import MimicbenchError
 from mimicbench.imitate.inputs import Learner, NetworkConfig
 from mimicbench.robots.description import Robot
 
@@ -24,3 +25,15 @@ def load_learner(folder: Path, robot: Robot, config_type: type[NetworkConfig]) -
     if not config.inputs.joints:  # those of 0.1.0 do not say
         config = replace(config, inputs=config.inputs.on(robot))
     return built(checkpoint, config.build, config.layers), checkpoint.notes
+
+
+def take_over(learner: Learner, begin_from: Learner) -> None:
+    """Weights and statistics of another network, where that has them. Raises MimicbenchError if it has others."""
+    own, given = learner.state_dict(), begin_from.state_dict()
+    for name, value in given.items():
+        if name not in own or own[name].shape != value.shape:
+            raise MimicbenchError(
+                f"{name} of the policy to begin from has the shape {tuple(value.shape)}, and not what this network's "
+                "configuration makes of it; begin from a policy of the same sizes and inputs"
+            )
+    learner.load_state_dict({**own, **given})

@@ -20,7 +20,7 @@ from mimicbench.core.settings import Positive, Share
 from mimicbench.core.training import NetworkState, OptimizerState, append_metrics, resume_training, save_training
 from mimicbench.imitate.dataset import DemoFrames
 from mimicbench.imitate.inputs import Batch, Learner
-from mimicbench.imitate.learned import save_learner
+from mimicbench.imitate.learned import save_learner, take_over
 
 _VALIDATION_FRAMES = 512
 
@@ -54,19 +54,30 @@ class TrainConfig:
     """Seconds between saves: what a kill can lose at most."""
     log_steps: Positive = 50
     """Batches per line of metrics.jsonl."""
-    seed: int = 0
-    """Of weights, batches and noise."""
-    device: str = "cpu"
-    """`cpu`, or `cuda` for a GPU."""
     precision: Literal["float32", "bfloat16"] = "float32"
     """Of the products of matrices; weights, and what the network does in use, stay float32. Worth it where a processor
     multiplies bfloat16 (avx512_bf16, amx_bf16 in /proc/cpuinfo), on recent GPUs, and for large networks."""
 
 
+@dataclass(frozen=True)
+class Course(TrainConfig):
+    """The same for one network; a recipe has one seed and one device for all its stages."""
+
+    seed: int = 0
+    """Of weights, batches and noise."""
+    device: str = "cpu"
+    """`cpu`, or `cuda` for a GPU."""
+
+    @staticmethod
+    def of(config: TrainConfig, seed: int, device: str) -> "Course":
+        """A training as configured, with a seed, on a device."""
+        return Course(**vars(config), seed=seed, device=device)
+
+
 def train(
     learner: Any,
     data: DemoFrames,
-    config: TrainConfig,
+    config: Course,
     folder: Path,
     quiet: bool = False,
     begin_from: Learner | None = None,
@@ -88,10 +99,11 @@ def train(
         return _trained(run, config, quiet)
 
 
-def _trained(run: "CloneTraining", config: TrainConfig, quiet: bool) -> Learner:
+def _trained(run: "CloneTraining", config: Course, quiet: bool) -> Learner:
     run.resume()
     saved = time.monotonic()
     sums: dict[str, float] = {}
+    summed = 0
     with counter(config.steps, f"{type(run.learner).__name__} learns", quiet) as tick:
         tick(run.steps)
         while run.steps < config.steps:
@@ -99,11 +111,13 @@ def _trained(run: "CloneTraining", config: TrainConfig, quiet: bool) -> Learner:
             parts = run.step()
             for name, value in parts.items():
                 sums[name] = sums.get(name, 0.0) + value
+            summed += 1
             run.seconds += time.monotonic() - before
             tick(1, f"loss {parts['loss']:.3f}")
             if run.steps % config.log_steps == 0:
-                run.log({name: total / config.log_steps for name, total in sums.items()})
-                sums = {}
+                # fewer than log_steps where it was taken up in between
+                run.log({name: total / summed for name, total in sums.items()})
+                sums, summed = {}, 0
             if run.steps == config.steps or time.monotonic() - saved > config.save_every:
                 run.save()
                 saved = time.monotonic()
@@ -139,7 +153,7 @@ class CloneTraining:
     """One training: everything that has to survive a kill is in `save` and `resume`."""
 
     def __init__(
-        self, learner: Any, data: DemoFrames, config: TrainConfig, folder: Path, begin_from: Learner | None = None
+        self, learner: Any, data: DemoFrames, config: Course, folder: Path, begin_from: Learner | None = None
     ) -> None:
         self.data, self.config, self.folder = data, config, folder
         with torch.random.fork_rng(devices=[]):
@@ -148,7 +162,7 @@ class CloneTraining:
         frames = data.train_frames[:: max(1, len(data.train_frames) // 20_000)]
         self.learner.normalize_by(data.vector(frames), data.samples(frames))
         if begin_from is not None:
-            _take_over(self.learner, begin_from)
+            take_over(self.learner, begin_from)
         self.learner.to(config.device)
         self.parameters = dict(self.learner.named_parameters())
         self.average = _Average(self.learner, config.average)
@@ -264,19 +278,7 @@ class CloneTraining:
         return digest(self.config.seed, "imitate", *keys) % (1 << 63)
 
 
-def _take_over(learner: Learner, begin_from: Learner) -> None:
-    """Weights and statistics of another network, where that has them. Raises MimicbenchError if it has others."""
-    own, given = learner.state_dict(), begin_from.state_dict()
-    for name, value in given.items():
-        if name not in own or own[name].shape != value.shape:
-            raise MimicbenchError(
-                f"{name} of the policy to begin from has the shape {tuple(value.shape)}, and not what this network's "
-                "configuration makes of it; begin from a policy of the same sizes and inputs"
-            )
-    learner.load_state_dict({**own, **given})
-
-
-def _identity(config: TrainConfig) -> dict[str, Any]:
+def _identity(config: Course) -> dict[str, Any]:
     """The part of the configuration that a resumed run must share; it may run longer or elsewhere."""
     free = ("steps", "save_every", "log_steps", "device")
     return {key: value for key, value in msgspec.to_builtins(dataclasses.asdict(config)).items() if key not in free}

@@ -39,7 +39,9 @@ class ReferencesConfig:
     source: str = MADE
     """`made`, or the name of a set that was imported or augmented, objects and all."""
     count: Count = 2000
-    """Good clips to have, spread evenly over the objects: what fails the quality gate is replaced by further clips."""
+    """Good clips to have, spread evenly over the objects: what fails the quality gate is replaced by further clips. A
+    named set is used whole.
+    """
     test_only: bool = False
     """Use the objects of the test split alone: for an evaluation without training."""
     alike: bool = False
@@ -158,6 +160,8 @@ def import_references(
     what the gate would not let pass from a synthetic person. A file that cannot be read, or without the task in it, is
     left out, and `say` hears why. Raises BadMotion if nothing is left, before anything is written.
     """
+    if not recordings.files:
+        raise BadMotion("there is nothing to import; give at least one file of a recorded person")
     clips, beyond = _found_clips(recordings, task, fulfils, say)
     if not clips:
         raise BadMotion(

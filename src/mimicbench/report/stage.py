@@ -12,6 +12,7 @@ from mimicbench.benchmark import keys
 from mimicbench.benchmark.graph import Clips, env_config
 from mimicbench.benchmark.judging import episodes_of, episodes_to_show, who_of
 from mimicbench.benchmark.keys import Run
+from mimicbench.benchmark.shipped import SHIPPED
 from mimicbench.core.checkpoint import beside
 from mimicbench.core.files import remove_unfinished
 from mimicbench.core.motion import HumanMotion, RobotMotion
@@ -74,7 +75,7 @@ def _curves(run: Run, policy: str) -> tuple[Curve, ...]:
     places = {"tracker": tracker, "eyes": beside(learned, keys.PERCEPTION), policy: learned}
     found = []
     for name, folder in places.items():
-        is_shipped = folder is not None and keys.SHIPPED in folder.parents
+        is_shipped = folder is not None and SHIPPED in folder.parents
         file = None if folder is None else (folder if is_shipped or name == policy else folder.parent) / METRICS
         if file is not None and file.exists():
             found.append(read_curve(file, f"{name} (shipped): its last training" if is_shipped else name))

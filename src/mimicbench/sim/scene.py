@@ -67,7 +67,7 @@ def describe_scene(
         mass: times the mass and inertia that the robot's links have.
     """
     if preset not in robot.gains:
-        raise UnknownName("preset", preset, list(robot.gains))
+        raise UnknownName("gains", preset, list(robot.gains))
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
     spec.option.timestep = PHYSICS_DT

@@ -5,6 +5,7 @@ learner could not see as well. Either goes on from what it did last. Where someb
 what was done, or it answers what nobody has seen: its own past, which never was.
 """
 
+import copy
 from typing import Protocol, runtime_checkable
 
 import torch
@@ -95,12 +96,15 @@ class SensingExpert:
     """A fall takes that long."""
 
     def __init__(self, policy: Policy) -> None:
-        self._policy = policy
+        self._fresh = self._policy = policy
         self.gains = policy.gains
         self.observations: tuple[str | Term, ...] = policy.observations
 
     def begin(self, env: VecEnv) -> None:
-        """It gets to know its goals in the first frame."""
+        """It gets to know its goals in the first frame; of episodes before it knows nothing, not even how many there
+        were, for who goes on after a kill has not seen them.
+        """
+        self._policy = copy.deepcopy(self._fresh)
         self._policy.to(str(env.device))
         self._policy.reset(torch.arange(env.num_envs, device=env.device), env.observe(self._policy.observations))
 

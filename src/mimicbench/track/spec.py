@@ -81,10 +81,6 @@ class TrackerSpec:
         share, action = self.smoothing(settings), self.action(robot, next_joint_pos, target, settings)
         return (action - share * last_action) / (1.0 - share)
 
-    def plan(self, task: Task) -> tuple[str, ...]:
-        """Names of the privileged terms: what it has to be told by a clip or a planner."""
-        return tuple(term.name for term in chosen_terms(self.observations, task) if term.privileged)
-
 
 @dataclass(frozen=True)
 class Layout:

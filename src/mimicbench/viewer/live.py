@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from mimicbench.benchmark.keys import SHIPPED, shipped_trackers
+from mimicbench.benchmark.shipped import SHIPPED, shipped_trackers
 from mimicbench.core.checkpoint import CONFIG, checkpoint_kind, checkpoint_robot
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.envs.clip_starts import ClipStarts

@@ -27,7 +27,7 @@ from torch.nn import functional
 from mimicbench.core.settings import Positive
 from mimicbench.imitate.cloning import CloneImitation, cloner
 from mimicbench.imitate.encoder import Encoder, EncoderConfig, sine_positions_2d
-from mimicbench.imitate.inputs import Batch, InputConfig, Learner, NetworkConfig, Window
+from mimicbench.imitate.inputs import Batch, InputConfig, Learner, NetworkConfig, Window, check_heads
 from mimicbench.imitate.train import TrainConfig
 
 
@@ -63,6 +63,10 @@ class ACTConfig(NetworkConfig):
     ensembles: bool = False
     """Carry out the mean of what all chunks so far say of a frame, as the original can, instead of the first action of
     the newest."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_heads(self.hidden, self.heads)
 
     @property
     def window(self) -> Window:

@@ -27,7 +27,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from mimicbench.core.settings import Positive, Sizes
+from mimicbench.core.settings import BadSetting, Positive, Sizes
 from mimicbench.imitate.cloning import CloneImitation, cloner
 from mimicbench.imitate.encoder import Encoder, EncoderConfig
 from mimicbench.imitate.inputs import Batch, InputConfig, Learner, NetworkConfig, Window
@@ -58,6 +58,19 @@ class DiffusionConfig(NetworkConfig):
     """T: amounts of noise that are learned."""
     sample_steps: Positive = 16
     """In how many of them noise is turned into actions."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        halves, shortest = 2 ** (len(self.widths) - 1), self.inputs.history - 1 + self.executes
+        if self.chunk % halves or self.chunk < shortest:
+            raise BadSetting(
+                f"network.chunk is {self.chunk}; give a multiple of {halves} that is not below {shortest}, the frames "
+                "that are seen before the present one and those that are carried out"
+            )
+        if self.noise_steps < self.sample_steps:
+            raise BadSetting(
+                f"network.sample-steps is {self.sample_steps}, and only {self.noise_steps} amounts of noise are learned"
+            )
 
     @property
     def window(self) -> Window:
@@ -93,10 +106,6 @@ class Diffusion(Learner):
     def __init__(self, config: DiffusionConfig) -> None:
         super().__init__(config.inputs, (config.action_size,))
         self.config, self.executes = config, config.executes
-        if config.chunk % 2 ** (len(config.widths) - 1) or config.chunk < config.inputs.history - 1 + config.executes:
-            raise ValueError(f"a chunk of {config.chunk} cannot be halved or carried out as asked")
-        if config.noise_steps < config.sample_steps:
-            raise ValueError(f"{config.sample_steps} steps of sampling are more than the {config.noise_steps} learned")
         seen = config.inputs.size
         if config.inputs.sees:
             self.map_encoder = Encoder(replace(config.encoder, channels=config.inputs.channels))

@@ -34,7 +34,7 @@ from mimicbench.envs.reference import ReferenceBank
 from mimicbench.imitate.cloning import CloneImitation, clips_of, cloner
 from mimicbench.imitate.encoder import Encoder, EncoderConfig, sine_positions_2d
 from mimicbench.imitate.goals import known_goal
-from mimicbench.imitate.inputs import Batch, Learner, NetworkConfig, Window
+from mimicbench.imitate.inputs import Batch, Learner, NetworkConfig, Window, check_heads
 from mimicbench.imitate.learned import load_learner
 from mimicbench.imitate.lerobot import Demos
 from mimicbench.imitate.plan import PosePlan
@@ -75,6 +75,10 @@ class HITConfig(NetworkConfig):
     def of(self, robot: Robot, task: Task) -> Self:
         """The same for a robot at a task."""
         return replace(super().of(robot, task), action_size=PosePlan(robot, task).size)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_heads(self.hidden, self.heads)
 
     @property
     def window(self) -> Window:

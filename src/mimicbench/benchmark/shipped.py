@@ -1,0 +1,43 @@
+"""Checkpoints that come with the package."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from mimicbench.core.checkpoint import CONFIG, checkpoint_robot
+from mimicbench.core.files import read_json
+
+SHIPPED = Path(__file__).parents[1] / "checkpoints"
+"""`tracker`, which follows clips of all tasks, and `<task>/<policy>`, beside the `tracker` and the `perception` that it
+uses."""
+TRACKER = "tracker"
+
+
+def shipped(robot: str, task: str, name: str) -> Path | None:
+    """The checkpoint of that name which comes with the package for a task and a robot, if there is one."""
+    folder = SHIPPED / task / name
+    return folder if (folder / CONFIG).exists() and checkpoint_robot(folder) == robot else None
+
+
+def shipped_for(name: str) -> list[str]:
+    """The tasks for which a checkpoint of that name comes with the package."""
+    return sorted(path.parents[1].name for path in SHIPPED.glob(f"*/{name}/{CONFIG}"))
+
+
+def shipped_names(task: str) -> list[str]:
+    """The checkpoints that come with the package for a task, whatever they are."""
+    return sorted(path.parent.name for path in SHIPPED.glob(f"{task}/*/{CONFIG}"))
+
+
+def shipped_trackers(robot: str) -> dict[str, Path]:
+    """The robot's tracker that comes with the package, for each task that one was trained for.
+
+    A task's own, which is beside its policies, comes before that of several tasks.
+    """
+    found = {}
+    for folder in (SHIPPED / TRACKER, *sorted(SHIPPED.glob(f"*/{TRACKER}"))):
+        if (folder / CONFIG).exists() and checkpoint_robot(folder) == robot:
+            notes = read_json(folder / CONFIG)["notes"]
+            several = notes.get("tasks", [notes.get("task")])
+            found |= dict.fromkeys([folder.parent.name] if folder.parent != SHIPPED else several, folder)
+    return found
