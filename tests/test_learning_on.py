@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import torch
@@ -89,3 +90,21 @@ def test_in_bfloat16_about_the_same_is_learned(kind, demos, chairs, tmp_path):  
     assert second.dtype == torch.float32 and (first != second).any()
     torch.testing.assert_close(first, second, atol=0.1, rtol=0.0)
     assert all((value == again.state_dict()[name]).all() for name, value in rough.state_dict().items())
+
+
+def test_half_precision_decides_the_same_to_a_thousandth(demos, chairs, tmp_path, monkeypatch):  # noqa: F811
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "scripts"))
+    import halve
+
+    config = tiny("bc", INPUTS["paper"])
+    data = frames(demos, chairs, config)
+    whole = train(config, data, SHORT, tmp_path / "whole", quiet=True)
+    assert halve.halve(tmp_path / "whole", tmp_path / "half") < 1e-3
+    sizes = [(tmp_path / name / "model.safetensors").stat().st_size for name in ("whole", "half")]
+    assert sizes[1] < 0.6 * sizes[0]
+    half, notes = load_learner(tmp_path / "half", H1, type(config))
+    assert notes["arrays"] == "float16" and next(half.parameters()).dtype == torch.float32
+    batch = data.batch(torch.tensor([0, 7, 21]))
+    torch.testing.assert_close(
+        half.predict(batch.vector, batch.picture), whole.predict(batch.vector, batch.picture), atol=5e-3, rtol=0
+    )
