@@ -27,6 +27,7 @@ from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.imitate.dagger import SEEN, Drivers, Episodes, Replay
 from mimicbench.imitate.plan import PlanLayout
 from mimicbench.imitate.planner import PlannerConfig, PlannerNetwork, PlannerSizes, own_terms, styles_of
+from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.track.history import Follower
 from mimicbench.track.spec import Terms, Tracker, flat, sizes
 from mimicbench.track.tracking import TrackingEnv
@@ -71,6 +72,14 @@ def train_planner(
             saved = now
     run.env.env.close()
     return run.network.eval()
+
+
+AHEAD = 15
+"""Frames by which is told where a clip is going."""
+WALKS = 0.1
+"""[m/s] Who is slower stays where he is."""
+NEAR = 0.08
+"""[m] A robot that is so much behind its clip, or ahead of it, is with it."""
 
 
 class _Run:
@@ -146,6 +155,8 @@ class _Run:
             planned = {**dict(terms), **self.layout.split(plan)}
             action = self.follower.action(planned)
             target = self.tracker.target(robot, planned, action)
+            if self.config.pace:
+                self.keep_pace()
             _, _, done, time_out = env.step(action, self.tracker.settings, target)
             self.follower.history.begin(env.env.rows(done))
             if done.any():
@@ -155,6 +166,21 @@ class _Run:
                 drivers.draw(ids, share)
                 self.episodes.begin(ids)
         return failures, endings
+
+    def keep_pace(self) -> None:
+        """Clips go slower where the robots that the planner drives lag behind on the way, and faster where they are
+        ahead. Where a person stays, the clip goes on whatever the robot does, or both would wait for ever.
+        """
+        env, bank = self.env.env, self.env.bank
+        now = bank.frame(env.clip, env.index).root_pos_w[:, :2]
+        way = bank.frame(env.clip, env.index + AHEAD).root_pos_w[:, :2] - now
+        length = way.norm(dim=-1)
+        behind = ((now - self.env.context.state.root_pos_w[:, :2]) * way).sum(-1) / length.clamp(min=1e-6)
+        some = torch.rand(len(length)).to(length.device) < self.config.pace
+        moves = ~self.drivers.teacher & (length > WALKS * AHEAD * CONTROL_DT) & some
+        slower, faster = moves & (behind > NEAR) & (env.index > 0), moves & (behind < -NEAR)
+        # the frame after the next control step is the same once more, or the one after the next
+        env.index += faster.long() - slower.long()
 
     def learn(self) -> float:
         """One step: smooth L1 between the normalized plans, the difference that the plan makes to the tracker's action.

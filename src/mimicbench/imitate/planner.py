@@ -22,7 +22,7 @@ from torch import nn
 from mimicbench.core.building import built
 from mimicbench.core.checkpoint import beside, load_checkpoint, save_checkpoint
 from mimicbench.core.motion import RobotMotion
-from mimicbench.core.settings import Positive, Sizes
+from mimicbench.core.settings import Positive, Share, Sizes
 from mimicbench.envs.clip_starts import ClipStartConfig
 from mimicbench.imitate.clock import SIZE as CLOCK_SIZE
 from mimicbench.imitate.clock import clock_features
@@ -49,6 +49,9 @@ class PlannerConfig:
     """See a clock, and settle a style once. Without either, what it does follows from its body and its goal as they are
     now, and so can be learned by who sees no clock, such as ACT and BC, also where that got to itself: if the clock is
     half a second off, what a planner with one says is other by half of its spread."""
+    pace: Share = 0.0
+    """How often a clip waits for a frame where the robot lags behind it on the way, and leaves one out where it is
+    ahead. Who sees no clock cannot know that the clip is ahead, and learns to hurry everywhere."""
     samples: Positive = 3_200_000
     """Control steps to see, over all robots."""
     num_envs: Positive = 256
