@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from episodes import EPISODE
+from mimicbench.commands.table import table
 from mimicbench.core.errors import BadFile, MimicbenchError
 from mimicbench.evaluate.intervals import Rate, wilson
 from mimicbench.evaluate.rows import group, read_rows, rows_made_from, summarize, write_rows
@@ -115,6 +116,18 @@ def test_parquet_round_trip(tmp_path):
     assert [path.name for path in tmp_path.iterdir() if path.is_file()] == ["b.parquet"]
     write_rows(tmp_path / "none.parquet", [])
     assert read_rows(tmp_path / "none.parquet") == []
+
+
+def test_an_episode_that_is_told_of_twice_is_of_two_runs(tmp_path, capsys):
+    """Two trainings of one name must not be one rate; other episodes, or other names, may stand in several files."""
+    files = [tmp_path / name for name in ("first.parquet", "again.parquet", "more.parquet", "other.parquet")]
+    several = [[ROW], [ROW], [replace(ROW, episode=ROW.episode + 1)], [replace(ROW, policy="bc")]]
+    for path, rows in zip(files, several, strict=True):
+        write_rows(path, rows)
+    with pytest.raises(MimicbenchError, match=r"first.parquet and .*again.parquet both tell of episode"):
+        table(tuple(files[:2]), ("results",))
+    table((files[0], *files[2:]), ("results",))
+    assert "(" in capsys.readouterr().out
 
 
 def test_every_cut_and_every_flip_is_refused_or_harmless(tmp_path):

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from mimicbench.benchmark.recipe import Recipe, stage_type
-from mimicbench.benchmark.shipped import TRACKER, shipped, shipped_trackers
+from mimicbench.benchmark.shipped import PERCEPTION, TRACKER, shipped, shipped_trackers
 from mimicbench.core.checkpoint import CONFIG, checkpoint_digest, used_by
 from mimicbench.core.errors import BadFile
 from mimicbench.core.files import digest_of_json
@@ -23,7 +23,7 @@ from mimicbench.robots.registry import ROBOTS
 from mimicbench.tasks.registry import TASKS
 from mimicbench.tasks.task import Task
 
-PERCEPTION, POLICY, CHECKPOINT = "perception", "policy", "checkpoint"
+POLICY, CHECKPOINT = "policy", "checkpoint"
 
 
 @dataclass(frozen=True)

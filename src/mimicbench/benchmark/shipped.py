@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from mimicbench.core.checkpoint import CONFIG, checkpoint_robot
+from mimicbench.core.checkpoint import CONFIG, checkpoint_kind, checkpoint_robot
 from mimicbench.core.files import read_json
 
 SHIPPED = Path(__file__).parents[1] / "checkpoints"
 """`tracker`, which follows clips of all tasks, and `<task>/<policy>`, beside the `tracker` and the `perception` that it
 uses."""
-TRACKER = "tracker"
+TRACKER, PERCEPTION = "tracker", "perception"
 
 
 def shipped(robot: str, task: str, name: str) -> Path | None:
@@ -25,8 +25,9 @@ def shipped_for(name: str) -> list[str]:
 
 
 def shipped_names(task: str) -> list[str]:
-    """The checkpoints that come with the package for a task, whatever they are."""
-    return sorted(path.parent.name for path in SHIPPED.glob(f"{task}/*/{CONFIG}"))
+    """The policies and trackers that come with the package for a task."""
+    folders = (path.parent for path in sorted(SHIPPED.glob(f"{task}/*/{CONFIG}")))
+    return [folder.name for folder in folders if checkpoint_kind(folder) != PERCEPTION]
 
 
 def shipped_trackers(robot: str) -> dict[str, Path]:
