@@ -26,7 +26,12 @@ def halve(source: Path, target: Path) -> float:
     return float(max(changes))
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Do it."""
     if len(sys.argv) != 3:
         sys.exit(__doc__)
     print(f"largest relative change {halve(Path(sys.argv[1]), Path(sys.argv[2])):.1e}")
+
+
+if __name__ == "__main__":
+    main()
