@@ -127,4 +127,6 @@ def _route(obj: SceneObject, berth: Berth, start_xy: np.ndarray) -> Route:
     return Route(around_box(turned @ start_xy, before, near, far, MARGIN).points @ turned)
 
 
-SYNTHESIS = Synthesis("lie-bed", synthesize_lie_bed, LieStyle, lambda obj, style, _: lie_bed_courses(obj, style))
+SYNTHESIS = Synthesis(
+    "lie-bed", synthesize_lie_bed, LieStyle, lambda obj, style, _: lie_bed_courses(obj, style), alike=True
+)

@@ -128,4 +128,6 @@ def find_berth(obj: SceneObject, body: Body) -> Berth:
     )
 
 
-SYNTHESIS = Synthesis("lie-sofa", synthesize_lie_sofa, LieStyle, lambda obj, style, _: lie_sofa_courses(obj, style))
+SYNTHESIS = Synthesis(
+    "lie-sofa", synthesize_lie_sofa, LieStyle, lambda obj, style, _: lie_sofa_courses(obj, style), alike=True
+)

@@ -296,4 +296,6 @@ def _stand(
     return carried, stand, short
 
 
-SYNTHESIS = Synthesis("lift-box", synthesize_lift_box, LiftStyle, lambda obj, style, _: (lift_course(obj, style),))
+SYNTHESIS = Synthesis(
+    "lift-box", synthesize_lift_box, LiftStyle, lambda obj, style, _: (lift_course(obj, style),), alike=True
+)

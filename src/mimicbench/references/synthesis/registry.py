@@ -28,9 +28,16 @@ KEPT = 64
 def synthesize(task: str, index: int, obj: SceneObject, seed: int, alike: bool = False) -> HumanMotion:
     """Clip number `index` of a task on an object, all people being `alike` or not; depends on these and the seed alone.
 
-    Raises UnknownName or BadObject.
+    Raises UnknownName or BadObject, or BadMotion if people cannot be alike there.
     """
-    return SYNTHESES.get(task).make(clip_id(task, index, seed), obj, seed, alike)
+    row, what = SYNTHESES.get(task), (clip_id(task, index, seed), obj, seed)
+    if not alike:
+        return row.make(*what)
+    if not row.alike:
+        raise BadMotion(
+            f"people who do {task} choose nothing that they could have in common; leave out references.alike"
+        )
+    return row.make(*what, True)
 
 
 def clip_id(task: str, index: int, seed: int) -> str:

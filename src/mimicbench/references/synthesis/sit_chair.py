@@ -68,4 +68,6 @@ def sit_chair_courses(obj: SceneObject, style: SitStyle) -> tuple[Course, ...]:
     return (sit_course("sit-chair", unihsi_body(style.body_scale), obj, style, gait_of(style)),)
 
 
-SYNTHESIS = Synthesis("sit-chair", synthesize_sit_chair, SitStyle, lambda obj, style, _: sit_chair_courses(obj, style))
+SYNTHESIS = Synthesis(
+    "sit-chair", synthesize_sit_chair, SitStyle, lambda obj, style, _: sit_chair_courses(obj, style), alike=True
+)

@@ -92,4 +92,6 @@ def arrival(obj: SceneObject, start_xy: np.ndarray, start_yaw: float, style: Sit
     )
 
 
-SYNTHESIS = Synthesis("sit-sofa", synthesize_sit_sofa, SitStyle, lambda obj, style, _: sit_sofa_courses(obj, style))
+SYNTHESIS = Synthesis(
+    "sit-sofa", synthesize_sit_sofa, SitStyle, lambda obj, style, _: sit_sofa_courses(obj, style), alike=True
+)

@@ -17,11 +17,13 @@ class Synthesis:
 
     name: str
     """The task's."""
-    make: Callable[[str, SceneObject, int, bool], HumanMotion]
-    """(clip id, object, seed, whether all people are to be alike) -> clip."""
+    make: Callable[..., HumanMotion]
+    """(clip id, object, seed) -> clip; where people can be alike, a fourth argument says whether they are to be."""
     style: type | None = None
     """Dataclass of the choices that are stored with a clip; None if nobody is to plan anew by them."""
     find: Callable[[SceneObject, Any, np.ndarray], tuple[Course, ...]] | None = None
     """(object, style, (2, 3) goals of the wrists [m] or none) -> ways to do the task, to plan it from anywhere."""
     wrist_goals: bool = False
     """Whether the ways depend on goals of the wrists."""
+    alike: bool = False
+    """Whether people can all do it in one style (`manner`)."""

@@ -224,4 +224,5 @@ SYNTHESIS = Synthesis(
     TouchStyle,
     lambda obj, style, goal: (touch_course(obj, goal, style),),
     wrist_goals=True,
+    alike=True,
 )
