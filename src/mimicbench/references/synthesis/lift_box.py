@@ -120,12 +120,8 @@ class Lifting(NamedTuple):
 def draw_style(random: np.random.Generator) -> LiftStyle:
     """The few free choices of a clip. The walk is short enough for the box to be held for HOLD seconds."""
     duration = 4.3 + float(np.clip(0.2 * random.standard_normal(), -0.4, 0.4))
-    reach_duration, lift_duration, overlap, brace = (
-        random.uniform(0.95, 1.15),
-        random.uniform(1.1, 1.35),
-        random.uniform(0.15, 0.35),
-        random.uniform(0.08, 0.25),
-    )
+    reach_duration, lift_duration = random.uniform(0.95, 1.15), random.uniform(1.1, 1.35)
+    overlap, brace = random.uniform(0.15, 0.35), random.uniform(0.08, 0.25)
     walking = min(random.uniform(0.9, 1.4), duration - reach_duration - lift_duration - HOLD - brace + overlap)
     return LiftStyle(
         random.uniform(*SIZES),
