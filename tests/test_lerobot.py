@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from mimicbench.core.errors import BadFile, MimicbenchError
-from mimicbench.core.files import write_record
+from mimicbench.core.files import digest_of, write_record
 from mimicbench.imitate.lerobot import load_demos
 from mimicbench.imitate.stored.demo_writer import Demonstration, DemoWriter
 from mimicbench.imitate.stored.tables import read_tasks
@@ -195,12 +195,17 @@ def test_wrong_use(tmp_path):
         writer(tmp_path / "new").add(replace(demo(0), qvel=np.full((7, 25), np.nan)))
 
 
-@pytest.mark.parametrize("name", ["/dev/zero", "../outside.json", "meta", "data/../../outside.json"])
+@pytest.mark.parametrize(
+    "name", ["/dev/zero", "../outside.json", "meta", "data/../../outside.json", "HERE/meta/outside.json"]
+)
 def test_digests_lead_nowhere_else(name, tmp_path):
     """Who wrote them may be a stranger: what is not a file of the data set is not read."""
     fill(tmp_path / "set")
-    (tmp_path / "outside.json").write_text("{}")
-    write_record(tmp_path / "set" / "meta" / "digests.json", {name: "0" * 16})
+    (tmp_path / "meta").mkdir()
+    for outside in (tmp_path / "outside.json", tmp_path / "meta" / "outside.json"):
+        outside.write_text("{}")
+    name = name.replace("HERE", str(tmp_path))
+    write_record(tmp_path / "set" / "meta" / "digests.json", {name: digest_of(tmp_path / "outside.json")})
     with pytest.raises(BadFile, match="is not as it was written"):
         load_demos(tmp_path / "set")
 

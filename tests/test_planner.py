@@ -17,7 +17,7 @@ from mimicbench.evaluate.rollout import run_policy
 from mimicbench.imitate.clock import SIZE as CLOCK_SIZE
 from mimicbench.imitate.dagger import SEEN, Episodes
 from mimicbench.imitate.goals import both_places, given_goal, goals_of
-from mimicbench.imitate.learn_planner import train_planner
+from mimicbench.imitate.learn_planner import _Run, train_planner
 from mimicbench.imitate.perception import Perception, PerceptionConfig, save_perception
 from mimicbench.imitate.plan import PlanLayout
 from mimicbench.imitate.planner import PlannerConfig, PlannerSizes, load_planner, save_planner
@@ -148,6 +148,28 @@ def test_a_training_killed_in_the_middle_ends_in_the_same_bytes(clips, tmp_path,
     resumed = train_planner(tmp_path / "killed", tracker(shape), clips, longer, 0, EnvConfig(workers=1))
     for name, value in whole.state_dict().items():
         assert torch.equal(value, resumed.state_dict()[name]), name
+
+
+def test_a_clip_waits_for_who_lags_and_hurries_for_who_is_ahead(clips):
+    """By a frame each, on the way alone, and only where the planner drives."""
+    calm = ClipStartConfig(first_frame=1.0, pos_noise=0.0, angle_noise=0.0, vel_noise=0.0)
+    config = replace(SMALL, pace=1.0, tracking=replace(SMALL.tracking, starts=calm, focus=0.0))
+    run = _Run(tracker(SHAPE), clips, config, 0, EnvConfig(workers=1))
+    env, bank = run.env.env, run.env.bank
+    place = [bank.frame(env.clip, env.index + ahead).root_pos_w[:, :2] for ahead in range(400)]
+    gone = torch.stack([(one - place[0]).norm(dim=-1) for one in place])
+    assert (gone[-1] > 0.3).all(), "they walk"
+    walked = (gone > 0.2).int().argmax(0)  # the clip is so far ahead of robots that stand where it began
+    for teacher, index, moved in ((False, walked, -1), (True, walked, 0), (False, bank.lengths[env.clip] - 1, 0)):
+        run.drivers.teacher[:] = teacher
+        env.index[:] = index
+        run.keep_pace()
+        assert (env.index - index == moved).all()
+    run.drivers.teacher[:] = False
+    env.index[:] = 0
+    run.keep_pace()
+    assert (env.index == 0).all(), "who is where the clip is"
+    run.env.env.close()
 
 
 def test_another_training_is_not_taken_up(clips, tmp_path):

@@ -44,7 +44,8 @@ def check_digests(folder: Path) -> None:
         return
     for name, digest in read_digests(folder).items():
         # who wrote this may be a stranger: nothing leads out of the folder, and nothing is read that is not a file
-        inside = any(PurePosixPath(name).match(pattern) for pattern in _FILES) and ".." not in name
+        place = PurePosixPath(name)
+        inside = not place.is_absolute() and ".." not in place.parts and any(map(place.match, _FILES))
         if not inside or not (folder / name).is_file() or digest_of(folder / name) != digest:
             raise BadFile(
                 f"{folder / name} is not as it was written; it is damaged: delete the folder of these "
