@@ -182,7 +182,7 @@ def test_a_cloner_learns_from_what_it_got_into(tmp_path):
     assert not rounds[0].success.any()
     learned, _ = load_learner(tmp_path / "policy", H1, BCConfig)
     # another one learns from the same frames in one training, and then has a round of its own
-    joined = replace(config, dagger=replace(config.dagger, rounds=1, rounds_of=str(tmp_path / "policy")))
+    joined = replace(config, dagger=replace(config.dagger, rounds=1, rounds_of=(str(tmp_path / "policy"),)))
     heir = clone(tmp_path / "heir" / "policy", given(tmp_path / "heir", clips), joined)
     own = load_demos(tmp_path / "heir" / "rounds" / "0" / "dataset", "h1", only_success=False)
     assert heir["demonstrations"] == told["demonstrations"] + own.episodes and heir["batches"] == 6

@@ -414,8 +414,8 @@ def test_trackers_that_cannot_be_trained_are_refused_at_once(track, said):
 def test_a_cloner_that_begins_where_no_policy_is_is_refused_at_once():
     with pytest.raises(BadSetting, match="imitate.begin_from is 'nowhere', where no policy is"):
         read_recipe({"task": "sit-chair", "imitate": {"learner": "act", "begin_from": "nowhere"}})
-    with pytest.raises(BadSetting, match="imitate.dagger.rounds-of is 'nowhere', beside which no rounds are"):
-        read_recipe({"task": "sit-chair", "imitate": {"learner": "act", "dagger": {"rounds_of": "nowhere"}}})
+    with pytest.raises(BadSetting, match="imitate.dagger.rounds-of names 'nowhere', beside which no rounds are"):
+        read_recipe({"task": "sit-chair", "imitate": {"learner": "act", "dagger": {"rounds_of": ["nowhere"]}}})
 
 
 def test_recordings_to_learn_from_must_be_there(tmp_path):

@@ -274,8 +274,9 @@ def _learned_before(settings: dict[str, Any]) -> dict[str, str]:
     found = {}
     if policy := settings.pop("begin_from"):
         found["begin_from"] = checkpoint_digest(Path(policy))
-    if driver := settings["dagger"].pop("rounds_of"):
-        found["rounds_of"] = digest_of_json([read_digests(place) for place in rounds_of(driver)])
+    if drivers := settings["dagger"].pop("rounds_of"):
+        places = [place for driver in drivers for place in rounds_of(driver)]
+        found["rounds_of"] = digest_of_json([read_digests(place) for place in places])
     return found
 
 

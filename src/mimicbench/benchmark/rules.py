@@ -128,15 +128,14 @@ def cloner_finds_policies(recipe: Recipe) -> None:
     if begin_from and not (Path(begin_from) / MODEL).is_file():
         raise BadSetting(f"imitate.begin_from is {begin_from!r}, where no policy is; give the folder of its checkpoint")
     dagger = getattr(recipe.imitate, "dagger", None)
-    if dagger is None or not (driver := dagger.rounds_of):
-        return
-    from mimicbench.imitate.cloning import rounds_of
+    for driver in dagger.rounds_of if dagger else ():
+        from mimicbench.imitate.cloning import rounds_of
 
-    if not rounds_of(driver):
-        raise BadSetting(
-            f"imitate.dagger.rounds-of is {driver!r}, beside which no rounds are; give the folder `policy` of one that "
-            "was learned with --imitate.dagger.rounds"
-        )
+        if not rounds_of(driver):
+            raise BadSetting(
+                f"imitate.dagger.rounds-of names {driver!r}, beside which no rounds are; give the folder `policy` of "
+                "one that was learned with --imitate.dagger.rounds"
+            )
 
 
 RULES: tuple[Callable[[Recipe], None], ...] = (

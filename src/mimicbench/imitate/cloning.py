@@ -74,7 +74,7 @@ def clone(folder: Path, given: Given, config: CloneImitation) -> dict[str, Any]:
     clips = given.clips
     network: NetworkConfig = config.network.of(clips.robot, clips.task)
     demos = load_demos(given.demonstrations, clips.robot.name, state=network.inputs.body == "state")
-    for place in rounds_of(config.dagger.rounds_of):
+    for place in (place for policy in config.dagger.rounds_of for place in rounds_of(policy)):
         driven = _read_round(place, clips.robot.name, demos.state is not None)
         clips_of(driven, clips)  # whose rounds they are has to be found out before anything is learned of them
         demos = demos.joined(driven)
@@ -120,9 +120,7 @@ def _read_round(place: Path, robot: str, state: bool) -> Demos:
 
 
 def rounds_of(policy: str) -> list[Path]:
-    """The data sets of the rounds in which a policy in a folder drove, in order; none of none."""
-    if not policy:
-        return []
+    """The data sets of the rounds in which a policy in a folder drove, in order."""
     rounds = beside(Path(policy), ROUNDS)
     return [rounds / str(number) / DATASET for number in range(len(list(rounds.glob(f"*/{DATASET}"))))]
 

@@ -193,10 +193,10 @@ class DaggerConfig:
     batch: Positive = 64
     """Clips side by side, and a shard of the data set."""
     driven: DrivenConfig = field(default_factory=DrivenConfig)
-    rounds_of: str = ""
-    """Folder of another policy that cloned the same demonstrations: from what it got into in its rounds is learned too,
-    before the rounds of one's own; empty: of none. What one learner ran into serves others, who are then compared on
-    the same frames, or learn in one long training what took it many short ones."""
+    rounds_of: tuple[str, ...] = ()
+    """Folders of other policies that cloned the same demonstrations: from what they got into in their rounds is learned
+    too, before the rounds of one's own. What one learner ran into serves others, who are then compared on the same
+    frames, or learn in one long training what took it many short ones."""
 
 
 def make_driven(
