@@ -1,6 +1,6 @@
 """The choices of somebody who sits down, told with every clip."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -126,6 +126,32 @@ STAYS, BOTH_IN_LAP = 0.6, 0.14
 """How often a hand stays on the arm of the seat that it took on the way down, and how often both go to the lap."""
 AGAINST, ON_KNEES = 0.64, 0.12
 """How many people lean against the back of a seat, and how many sit bent forward."""
+
+
+def plain(style: SitStyle) -> SitStyle:
+    """The same without what follows from a seat's arms and back, of which no goal tells: hands on the thighs, nobody
+    slides back, leans on anything, or moves the feet once seated.
+    """
+    return replace(
+        style,
+        left_down=THIGH,
+        right_down=THIGH,
+        left_rest=THIGH,
+        right_rest=THIGH,
+        left_along=0.6,
+        right_along=0.6,
+        left_late=0.1,
+        right_late=0.1,
+        hang=0.75,
+        elbows=0.3,
+        nod=0.0,
+        back=0.0,
+        against=-1.0,
+        slump=0.1,
+        left_foot=0.0,
+        right_foot=0.0,
+        apart=0.0,
+    )
 
 
 def draw_manner(random: np.random.Generator) -> dict[str, float]:

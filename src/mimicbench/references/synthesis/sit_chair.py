@@ -5,7 +5,7 @@ import numpy as np
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
-from mimicbench.references.actions.sit_styles import SitStyle, draw_manner
+from mimicbench.references.actions.sit_styles import SitStyle, draw_manner, plain
 from mimicbench.references.actions.sitting import sit_course, sit_down
 from mimicbench.references.body.body import unihsi_body
 from mimicbench.references.locomotion.course import Course
@@ -43,7 +43,8 @@ def synthesize_sit_chair(clip_id: str, obj: SceneObject, seed: int, alike: bool 
     seat_height = obj.require_seat()
     random = rng(seed, clip_id, obj.id)
     start_xy, start_yaw = draw_start(random, obj)
-    return make_sit_chair(clip_id, obj, start_xy, start_yaw, draw_style(manner(random, alike), seat_height))
+    style = draw_style(manner(random, alike), seat_height)
+    return make_sit_chair(clip_id, obj, start_xy, start_yaw, plain(style) if alike else style)
 
 
 def make_sit_chair(

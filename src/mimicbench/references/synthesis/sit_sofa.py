@@ -7,7 +7,7 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.actions.seats import place_at, places
-from mimicbench.references.actions.sit_styles import SitStyle, draw_manner
+from mimicbench.references.actions.sit_styles import SitStyle, draw_manner, plain
 from mimicbench.references.actions.sitting import route_to, settled, sit_course, sit_down
 from mimicbench.references.body.body import roam_body
 from mimicbench.references.locomotion.course import Course
@@ -55,6 +55,7 @@ def synthesize_sit_sofa(clip_id: str, obj: SceneObject, seed: int, alike: bool =
     for _ in range(TRIES):
         start_xy, start_yaw = draw_start(random, obj)
         style = draw_style(manner(random, alike), obj, start_xy)
+        style = plain(style) if alike else style
         if arrival(obj, start_xy, start_yaw, style) + settled(style) + REST <= style.duration:
             return make_sit_sofa(clip_id, obj, start_xy, start_yaw, style)
     raise BadMotion(f"clip {clip_id}: sofa {obj.id} is too large to walk to and sit down on in time; use a smaller one")
