@@ -13,7 +13,7 @@ from mimicbench.core.progress import Pulse
 from mimicbench.core.training import METRICS, TorchRandom, read_metrics
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.vec_env import EnvConfig
-from mimicbench.track.checkpoint import CRITIC, TrackerConfig, load_critic, load_tracker, save_tracker
+from mimicbench.track.checkpoint import CRITIC, TrackerConfig, load_critic, load_tracker, save_tracker, tracker_digest
 from mimicbench.track.network import Blueprint, MLPConfig
 from mimicbench.track.parts import TrackingParts
 from mimicbench.track.ppo import PPOConfig, PPOLearner
@@ -135,7 +135,7 @@ def test_what_it_says_on_the_way_tells_how_many_fail(tmp_path, monkeypatch):
 def test_training_is_over_when_every_task_is_good_enough(tmp_path):
     def samples(until, *held_out):
         rows, config = [], replace(tiny(3), evaluate_every=1, until=until)
-        folder = tmp_path / f"{until}-{len(held_out)}"
+        folder = tmp_path / str(len(list(tmp_path.iterdir())))
         train_tracker(folder, [clip_set()], held_out, config, 0, ONE_THREAD, rows.append)
         return rows[-1]["samples"]
 
@@ -143,6 +143,14 @@ def test_training_is_over_when_every_task_is_good_enough(tmp_path):
     assert samples(1.0, clip_set(CLIPS[1])) == tiny(3).samples
     assert samples(0.9, clip_set()) == tiny(3).samples, "the other of the two falls"
     assert samples(0.4) == tiny(1).samples, "nobody else is there: the training clips count"
+
+
+def test_who_was_good_enough_and_is_called_again_does_not_train_on(tmp_path):
+    """A command can be killed after its training is over and before it says so."""
+    config = replace(tiny(3), evaluate_every=1, until=0.4)
+    for until, samples in ((0.4, tiny(1).samples), (0.4, tiny(1).samples), (1.0, tiny(3).samples)):
+        train_tracker(tmp_path, [clip_set()], [], replace(config, until=until), 0, ONE_THREAD)
+        assert read_metrics(tmp_path / METRICS)[-1]["samples"] == samples
 
 
 BOX = block(0.4, 0.2, movable=True, mass=2.0)
@@ -219,8 +227,10 @@ def test_who_goes_on_takes_over_the_critic_too(tmp_path):
     begin_from(first, H1, learner, LAYOUT)
     for name, value in learner.critic_tensors().items():
         np.testing.assert_allclose(value, critic[name], rtol=1e-6, err_msg=name)
+    whole = tracker_digest(first)
     shutil.rmtree(first / CRITIC)
     assert load_critic(first, H1) is None
+    assert tracker_digest(first) != whole, "who goes on from it without its critic learns something else"
 
 
 def test_the_critic_learns_at_its_own_rate():

@@ -157,7 +157,9 @@ def track_key(run: Run) -> StageKey:
     told_apart = ("begin_from", "also", "recorded")
     settings = {name: value for name, value in identity(config).items() if name not in told_apart}
     if config.begin_from:
-        made_from["begin_from"] = checkpoint_digest(Path(config.begin_from))
+        from mimicbench.track.checkpoint import tracker_digest
+
+        made_from["begin_from"] = tracker_digest(Path(config.begin_from))
     return run.key(
         "track",
         settings,

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from mimicbench.core.building import built
-from mimicbench.core.checkpoint import CONFIG, BadCheckpoint, load_checkpoint, save_checkpoint
+from mimicbench.core.checkpoint import CONFIG, BadCheckpoint, checkpoint_digest, load_checkpoint, save_checkpoint
 from mimicbench.robots.description import Robot
 from mimicbench.track.network import Blueprint, MLPConfig, NetworkConfig, TrackerNetwork
 from mimicbench.track.registry import TRACKERS
@@ -104,6 +104,12 @@ def load_critic(folder: Path, robot: Robot) -> Mapping[str, np.ndarray] | None:
     if not (folder / CRITIC / CONFIG).exists():
         return None
     return _load(folder / CRITIC, CRITIC, robot)[1].tensors()
+
+
+def tracker_digest(folder: Path) -> str:
+    """Stands for all that goes on from a tracker: its network, and its critic if it was kept. Raises BadCheckpoint."""
+    kept = folder / CRITIC
+    return checkpoint_digest(folder) + (checkpoint_digest(kept) if (kept / CONFIG).exists() else "")
 
 
 def load_tracker(folder: Path, robot: Robot) -> Tracker:

@@ -1,8 +1,10 @@
 """How a tracker in training does, by its mean action, from the first frame: K, and who stays."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+from mimicbench.core.training import METRICS, read_metrics
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.metrics import Verdict
 from mimicbench.envs.vec_env import EnvConfig
@@ -46,6 +48,12 @@ def good_enough(row: Mapping[str, Any], until: float) -> bool:
     """Whether `until` or more stay in every task, on unseen objects where there are any; at 1 it never is enough."""
     rates = row["stays_held_out_of"] or row["stays_train_of"]
     return until < 1 and min(rates.values()) >= until
+
+
+def was_good_enough(folder: Path, progress: Mapping[str, float], until: float) -> bool:
+    """Whether the training in a folder ended early, and was killed before anybody was told."""
+    rows = read_metrics(folder / METRICS)
+    return bool(rows) and rows[-1]["samples"] == progress["samples"] and good_enough(rows[-1], until)
 
 
 def _verdict(tracker: Tracker, clips: ClipSet, env_config: EnvConfig) -> Verdict:

@@ -14,7 +14,13 @@ import torch
 from mimicbench.core.progress import Pulse
 from mimicbench.core.seeds import digest
 from mimicbench.core.settings import Amount, BadSetting, Positive, Within
-from mimicbench.core.training import TorchRandom, append_metrics, check_losses, resume_training, save_training
+from mimicbench.core.training import (
+    TorchRandom,
+    append_metrics,
+    check_losses,
+    resume_training,
+    save_training,
+)
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.mirrored import with_mirror_images
 from mimicbench.envs.vec_env import EnvConfig
@@ -27,7 +33,7 @@ from mimicbench.track.checkpoint import (
     save_critic,
     save_tracker,
 )
-from mimicbench.track.evaluation import evaluated, good_enough
+from mimicbench.track.evaluation import evaluated, good_enough, was_good_enough
 from mimicbench.track.parts import TrackingParts
 from mimicbench.track.ppo_config import PPOConfig, ppo_learner
 from mimicbench.track.registry import TRACKERS
@@ -155,7 +161,7 @@ def train_tracker(
         saves.checkpoint(progress)
     obs = env.observe()
     pulse, now, saved = Pulse(say), time.monotonic(), time.monotonic()
-    finished = progress["samples"] >= config.samples
+    finished = progress["samples"] >= config.samples or was_good_enough(folder, progress, config.until)
     while not finished:
         alone = bool(config.begin_from) and progress["iterations"] < config.critic_first
         obs, total, failed, losses = _learn(env, learner, obs, config, alone)
