@@ -12,15 +12,17 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.checkpoint import save_checkpoint
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.motion import RobotMotion
+from mimicbench.core.run import RunContext
 from mimicbench.envs.clip_starts import ClipStarts
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.reference import ReferenceBank
 from mimicbench.envs.vec_env import VecEnv
 from mimicbench.evaluate.rollout import run_policy
 from mimicbench.imitate.learned import save_learner
-from mimicbench.imitate.learners.hit import ClipPlans, HITConfig, load_hit
+from mimicbench.imitate.learners.hit import ClipPlans, HITConfig, HITImitation, learn, load_hit
 from mimicbench.imitate.lerobot import Demos
 from mimicbench.imitate.plan import PosePlan
+from mimicbench.imitate.spec import Given
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.policies.loading import load_policy
 from mimicbench.sensors.observations import chosen_terms
@@ -98,7 +100,7 @@ def test_poses_complete_what_the_tracker_is_told(name, design):
     env.reset(Rows.every(1, env.device), replace(start, robot=body, object=moved))
     privileged = [term.name for term in chosen_terms(spec.observations, clips.task) if term.privileged]
     obs = env.observe(("proprio", *privileged, *(("targets",) if clips.task.wrist_goals else ())))
-    found = PosePlan(ROBOT, clips.task).terms(spec, chunk, obs)
+    found = PosePlan(ROBOT, clips.task).terms(spec, chunk, obs["proprio"])
     assert set(privileged) <= set(found)
     for term in found:
         # velocities are differences of two poses, and the clip's are those of its curve
@@ -148,16 +150,18 @@ def test_a_policy_drives_over_any_tracker(name, tmp_path):
 
 def test_a_tracker_that_looks_too_far_ahead_is_refused(tmp_path):
     task = TASKS.get("sit-chair")
-    policy = load_hit(saved(tmp_path, task, "residual", chunk=3), ROBOT, task)
+    folder = saved(tmp_path, task, "residual", chunk=3)
     with pytest.raises(MimicbenchError, match="looks 5 frames ahead, but the plans end after 3"):
-        run_policy(policy, gliding(replace(task, time_limit=0.1)), env_config=ONE)
+        load_hit(folder, ROBOT, task)
+    short = HITImitation(network=replace(HITConfig.small(), chunk=3))
+    with pytest.raises(MimicbenchError, match="looks 5 frames ahead, but the plans end after 3"):
+        learn(folder, Given(gliding(task), tmp_path / "no demonstrations", 0, "full", RunContext()), short)
 
 
 def test_a_tracker_that_is_told_what_bears_is_refused(tmp_path):
     task = TASKS.get("sit-chair")
-    policy = load_hit(saved(tmp_path, task, "residual-contact"), ROBOT, task)
     with pytest.raises(MimicbenchError, match="do not say what bears"):
-        run_policy(policy, gliding(replace(task, time_limit=0.1)), env_config=ONE)
+        load_hit(saved(tmp_path, task, "residual-contact"), ROBOT, task)
 
 
 def test_a_policy_without_its_tracker_is_refused(tmp_path):

@@ -14,7 +14,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.context import Frame, StepContext
-from mimicbench.sensors.observations import Observations, chosen_terms
+from mimicbench.sensors.observations import chosen_terms
 from mimicbench.sensors.reference import object_in_root, reference_links
 from mimicbench.sim.physics import LinkState, ObjectState, RobotState
 from mimicbench.sim.scene import CONTROL_DT
@@ -110,19 +110,19 @@ class PosePlan:
                 parts.append(torch.cat([seen[:, :3], rot.to_6d(rot.from_rotvec(seen[:, 3:6])), seen[:, 6:]], -1))
         return torch.cat(parts, -1)
 
-    def terms(self, spec: TrackerSpec, chunk: Tensor, obs: Observations) -> dict[str, Tensor]:
+    def terms(self, spec: TrackerSpec, chunk: Tensor, proprio: Tensor) -> dict[str, Tensor]:
         """What a tracker has to be told of plans (N, K, P): its privileged terms, and the wrists' targets.
 
         Args:
             spec: The tracker.
             chunk: (N, K, P); a tracker that looks n frames ahead needs K >= n.
-            obs: Of the N robots, with `proprio`.
+            proprio: (N, 10 + 2 J) what the robots measure of themselves.
 
         Raises:
             MimicbenchError: The tracker looks farther ahead than the plans go.
         """
         first = chunk[:, 0].split(self._widths, -1)
-        context = Imagined.in_root(self.robot, self.task, obs["proprio"], lambda ahead: self._frame(chunk, ahead))
+        context = Imagined.in_root(self.robot, self.task, proprio, lambda ahead: self._frame(chunk, ahead))
         if self.task.moves_object:
             context = context.beside(_object(first[3]))
         wanted = (term for term in chosen_terms(spec.observations, self.task) if term.privileged)

@@ -21,7 +21,7 @@ how it differs from the first.
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import torch
 from torch import Tensor, nn
@@ -31,7 +31,7 @@ from mimicbench.core.checkpoint import beside
 from mimicbench.core.settings import Positive
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.reference import ReferenceBank
-from mimicbench.imitate.cloning import CloneImitation, clips_of, cloner
+from mimicbench.imitate.cloning import CloneImitation, clips_of, clone
 from mimicbench.imitate.encoder import Encoder, EncoderConfig, sine_positions_2d
 from mimicbench.imitate.goals import known_goal
 from mimicbench.imitate.inputs import Batch, Learner, NetworkConfig, Window, check_heads
@@ -40,6 +40,7 @@ from mimicbench.imitate.lerobot import Demos
 from mimicbench.imitate.plan import PosePlan
 from mimicbench.imitate.planner import own_terms
 from mimicbench.imitate.policy import Senses
+from mimicbench.imitate.spec import Given, LearnerSpec
 from mimicbench.imitate.train import TrainConfig
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.observations import Observations
@@ -250,7 +251,7 @@ class HITPolicy:
     def act(self, obs: Observations) -> Tensor:
         """Joint position targets (N, J) [rad]."""
         chunk = self._learner.plan(*self._senses.see(obs))
-        planned = self._plan.terms(self._tracker.spec, chunk, obs)
+        planned = self._plan.terms(self._tracker.spec, chunk, obs["proprio"])
         terms = {**{name: obs[name] for name in self._own}, "last_action": self._last_action, **planned}
         self._last_action = self._follower.action(terms)
         return self._tracker.target(self._robot, terms, self._last_action)
@@ -260,7 +261,15 @@ def load_hit(folder: Path, robot: Robot, task: Task) -> HITPolicy:
     """Read a policy with the `tracker` in the folder beside it. Raises BadCheckpoint."""
     learner, _ = load_learner(folder, robot, HITConfig)
     goal = known_goal(beside(folder, "perception"), robot, task) if learner.inputs.memory else None
-    return HITPolicy(robot, task, learner, load_tracker(beside(folder, "tracker"), robot), Senses(learner.inputs, goal))
+    tracker = load_tracker(beside(folder, "tracker"), robot)
+    check_told(robot, task, tracker, learner.config.chunk)
+    return HITPolicy(robot, task, learner, tracker, Senses(learner.inputs, goal))
+
+
+def check_told(robot: Robot, task: Task, tracker: Tracker, chunk: int) -> None:
+    """Raise MimicbenchError if plans of so many frames do not say all that a tracker has to be told."""
+    plan = PosePlan(robot, task)
+    plan.terms(tracker.spec, torch.zeros(1, chunk, plan.size), torch.zeros(1, 10 + 2 * len(robot.joints)))
 
 
 @dataclass(frozen=True)
@@ -277,4 +286,11 @@ class HITImitation(CloneImitation):
         return ClipPlans(demos, clips)
 
 
-LEARNER = cloner("hit", HITImitation)
+def learn(folder: Path, given: Given, config: HITImitation) -> dict[str, Any]:
+    """Clone what the tracker beside the folder can be told."""
+    clips = given.clips
+    check_told(clips.robot, clips.task, load_tracker(beside(folder, "tracker"), clips.robot), config.network.chunk)
+    return clone(folder, given, config)
+
+
+LEARNER = LearnerSpec("hit", HITImitation, learn)
