@@ -23,6 +23,7 @@ from mimicbench.core.training import (
     save_training,
 )
 from mimicbench.envs.clips import ClipSet
+from mimicbench.envs.mirrored import with_mirror_images
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.imitate.dagger import SEEN, Drivers, Episodes, Replay
 from mimicbench.imitate.plan import PlanLayout
@@ -47,6 +48,7 @@ def train_planner(
     Training state goes to `<folder>/training.safetensors`, progress to `<folder>/metrics.jsonl`; a killed training goes
     on from there to the same bytes. The networks move to where the tensors of physics on the device live.
     """
+    clips = with_mirror_images(clips) if config.mirrored else clips
     torch.manual_seed(digest(seed, "planner") % (1 << 63))
     torch.set_num_threads(config.threads)
     run = _Run(tracker, clips, config, seed, env_config)

@@ -52,6 +52,8 @@ class PlannerConfig:
     pace: Share = 0.0
     """How often a clip waits for a frame where the robot lags behind it on the way, and leaves one out where it is
     ahead. Who sees no clock cannot know that the clip is ahead, and learns to hurry everywhere."""
+    mirrored: bool = False
+    """Learn from the mirror images of all clips, too: twice as many starts and objects for nothing."""
     samples: Positive = 3_200_000
     """Control steps to see, over all robots."""
     num_envs: Positive = 256
