@@ -1,4 +1,4 @@
-"""Writes the tables of results into README.md and docs/results.md, from the episode rows in `runs/`.
+"""Writes the tables of results into README.md, docs/results.md and docs/orderings.md, from the episode rows in `runs/`.
 
 `runs/<task>` holds the best of a task, whose rows are in the README's table; other folders are of several tasks, or of
 what came before. A test fails where a page says something else than the rows.
@@ -8,14 +8,17 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from mimicbench.comparisons.comparing import Compared
+from mimicbench.comparisons.registry import COMPARISONS
 from mimicbench.evaluate.rows import EpisodeRow, read_rows, summarize
 from mimicbench.report.table import to_markdown
+from mimicbench.report.tables.comparison import comparison_table
 from mimicbench.report.tables.registry import TABLES
 from mimicbench.report.tables.spec import Episodes
 from mimicbench.tasks.registry import TASKS
 
 ROOT = Path(__file__).parents[1]
-README, RESULTS = ROOT / "README.md", ROOT / "docs" / "results.md"
+README, RESULTS, ORDERINGS = ROOT / "README.md", ROOT / "docs" / "results.md", ROOT / "docs" / "orderings.md"
 
 
 def rows_of(folder: Path) -> list[EpisodeRow]:
@@ -60,6 +63,14 @@ def _recorded(title: str, people: str, rows: Sequence[EpisodeRow]) -> str:
     return f"| {title} | {people} | {found.kinematic} | {found.energy} | {found.stays} |"
 
 
+def compared(name: str, folder: Path) -> str:
+    """The table of a comparison, whose rows are in files that are named by the variants' labels."""
+    comparison = COMPARISONS.get(name)
+    paths = [folder / "rows" / f"{one.label.removesuffix(' %')}.parquet" for one in comparison.variants]
+    found = [Compared(one, None, read_rows(path)) for one, path in zip(comparison.variants, paths, strict=True)]
+    return to_markdown(comparison_table(comparison, found))
+
+
 def with_table(page: str, name: str, table: str) -> str:
     """A page with the table between the marks of that name; the page as it is without such marks."""
     begin, end = f"<!-- {name} -->\n", f"<!-- /{name} -->"
@@ -68,7 +79,7 @@ def with_table(page: str, name: str, table: str) -> str:
 
 
 def pages() -> dict[Path, str]:
-    """Both pages as they ought to be."""
+    """The pages as they ought to be."""
     results = RESULTS.read_text()
     for folder in sorted(path.parent for path in (ROOT / "runs").glob("*/evaluate")):
         results = with_table(results, f"runs/{folder.name}", of_run(folder))
@@ -88,11 +99,13 @@ def pages() -> dict[Path, str]:
         for split, words in (("learn", "learned from"), ("judge", "never met"))
     }
     results = with_table(results, "real-people", recorded(followed))
-    return {README: with_table(README.read_text(), "results", best()), RESULTS: results}
+    scale = compared("data-scale", ROOT / "runs" / "sit-chair-data-scale")
+    orderings = with_table(ORDERINGS.read_text(), "data-scale", scale)
+    return {README: with_table(README.read_text(), "results", best()), RESULTS: results, ORDERINGS: orderings}
 
 
 def main() -> None:
-    """Write both."""
+    """Write them."""
     for path, text in pages().items():
         path.write_text(text)
 
