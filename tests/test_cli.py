@@ -120,8 +120,8 @@ def test_names_of_folders_do_not_steer_the_terminal(capsys):
 
 def test_a_missing_policy_is_told_with_the_command_that_makes_it(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    _, message = called("evaluate", "--task", "lie-bed", "--policy", "bc", capsys=capsys)
-    assert "`mimicbench imitate --learner bc --task lie-bed --workdir work`" in message
+    _, message = called("evaluate", "--task", "lift-box", "--policy", "bc", capsys=capsys)
+    assert "`mimicbench imitate --learner bc --task lift-box --workdir work`" in message
 
 
 def test_hostile_pickle_is_refused_and_not_executed(tmp_path):
