@@ -1,15 +1,18 @@
 """The planner: what it sees, how it learns at every task, and that a kill loses nothing."""
 
+import json
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import safetensors
 import torch
 
 from learning import ONE, ROBOT, clip_of, shape_of, tracker
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError
+from mimicbench.core.training import STATE
 from mimicbench.envs.clip_starts import ClipStartConfig
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.vec_env import EnvConfig
@@ -25,6 +28,7 @@ from mimicbench.objects.families.chair import make_chair
 from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.methods.optimization import optimize
+from mimicbench.robots.mirror import toggled
 from mimicbench.sensors.observations import Observations
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.registry import TASKS
@@ -170,6 +174,14 @@ def test_a_clip_waits_for_who_lags_and_hurries_for_who_is_ahead(clips):
     run.keep_pace()
     assert (env.index == 0).all(), "who is where the clip is"
     run.env.env.close()
+
+
+def test_mirror_images_of_all_clips_are_learned_from_too(clips, tmp_path):
+    train_planner(tmp_path, tracker(SHAPE), clips, replace(SMALL, mirrored=True), 0, EnvConfig(workers=1))
+    with safetensors.safe_open(tmp_path / STATE, "pt") as file:
+        learned = json.loads(file.metadata()["mimicbench"])["identity"]["clips"]
+    names = [motion.id for motion in clips.motions]
+    assert learned == [*names, *(toggled(name) for name in names)]
 
 
 def test_another_training_is_not_taken_up(clips, tmp_path):
