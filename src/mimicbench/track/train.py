@@ -14,13 +14,7 @@ import torch
 from mimicbench.core.progress import Pulse
 from mimicbench.core.seeds import digest
 from mimicbench.core.settings import Amount, BadSetting, Positive, Within
-from mimicbench.core.training import (
-    TorchRandom,
-    append_metrics,
-    check_losses,
-    resume_training,
-    save_training,
-)
+from mimicbench.core.training import TorchRandom, append_metrics, check_losses, resume_training, save_training
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.mirrored import with_mirror_images
 from mimicbench.envs.vec_env import EnvConfig

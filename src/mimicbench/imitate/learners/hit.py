@@ -258,7 +258,7 @@ class HITPolicy:
 
 
 def load_hit(folder: Path, robot: Robot, task: Task) -> HITPolicy:
-    """Read a policy with the `tracker` in the folder beside it. Raises BadCheckpoint."""
+    """Read a policy with the `tracker` in the folder beside it. Raises BadCheckpoint, or as `check_told`."""
     learner, _ = load_learner(folder, robot, HITConfig)
     goal = known_goal(beside(folder, "perception"), robot, task) if learner.inputs.memory else None
     tracker = load_tracker(beside(folder, "tracker"), robot)
@@ -287,7 +287,7 @@ class HITImitation(CloneImitation):
 
 
 def learn(folder: Path, given: Given, config: HITImitation) -> dict[str, Any]:
-    """Clone what the tracker beside the folder can be told."""
+    """Clone what the tracker beside the folder can be told. Raises as `check_told` before anything is learned."""
     clips = given.clips
     check_told(clips.robot, clips.task, load_tracker(beside(folder, "tracker"), clips.robot), config.network.chunk)
     return clone(folder, given, config)
