@@ -148,7 +148,7 @@ def test_an_environment_is_the_same_on_both(task, device):
         assert list(ours) == list(theirs)
         np.testing.assert_array_equal(our_end, their_end)
         ends += int(np.sum(our_end) > 0)
-        for name in ("object_id", "seed", "success", "fell", "diverged"):
+        for name in ("start", "seed", "success", "fell", "diverged"):
             np.testing.assert_array_equal(our_info[name], their_info[name])
         np.testing.assert_allclose(our_info["effort"], their_info["effort"], rtol=1e-3, atol=1e-3)
         for name, values in ours.items():

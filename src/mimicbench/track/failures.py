@@ -5,8 +5,6 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor
 
-from mimicbench.sensors.arrays import own
-
 PARTS = 32
 """Equal parts that every clip is split into: clips of a task have walking, turning and acting in the same order."""
 MEMORY = 1000
@@ -22,6 +20,8 @@ class Failures:
         # as if every part had been seen and had failed as often as the others
         self.steps = torch.full((PARTS,), 100.0, device=device)
         self.failed = torch.ones(PARTS, device=device)
+        ahead = torch.arange(PARTS)[None] - torch.arange(PARTS)[:, None]
+        self._rewind = torch.where(ahead >= 0, REWIND ** ahead.clamp(min=0), 0.0).to(device)
 
     def update(self, progress: Tensor, failed: Tensor) -> None:
         """Robots are at `progress` (N,) of their clips, 1 being the end; some `failed` (N,) bool."""
@@ -33,10 +33,7 @@ class Failures:
     def chances(self, focus: float) -> Tensor:
         """(PARTS,) chance of each part to be started in; 1 - `focus` of it is spread evenly."""
         hazard = self.failed / self.steps.clamp(min=1.0)
-        weight = hazard.clone()
-        _, (parts,) = own(weight)  # of the same memory
-        for part in range(PARTS - 2, -1, -1):
-            parts[part] += REWIND * parts[part + 1]
+        weight = self._rewind @ hazard
         return focus * weight / weight.sum().clamp(min=1e-12) + (1.0 - focus) / PARTS
 
     def state_tensors(self) -> dict[str, Tensor]:
