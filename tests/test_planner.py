@@ -12,6 +12,7 @@ import torch
 from learning import ONE, ROBOT, clip_of, shape_of, tracker
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError
+from mimicbench.core.settings import BadSetting
 from mimicbench.core.training import STATE
 from mimicbench.envs.clip_starts import ClipStartConfig
 from mimicbench.envs.clips import ClipSet
@@ -23,7 +24,7 @@ from mimicbench.imitate.goals import both_places, given_goal, goals_of
 from mimicbench.imitate.learn_planner import _Run, train_planner
 from mimicbench.imitate.perception import Perception, PerceptionConfig, save_perception
 from mimicbench.imitate.plan import PlanLayout
-from mimicbench.imitate.planner import PlannerConfig, PlannerSizes, load_planner, save_planner
+from mimicbench.imitate.planner import PlannerConfig, PlannerSizes, load_network, load_planner, save_planner
 from mimicbench.objects.families.chair import make_chair
 from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.retarget.clip import Clip
@@ -132,6 +133,20 @@ def test_training_is_the_same_again_whatever_the_threads(clips, tmp_path):
         assert torch.equal(value, again.state_dict()[name]), name
     finished = train_planner(tmp_path / "a", tracker(SHAPE), clips, SMALL, 0, EnvConfig(workers=1))
     assert all(torch.equal(value, finished.state_dict()[name]) for name, value in first.state_dict().items())
+
+
+def test_learning_goes_on_from_another_planner(clips, tmp_path):
+    first = train_planner(tmp_path / "first", tracker(SHAPE), clips, SMALL, 0, ONE)
+    save_planner(tmp_path / "planner", ROBOT, first, SMALL, {})
+    there = load_network(tmp_path / "planner", ROBOT)
+    still = replace(SMALL, learning_rate=0.0)
+    same = train_planner(tmp_path / "same", tracker(SHAPE), clips, still, 1, ONE, begin_from=there)
+    for name, value in first.state_dict().items():
+        assert torch.equal(value, same.state_dict()[name]), name
+    on = train_planner(tmp_path / "on", tracker(SHAPE), clips, SMALL, 1, ONE, begin_from=there)
+    assert not torch.equal(first.layers[0].weight, on.layers[0].weight)
+    with pytest.raises(BadSetting, match="other layers"):
+        train_planner(tmp_path / "no", tracker(SHAPE), clips, replace(SMALL, hidden=(8,)), 1, ONE, begin_from=there)
 
 
 class Killed(Exception):

@@ -249,9 +249,9 @@ def imitate_key(run: Run, tracker: Path | None) -> StageKey:
         made_from["robot"] = run.robot.name  # which nothing else that it is made from depends on
     else:
         made_from["tracker"], reads["tracker"] = checkpoint_digest(tracker), tracker
+        made_from |= _learned_before(settings)
         if config.clones:
             made_from["demos"], reads["demos"] = demos_of(run, tracker)
-            made_from |= _learned_before(settings)
         else:
             before.append(retarget_key(run))
     if needs_eyes(run):
@@ -269,14 +269,14 @@ def imitate_key(run: Run, tracker: Path | None) -> StageKey:
 
 
 def _learned_before(settings: dict[str, Any]) -> dict[str, str]:
-    """What a cloner goes on from, whose paths are taken out of its settings: whatever they lead to is what counts."""
+    """What a learner goes on from, whose paths are taken out of its settings: whatever they lead to is what counts."""
     from mimicbench.imitate.cloning import rounds_of
     from mimicbench.imitate.stored.digests import read_digests
 
     found = {}
-    if policy := settings.pop("begin_from"):
+    if policy := settings.pop("begin_from", ""):
         found["begin_from"] = checkpoint_digest(Path(policy))
-    if drivers := settings["dagger"].pop("rounds_of"):
+    if drivers := settings.get("dagger", {}).pop("rounds_of", ()):
         places = [place for driver in drivers for place in rounds_of(driver)]
         found["rounds_of"] = digest_of_json([read_digests(place) for place in places])
     return found

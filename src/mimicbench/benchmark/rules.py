@@ -118,8 +118,8 @@ def tracked_together(recipe: Recipe) -> None:
         raise BadSetting(f"track.begin_from is {begin_from!r}, where no tracker is; give the folder of its checkpoint")
 
 
-def cloner_finds_policies(recipe: Recipe) -> None:
-    """A cloner that begins from another policy's weights, or learns from its rounds, finds them, before demonstrations
+def learner_finds_policies(recipe: Recipe) -> None:
+    """Who begins from another policy's weights, or learns from its rounds, finds them, before clips or demonstrations
     are made for it.
     """
     from mimicbench.core.checkpoint import MODEL
@@ -146,5 +146,5 @@ RULES: tuple[Callable[[Recipe], None], ...] = (
     expert_follows_clips,
     gains_agree,
     tracked_together,
-    cloner_finds_policies,
+    learner_finds_policies,
 )

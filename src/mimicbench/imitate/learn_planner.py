@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from mimicbench.core.seeds import digest
+from mimicbench.core.settings import BadSetting
 from mimicbench.core.training import (
     NetworkState,
     OptimizerState,
@@ -42,16 +43,20 @@ def train_planner(
     seed: int,
     env_config: EnvConfig | None = None,
     report: Callable[[dict], None] | None = None,
+    begin_from: Mapping[str, Tensor] | None = None,
 ) -> PlannerNetwork:
     """Learn a planner over `tracker` by DAgger on `clips`.
 
     Training state goes to `<folder>/training.safetensors`, progress to `<folder>/metrics.jsonl`; a killed training goes
-    on from there to the same bytes. The networks move to where the tensors of physics on the device live.
+    on from there to the same bytes. The networks move to where the tensors of physics on the device live. With
+    `begin_from`, tensors of a planner's network, learning begins there; raises BadSetting if they are of another.
     """
     clips = with_mirror_images(clips) if config.mirrored else clips
     torch.manual_seed(digest(seed, "planner") % (1 << 63))
     torch.set_num_threads(config.threads)
     run = _Run(tracker, clips, config, seed, env_config)
+    if begin_from is not None:
+        run.begin_from(begin_from)
     plain = msgspec.to_builtins(asdict(config))
     identity = {"config": {name: value for name, value in plain.items() if name != "save_every"}, "seed": seed}
     identity["clips"] = [motion.id for motion in clips.motions]
@@ -60,7 +65,7 @@ def train_planner(
     rounds = math.ceil(config.samples / (config.num_envs * config.steps))
     now = saved = time.monotonic()
     while progress["round"] < rounds:
-        row = run.round(progress["round"] / rounds, first=progress["round"] == 0)
+        row = run.round(progress["round"] / rounds, first=progress["round"] == 0 and begin_from is None)
         progress["round"] += 1
         progress["samples"] += config.num_envs * config.steps
         progress["seconds"] += time.monotonic() - now
@@ -114,6 +119,16 @@ class _Run:
         self.replay = Replay(config.memory, widths, device)
         self.drivers = Drivers(config.num_envs, device)
         self.drivers.draw(torch.arange(config.num_envs, device=device), 1.0)
+
+    def begin_from(self, tensors: Mapping[str, Tensor]) -> None:
+        """Take over a network, with what it knows of what it sees. Raises BadSetting if it is of another shape."""
+        own = self.network.state_dict()
+        if {n: v.shape for n, v in tensors.items()} != {n: v.shape for n, v in own.items()}:
+            raise BadSetting(
+                "imitate.begin_from leads to a planner of other layers, or that sees or tells something else; begin "
+                "from one learned with the same --imitate.planner.hidden, clock and tracker, or from nothing"
+            )
+        self.network.load_state_dict(dict(tensors))
 
     def parts(self) -> dict[str, Resumable]:
         """Everything with a state, by name."""

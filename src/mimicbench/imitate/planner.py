@@ -16,6 +16,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
 import torch
 from torch import nn
 
@@ -274,6 +275,12 @@ def save_planner(
         {name: value.cpu().numpy() for name, value in network.state_dict().items()},
         notes,
     )
+
+
+def load_network(folder: Path, robot: Robot) -> Mapping[str, torch.Tensor]:
+    """Tensors of a planner's own network, by name, for who learns on from it. Raises BadCheckpoint."""
+    found = load_checkpoint(folder, "planner", robot.name).tensors
+    return {name: torch.from_numpy(values.astype(np.float32)) for name, values in found.items()}
 
 
 def load_planner(folder: Path, robot: Robot, task: Task) -> PlannerPolicy:
