@@ -32,7 +32,7 @@ MIMICBENCH_WARP=1 timeout "$(left)" "$bin/python" -m pytest -q tests/test_warp.p
 say "$(tail -n 1 "$out/backend.txt")"
 
 say "the whole loop"
-timeout "$(left)" "$bin/mimicbench" bench --device "$device" > "$out/bench.txt" 2>&1
+timeout "$(left)" "$bin/mimicbench" bench --device "$device" --num-envs 16384 > "$out/bench.txt" 2>&1
 tail -n 20 "$out/bench.txt" | tee -a "$out/log.txt"
 
 keep() { # of every training its newest checkpoint and its log, in two levels of folders

@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from mimicbench.track.ppo import PPOLearner
 
 CLIPS = 24
-ENVS = 512
+NUM_ENVS = 512
+"""Robots side by side by default; a GPU is not filled by them."""
 
 
 @dataclass(frozen=True)
@@ -50,9 +51,15 @@ class BenchResult:
 
 
 def bench(
-    robot: Robot, task: Task, workers: int, seconds: float, say: Callable[[str], None], device: str = "cpu"
+    robot: Robot,
+    task: Task,
+    workers: int,
+    seconds: float,
+    say: Callable[[str], None],
+    device: str = "cpu",
+    num_envs: int = NUM_ENVS,
 ) -> dict[str, float]:
-    """Measure everything; each part runs for about `seconds`."""
+    """Measure everything, the loop with `num_envs` robots; each part runs for about `seconds`."""
     check_device(device)
     objects = [FAMILIES.get(task.family).make(index, 0) for index in range(CLIPS)]
     started = time.perf_counter()
@@ -69,14 +76,17 @@ def bench(
     spec = TRACKERS.get(TrackConfig().tracker)
     settings = TrackConfig().resolved().settings
     clip_set = ClipSet(task, robot, motions, {obj.id: obj for obj in objects})
-    env = TrackingEnv(spec, clip_set, ENVS, TrackingConfig(), 0, EnvConfig(device=device, workers=workers))
+    env = TrackingEnv(spec, clip_set, num_envs, TrackingConfig(), 0, EnvConfig(device=device, workers=workers))
     network = env.layout.blueprint(MLPConfig(PPOConfig().hidden))
-    learner = ppo_learner()(network, len(robot.joints), ENVS, PPOConfig(), env.device)
-    train = _rate(lambda: _train(env, learner, settings), ENVS * PPOConfig().steps, seconds)
+    learner = ppo_learner()(network, len(robot.joints), num_envs, PPOConfig(), env.device)
+    train = _rate(lambda: _train(env, learner, settings), num_envs * PPOConfig().steps, seconds)
     say(f"training: {train:.0f} samples per second")
     # environment and bare physics take turns, so that both meet the same machine
     rates = [
-        (_rate(lambda: _steps(env, settings), ENVS * 8, seconds / 4), _rate(lambda: _bare(env), ENVS * 8, seconds / 4))
+        (
+            _rate(lambda: _steps(env, settings), num_envs * 8, seconds / 4),
+            _rate(lambda: _bare(env), num_envs * 8, seconds / 4),
+        )
         for _ in range(4)
     ]
     env_steps, bare_steps = (float(np.median(column)) for column in zip(*rates, strict=True))
@@ -107,6 +117,8 @@ def _steps(env: TrackingEnv, settings: object) -> None:
     action = torch.zeros(env.num_envs, len(env.clips.robot.joints), device=env.device)
     for _ in range(8):
         env.step(action, settings)
+    if env.device != "cpu":  # where steps have only been asked for until somebody waits
+        torch.cuda.synchronize(env.device)
 
 
 def _bare(env: TrackingEnv) -> None:

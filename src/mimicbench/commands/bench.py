@@ -20,6 +20,7 @@ from mimicbench.tasks.registry import DEFAULT_TASK
 def stages(
     task: Task = DEFAULT_TASK,
     seconds: Annotated[float, Within(0.01, 3600), tyro.conf.arg(help="how long each part is measured")] = 10.0,
+    num_envs: Annotated[Count, tyro.conf.arg(help="robots side by side; a GPU wants thousands")] = 512,
     workers: Workers = 0,
     device: Device = "cpu",
     as_json: Json = False,
@@ -29,7 +30,7 @@ def stages(
     from mimicbench.robots.registry import DEFAULT_ROBOT, ROBOTS
     from mimicbench.tasks.registry import TASKS
 
-    _measured(measure(ROBOTS.get(DEFAULT_ROBOT), TASKS.get(task), workers, seconds, say, device), as_json)
+    _measured(measure(ROBOTS.get(DEFAULT_ROBOT), TASKS.get(task), workers, seconds, say, device, num_envs), as_json)
 
 
 def retarget(

@@ -73,9 +73,10 @@ def clone(folder: Path, given: Given, config: CloneImitation) -> dict[str, Any]:
         raise MimicbenchError(f"{config.learner} clones demonstrations; make some with `mimicbench demos` first")
     clips = given.clips
     network: NetworkConfig = config.network.of(clips.robot, clips.task)
-    demos = load_demos(given.demonstrations, clips.robot.name, state=network.inputs.body == "state")
+    state = network.inputs.body == "state"
+    demos = load_demos(given.demonstrations, clips.robot.name, state, disk=folder)
     for place in (place for policy in config.dagger.rounds_of for place in rounds_of(policy)):
-        driven = _read_round(place, clips.robot.name, demos.state is not None)
+        driven = _read_round(place, clips.robot.name, state, folder)
         clips_of(driven, clips)  # whose rounds they are has to be found out before anything is learned of them
         demos = demos.joined(driven)
     course = Course.of(config.train, given.seed, tensor_device(given.context.device))
@@ -87,7 +88,7 @@ def clone(folder: Path, given: Given, config: CloneImitation) -> dict[str, Any]:
         place = beside(folder, ROUNDS) / str(number)
         before = train(network, demo_frames(demos, clips, network, config), course, place, given.context.quiet, before)
         save_learner(folder, before, clips.robot.name, notes)
-        demos = demos.joined(_driven(place / DATASET, folder, number, given, config.dagger, demos.state is not None))
+        demos = demos.joined(_driven(place / DATASET, folder, number, given, config.dagger, state))
     frames = demo_frames(demos, clips, network, config)
     trained = train(network, frames, course, folder, given.context.quiet, before)
     told = {"demonstrations": demos.episodes, "batches": course.steps * (config.dagger.rounds + 1)}
@@ -111,12 +112,12 @@ def _driven(place: Path, folder: Path, number: int, given: Given, config: Dagger
         env_config,
         context.quiet,
     )
-    return _read_round(place, clips.robot.name, state)
+    return _read_round(place, clips.robot.name, state, folder)
 
 
-def _read_round(place: Path, robot: str, state: bool) -> Demos:
+def _read_round(place: Path, robot: str, state: bool, disk: Path) -> Demos:
     # who drove may have failed: what is learned from it is what the expert says
-    return load_demos(place, robot, state, only_success=False)
+    return load_demos(place, robot, state, only_success=False, disk=disk)
 
 
 def rounds_of(policy: str) -> list[Path]:

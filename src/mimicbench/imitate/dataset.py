@@ -16,6 +16,7 @@ from mimicbench.core.errors import BadFile
 from mimicbench.core.seeds import digest
 from mimicbench.imitate.inputs import Batch, InputConfig, Window
 from mimicbench.imitate.lerobot import Demos
+from mimicbench.imitate.stored.scratch import scratch
 from mimicbench.objects.shape import SceneObject
 from mimicbench.sensors.heightmap import ObjectMaps
 from mimicbench.sensors.targets import TARGET_CELL, target_map
@@ -55,12 +56,12 @@ class RelativeTargets:
 
     def __init__(self, demos: Demos) -> None:
         joints = slice(7, 7 + len(demos.joint_names))
-        self._action = torch.from_numpy(demos.action.astype(np.float32))
-        self._joint_pos = torch.from_numpy(demos.qpos[:, joints].astype(np.float32))
+        self._action = torch.from_numpy(demos.action.astype(np.float32, copy=False))
+        self._joint_pos = torch.from_numpy(demos.qpos[:, joints])
 
     def of(self, frames: Tensor, steps: Tensor) -> Tensor:
         """(B, chunk, J) [rad], see Plans."""
-        return self._action[steps] - self._joint_pos[frames][:, None]
+        return self._action[steps] - self._joint_pos[frames].float()[:, None]
 
 
 class DemoFrames:
@@ -108,8 +109,8 @@ class DemoFrames:
         self.starts = torch.from_numpy(demos.starts)
         self.object_index = torch.tensor([ids.index(object_id) for object_id in demos.object_ids])
         self.state = None if demos.state is None or inputs.body != "state" else torch.from_numpy(demos.state)
-        self.proprio = torch.from_numpy(proprioception(demos.qpos, demos.qvel, len(demos.joint_names)))
-        self.action = torch.from_numpy(demos.action.astype(np.float32))
+        self.proprio = torch.from_numpy(_proprioception_of(demos))
+        self.action = torch.from_numpy(demos.action.astype(np.float32, copy=False))
         self.root_pos = torch.from_numpy(demos.qpos[:, :3].astype(np.float32))
         self.root_quat = torch.from_numpy(demos.qpos[:, 3:7])
         self.root_yaw = torch.from_numpy(rot.yaw_of(demos.qpos[:, 3:7]).astype(np.float32))
@@ -256,6 +257,19 @@ def odometry(root_pos: Tensor, root_yaw: Tensor, start: Tensor, now: Tensor) -> 
     cos, sin = yaw.cos(), yaw.sin()
     pos = torch.stack([cos * delta[:, 0] + sin * delta[:, 1], cos * delta[:, 1] - sin * delta[:, 0]], -1)
     return pos, rot.wrap_angle(root_yaw[now] - yaw)
+
+
+_AT_ONCE = 1 << 16
+
+
+def _proprioception_of(demos: Demos) -> np.ndarray:
+    """(F, 10 + 2 J) of all frames, some of them at a time."""
+    joints = len(demos.joint_names)
+    whole = scratch((demos.frames, 10 + 2 * joints), np.float32, demos.disk)
+    for begin in range(0, demos.frames, _AT_ONCE):
+        some = slice(begin, begin + _AT_ONCE)
+        whole[some] = proprioception(demos.qpos[some], demos.qvel[some], joints)
+    return whole
 
 
 def proprioception(qpos: np.ndarray, qvel: np.ndarray, joints: int) -> np.ndarray:

@@ -21,6 +21,7 @@ import numpy as np
 from mimicbench.core.errors import BadFile
 from mimicbench.core.files import read_json
 from mimicbench.imitate.stored.digests import check_digests
+from mimicbench.imitate.stored.scratch import joined, scratch
 from mimicbench.imitate.stored.tables import matrix, read_table, read_tasks, schema_names
 
 DATASET = "dataset"
@@ -29,7 +30,7 @@ VERSION = "v3.0"
 FILES_PER_CHUNK = 1000
 DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 EPISODES_PATH = "meta/episodes/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
-MAX_FRAMES = 20_000_000  # 35 GB of frames: more would not fit in memory
+MAX_FRAMES = 20_000_000  # 35 GB of frames, in memory or on the disk
 
 Shard = tuple[dict[str, int], list[dict[str, Any]], list[dict[str, Any]]]
 """Where its frames are, its episodes in order, and those of them that are wanted."""
@@ -60,6 +61,8 @@ class Demos:
     reference_ids: tuple[str, ...]
     success: np.ndarray
     """(E,)"""
+    disk: Path | None = None
+    """Folder of the files that large arrays are in (stored.scratch); None: they are in memory."""
 
     @property
     def episodes(self) -> int:
@@ -75,7 +78,7 @@ class Demos:
         """These episodes and others of the same robot and task."""
 
         def both(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-            return np.concatenate([first, second])
+            return joined(first, second, self.disk)
 
         return replace(
             self,
@@ -91,7 +94,13 @@ class Demos:
         )
 
 
-def load_demos(folder: Path, robot: str | None = None, state: bool = True, only_success: bool = True) -> Demos:
+def load_demos(
+    folder: Path,
+    robot: str | None = None,
+    state: bool = True,
+    only_success: bool = True,
+    disk: Path | None = None,
+) -> Demos:
     """Read a folder that DemoWriter wrote. Raises BadFile.
 
     Args:
@@ -99,6 +108,7 @@ def load_demos(folder: Path, robot: str | None = None, state: bool = True, only_
         robot: The robot that it must be of.
         state: Whether to read S_current too, by far the largest column.
         only_success: Leave out the episodes that failed the task.
+        disk: Folder for arrays that are too large for memory, see stored.scratch; None: they are in memory.
     """
     found_robot, fps, joint_names = _described(folder, robot)
     check_digests(folder)
@@ -117,7 +127,7 @@ def load_demos(folder: Path, robot: str | None = None, state: bool = True, only_
         raise BadFile(
             f"{folder} says that it has {starts[-1]} frames, more than the {MAX_FRAMES} that can be read at once"
         )
-    whole = _filled(folder, wanted, shards, int(starts[-1]))
+    whole = _filled(folder, wanted, shards, int(starts[-1]), disk)
     return Demos(
         robot=found_robot,
         task=read_tasks(folder)[0],
@@ -132,6 +142,7 @@ def load_demos(folder: Path, robot: str | None = None, state: bool = True, only_
         object_ids=tuple(row["object_id"] for row in rows),
         reference_ids=tuple(row["reference_id"] for row in rows),
         success=np.array([row["success"] for row in rows]),
+        disk=disk,
     )
 
 
@@ -175,8 +186,10 @@ def _described(folder: Path, robot: str | None) -> tuple[str, float, tuple[str, 
     return found_robot, fps, joint_names
 
 
-def _filled(folder: Path, wanted: Mapping[str, str], shards: Sequence[Shard], frames: int) -> dict[str, np.ndarray]:
-    """The `wanted` columns of all `frames`, filled shard by shard, so that no frame is in memory twice."""
+def _filled(
+    folder: Path, wanted: Mapping[str, str], shards: Sequence[Shard], frames: int, disk: Path | None = None
+) -> dict[str, np.ndarray]:
+    """The `wanted` columns of all `frames`, filled shard by shard, so that no frame is in memory twice; see scratch."""
     whole: dict[str, np.ndarray] = {}
     at = 0
     for place, episodes, kept in shards:
@@ -192,7 +205,7 @@ def _filled(folder: Path, wanted: Mapping[str, str], shards: Sequence[Shard], fr
             part = slice(row["dataset_from_index"] - first, row["dataset_to_index"] - first)
             for name, array in arrays.items():
                 if name not in whole:
-                    whole[name] = np.empty((frames, array.shape[1]), array.dtype)
+                    whole[name] = scratch((frames, array.shape[1]), array.dtype, disk)
                 whole[name][at : at + row["length"]] = array[part]
             at += row["length"]
     return whole

@@ -182,13 +182,13 @@ class ClipPlans:
         lengths = torch.from_numpy(demos.starts).diff()
         self._clip = clips_of(demos, clips).repeat_interleave(lengths)
         self._first = torch.from_numpy(demos.starts[:-1]).repeat_interleave(lengths)
-        self._qpos, self._qvel = torch.from_numpy(demos.qpos).float(), torch.from_numpy(demos.qvel).float()
+        self._qpos, self._qvel = torch.from_numpy(demos.qpos), torch.from_numpy(demos.qvel)
         self._joints = len(clips.robot.joints)
 
     def of(self, frames: Tensor, steps: Tensor) -> Tensor:
         """(B, chunk, P) what is planned in frames (B,) for frames `steps` (B, chunk) of the same episodes."""
         here, there = frames[:, None].expand(steps.shape).flatten(), steps.flatten()
-        root = self._qpos[here, :7]
+        root = self._qpos[here, :7].float()
         none = root[:, :0]
         state = RobotState(root[:, :3], root[:, 3:], none, none, none, none)
         index = there - self._first[here]
@@ -197,7 +197,7 @@ class ClipPlans:
 
     def _objects(self, frames: Tensor) -> ObjectState:
         """Where the objects are in frames (M,); at the origin where they stay there."""
-        pose, motion = self._qpos[frames, 7 + self._joints :], self._qvel[frames, 6 + self._joints :]
+        pose, motion = self._qpos[frames, 7 + self._joints :].float(), self._qvel[frames, 6 + self._joints :].float()
         if not pose.shape[1]:
             return ObjectState.at_origin(len(frames))
         return ObjectState(pose[:, :3], pose[:, 3:7], motion[:, :3], motion[:, 3:6])
