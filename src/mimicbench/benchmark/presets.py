@@ -234,6 +234,9 @@ def _brief(chosen: Chosen) -> Tree:
     return {"track": {"samples": 100_000}, "imitate": {"learner": learner, **less}}
 
 
+_MORE = ("planner", "planner-no-clock", "act", "bc", "bc-clock")
+"""What `full` evaluates beside the best policy of a task, where it is shipped."""
+
 PRESETS: Mapping[str, Callable[[Chosen], Tree]] = {
     "ours": lambda _: {},
     "paper": _paper,
@@ -244,7 +247,7 @@ PRESETS: Mapping[str, Callable[[Chosen], Tree]] = {
     "smoke": lambda chosen: _sizes(16, 16, 16, 16, _policies(chosen.task)),
     "default": lambda chosen: _sizes(120, 128, 128, 128, _policies(chosen.task, "planner", "bc-clock")),
     "brief": _brief,
-    "full": lambda chosen: _sizes(400, 2000, 256, 400, _policies(chosen.task, "planner", "act", "bc", "bc-clock")),
+    "full": lambda chosen: _sizes(400, 2000, 256, 400, _policies(chosen.task, *_MORE)),
 }
 
 
