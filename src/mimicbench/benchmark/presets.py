@@ -7,7 +7,7 @@ for the rest, `paper-size` has as many objects and clips as the paper. `new-obje
 shipped was trained with.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -155,8 +155,10 @@ def _policies(task: str, *others: str) -> tuple[str, ...]:
     from mimicbench.core.checkpoint import CONFIG
     from mimicbench.imitate.registry import LEARNERS
 
-    there = [name for name in LEARNERS if (SHIPPED / task / name / CONFIG).exists()]
-    return tuple(dict.fromkeys([*(there[:1] or ["planner"]), *(name for name in others if name in there)]))
+    def shipped(names: Iterable[str]) -> list[str]:
+        return [name for name in names if (SHIPPED / task / name / CONFIG).exists()]
+
+    return tuple(dict.fromkeys([*(shipped(LEARNERS)[:1] or ["planner"]), *shipped(others)]))
 
 
 @dataclass(frozen=True)
