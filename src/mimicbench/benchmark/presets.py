@@ -7,7 +7,7 @@ for the rest, `paper-size` has as many objects and clips as the paper. `new-obje
 shipped was trained with.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -155,10 +155,8 @@ def _policies(task: str, *others: str) -> tuple[str, ...]:
     from mimicbench.core.checkpoint import CONFIG
     from mimicbench.imitate.registry import LEARNERS
 
-    def shipped(names: Iterable[str]) -> list[str]:
-        return [name for name in names if (SHIPPED / task / name / CONFIG).exists()]
-
-    return tuple(dict.fromkeys([*(shipped(LEARNERS)[:1] or ["planner"]), *shipped(others)]))
+    there = [name for name in LEARNERS if (SHIPPED / task / name / CONFIG).exists()]
+    return tuple(dict.fromkeys([*(there[:1] or ["planner"]), *(name for name in others if name in there)]))
 
 
 @dataclass(frozen=True)
@@ -236,9 +234,6 @@ def _brief(chosen: Chosen) -> Tree:
     return {"track": {"samples": 100_000}, "imitate": {"learner": learner, **less}}
 
 
-_MORE = ("planner", "planner-no-clock", "act", "bc", "bc-clock")
-"""What `full` evaluates beside the best policy of a task, where it is shipped."""
-
 PRESETS: Mapping[str, Callable[[Chosen], Tree]] = {
     "ours": lambda _: {},
     "paper": _paper,
@@ -249,7 +244,7 @@ PRESETS: Mapping[str, Callable[[Chosen], Tree]] = {
     "smoke": lambda chosen: _sizes(16, 16, 16, 16, _policies(chosen.task)),
     "default": lambda chosen: _sizes(120, 128, 128, 128, _policies(chosen.task, "planner", "bc-clock")),
     "brief": _brief,
-    "full": lambda chosen: _sizes(400, 2000, 256, 400, _policies(chosen.task, *_MORE)),
+    "full": lambda chosen: _sizes(400, 2000, 256, 400, _policies(chosen.task, "planner", "act", "bc", "bc-clock")),
 }
 
 
