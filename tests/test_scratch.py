@@ -30,7 +30,7 @@ def test_small_arrays_are_in_memory_and_large_ones_in_a_file(tmp_path):
 def test_what_is_joined_has_the_rows_of_both(tmp_path, all_is_large, monkeypatch):
     monkeypatch.setattr(stored, "_ROWS", 3)
     first, second = np.arange(14.0).reshape(7, 2), -np.arange(8.0).reshape(4, 2)
-    whole = joined(first, second, tmp_path)
+    whole = joined([first, second], tmp_path)
     assert isinstance(whole, np.memmap)
     np.testing.assert_array_equal(whole, np.concatenate([first, second]))
 

@@ -75,10 +75,12 @@ def clone(folder: Path, given: Given, config: CloneImitation) -> dict[str, Any]:
     network: NetworkConfig = config.network.of(clips.robot, clips.task)
     state = network.inputs.body == "state"
     demos = load_demos(given.demonstrations, clips.robot.name, state, disk=folder)
-    for place in (place for policy in config.dagger.rounds_of for place in rounds_of(policy)):
-        driven = _read_round(place, clips.robot.name, state, folder)
-        clips_of(driven, clips)  # whose rounds they are has to be found out before anything is learned of them
-        demos = demos.joined(driven)
+    places = [place for policy in config.dagger.rounds_of for place in rounds_of(policy)]
+    given_rounds = [_read_round(place, clips.robot.name, state, folder) for place in places]
+    for driven in given_rounds:  # whose rounds they are has to be found out before anything is learned of them
+        clips_of(driven, clips)
+    demos = demos.joined(*given_rounds)
+    del given_rounds
     course = Course.of(config.train, given.seed, tensor_device(given.context.device))
     notes = {"seed": given.seed, "task": clips.task.name, "gains": given.gains}
     before = None

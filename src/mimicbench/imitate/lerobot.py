@@ -74,23 +74,27 @@ class Demos:
         """F."""
         return int(self.starts[-1])
 
-    def joined(self, other: "Demos") -> "Demos":
-        """These episodes and others of the same robot and task."""
+    def joined(self, *others: "Demos") -> "Demos":
+        """These episodes and others of the same robot and task, all with S_current or none."""
+        every = (self, *others)
+        if len(every) == 1:
+            return self
 
-        def both(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-            return joined(first, second, self.disk)
+        def rows(name: str) -> Any:
+            return joined([getattr(demos, name) for demos in every], self.disk)
 
+        lengths = [np.diff(demos.starts) for demos in every]
         return replace(
             self,
-            starts=both(self.starts, self.frames + other.starts[1:]),
-            state=None if self.state is None or other.state is None else both(self.state, other.state),
-            action=both(self.action, other.action),
-            executed_action=both(self.executed_action, other.executed_action),
-            qpos=both(self.qpos, other.qpos),
-            qvel=both(self.qvel, other.qvel),
-            object_ids=self.object_ids + other.object_ids,
-            reference_ids=self.reference_ids + other.reference_ids,
-            success=both(self.success, other.success),
+            starts=np.concatenate([[0], np.cumsum(np.concatenate(lengths))]),
+            state=None if any(demos.state is None for demos in every) else rows("state"),
+            action=rows("action"),
+            executed_action=rows("executed_action"),
+            qpos=rows("qpos"),
+            qvel=rows("qvel"),
+            object_ids=sum((demos.object_ids for demos in every), ()),
+            reference_ids=sum((demos.reference_ids for demos in every), ()),
+            success=rows("success"),
         )
 
 

@@ -3,6 +3,7 @@
 import errno
 import os
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -37,11 +38,13 @@ def scratch(shape: tuple[int, ...], dtype: np.dtype | type, folder: Path | None)
         return np.memmap(file, dtype, "r+", shape=shape)
 
 
-def joined(first: np.ndarray, second: np.ndarray, folder: Path | None) -> np.ndarray:
-    """The rows of both; see scratch."""
-    whole = scratch((len(first) + len(second), *first.shape[1:]), first.dtype, folder)
-    for at, part in ((0, first), (len(first), second)):
+def joined(parts: Sequence[np.ndarray], folder: Path | None) -> np.ndarray:
+    """The rows of all; see scratch."""
+    whole = scratch((sum(len(part) for part in parts), *parts[0].shape[1:]), parts[0].dtype, folder)
+    at = 0
+    for part in parts:
         for begin in range(0, len(part), _ROWS):
             rows = part[begin : begin + _ROWS]
-            whole[at + begin : at + begin + len(rows)] = rows
+            whole[at : at + len(rows)] = rows
+            at += len(rows)
     return whole
