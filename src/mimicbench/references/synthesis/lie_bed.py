@@ -2,7 +2,6 @@
 the pillow.
 """
 
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -29,9 +28,6 @@ MARGIN = 0.40
 """Between the way and the bed [m]."""
 ON_SIDE = 0.25
 """Share of people who turn onto the side in the end."""
-BRISK = {"pace": 0.7, "sit_duration": 2.0}
-"""How people lie down who are alike: as fast as on sofas. Who learns from them sees no clock, and goes on from a leg
-half way up only if the next frames are farther away than it errs."""
 
 
 def synthesize_lie_bed(clip_id: str, obj: SceneObject, seed: int, alike: bool = False) -> HumanMotion:
@@ -44,8 +40,6 @@ def synthesize_lie_bed(clip_id: str, obj: SceneObject, seed: int, alike: bool = 
     scale = chance.uniform(max(0.96, min(1.10, 1.75 * height)), 1.15)
     duration = 24.8 + 0.7 * float(np.clip(chance.standard_normal(), -2.0, 2.0))
     style = draw_style(chance, scale, duration, (0.95, 1.1))
-    if alike:
-        style = replace(style, **BRISK)
     if chance.uniform() < ON_SIDE:
         style = onto_the_side(style, TURNS)
     return make_lie_bed(clip_id, obj, start_xy, start_yaw, style)
