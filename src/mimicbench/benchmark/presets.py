@@ -150,7 +150,7 @@ def _sizes(objects: int, clips: int, tracked: int, episodes: int, policies: tupl
 
 
 def _policies(task: str, *others: str) -> tuple[str, ...]:
-    """The best policy that comes with the package for a task, or else a planner, and those of some others that do."""
+    """The first learner whose policy comes with the package for a task, or else a planner, and some others that do."""
     from mimicbench.benchmark.shipped import SHIPPED
     from mimicbench.core.checkpoint import CONFIG
     from mimicbench.imitate.registry import LEARNERS

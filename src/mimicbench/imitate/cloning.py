@@ -75,12 +75,7 @@ def clone(folder: Path, given: Given, config: CloneImitation) -> dict[str, Any]:
     network: NetworkConfig = config.network.of(clips.robot, clips.task)
     state = network.inputs.body == "state"
     demos = load_demos(given.demonstrations, clips.robot.name, state, disk=folder)
-    places = [place for policy in config.dagger.rounds_of for place in rounds_of(policy)]
-    given_rounds = [_read_round(place, clips.robot.name, state, folder) for place in places]
-    for driven in given_rounds:  # whose rounds they are has to be found out before anything is learned of them
-        clips_of(driven, clips)
-    demos = demos.joined(*given_rounds)
-    del given_rounds
+    demos = demos.joined(*_rounds_of_others(config.dagger, clips, state, folder))
     course = Course.of(config.train, given.seed, tensor_device(given.context.device))
     notes = {"seed": given.seed, "task": clips.task.name, "gains": given.gains}
     before = None
@@ -96,6 +91,15 @@ def clone(folder: Path, given: Given, config: CloneImitation) -> dict[str, Any]:
     told = {"demonstrations": demos.episodes, "batches": course.steps * (config.dagger.rounds + 1)}
     save_learner(folder, trained, clips.robot.name, {**notes, **told})
     return told
+
+
+def _rounds_of_others(config: DaggerConfig, clips: ClipSet, state: bool, disk: Path) -> list[Demos]:
+    """What other policies got into. Raises BadFile if it is not of these clips, before anything is learned of it."""
+    places = [place for policy in config.rounds_of for place in rounds_of(policy)]
+    found = [_read_round(place, clips.robot.name, state, disk) for place in places]
+    for driven in found:
+        clips_of(driven, clips)
+    return found
 
 
 def _driven(place: Path, folder: Path, number: int, given: Given, config: DaggerConfig, state: bool) -> Demos:
