@@ -64,11 +64,16 @@ def _recorded(title: str, people: str, rows: Sequence[EpisodeRow]) -> str:
 
 
 def compared(name: str, folder: Path) -> str:
-    """The table of a comparison, whose rows are in files that are named by the variants' labels."""
+    """The table of a comparison, as far as there are rows: in files that are named by the variants' labels."""
     comparison = COMPARISONS.get(name)
-    paths = [folder / "rows" / f"{one.label.removesuffix(' %')}.parquet" for one in comparison.variants]
-    found = [Compared(one, None, read_rows(path)) for one, path in zip(comparison.variants, paths, strict=True)]
+    paths = [(one, folder / "rows" / f"{file_of(one.label)}.parquet") for one in comparison.variants]
+    found = [Compared(one, None, read_rows(path)) for one, path in paths if path.exists()]
     return to_markdown(comparison_table(comparison, found))
+
+
+def file_of(label: str) -> str:
+    """What the file of a variant's rows is called."""
+    return label.removesuffix(" %").replace(" ", "-")
 
 
 def with_table(page: str, name: str, table: str) -> str:
@@ -101,6 +106,8 @@ def pages() -> dict[Path, str]:
     results = with_table(results, "real-people", recorded(followed))
     scale = compared("data-scale", ROOT / "runs" / "sit-chair-data-scale")
     orderings = with_table(ORDERINGS.read_text(), "data-scale", scale)
+    parts = compared("tracker-parts", ROOT / "runs" / "lift-box-parts")
+    orderings = with_table(orderings, "tracker-parts", parts)
     return {README: with_table(README.read_text(), "results", best()), RESULTS: results, ORDERINGS: orderings}
 
 

@@ -16,6 +16,7 @@ from mimicbench.core.errors import BadFile
 from mimicbench.core.seeds import digest
 from mimicbench.imitate.inputs import Batch, InputConfig, Window
 from mimicbench.imitate.lerobot import Demos
+from mimicbench.imitate.stored.drawing import Drawing
 from mimicbench.imitate.stored.scratch import scratch
 from mimicbench.objects.shape import SceneObject
 from mimicbench.sensors.heightmap import ObjectMaps
@@ -132,22 +133,12 @@ class DemoFrames:
         self.train_frames, self.validation_frames = torch.nonzero(~held)[:, 0], torch.nonzero(held)[:, 0]
 
     @cached_property
-    def _by_driver(self) -> tuple[Tensor, Tensor]:
-        """Frames to learn from: of demonstrations, which succeeded, and of what a learner drove, judged by nobody."""
-        shown = torch.from_numpy(self.demos.success)[self.episode[self.train_frames]]
-        return self.train_frames[shown], self.train_frames[~shown]
+    def _drawing(self) -> Drawing:
+        return Drawing(self.demos, self.train_frames)
 
-    def draw(self, count: int, driven: float, generator: torch.Generator) -> Tensor:
-        """(count,) frames to learn from, that part of them from what a learner drove, if there is any; 0: from all."""
-
-        def some(frames: Tensor, count: int) -> Tensor:
-            return frames[torch.randint(len(frames), (count,), generator=generator)]
-
-        by_experts, by_learners = self._by_driver
-        if not driven or not len(by_experts) or not len(by_learners):
-            return some(self.train_frames, count)
-        wanted = round(driven * count)
-        return torch.cat([some(by_experts, count - wanted), some(by_learners, wanted)])
+    def draw(self, count: int, driven: float, wrong: float, generator: torch.Generator) -> Tensor:
+        """(count,) frames to learn from; see Drawing."""
+        return self._drawing.draw(count, driven, wrong, generator)
 
     def batch(self, frames: Tensor, generator: torch.Generator | None = None) -> Batch:
         """What is seen in the given frames (B,) and the actions from there on.

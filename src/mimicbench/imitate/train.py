@@ -38,6 +38,9 @@ class TrainConfig:
     driven: Share = 0.0
     """Part of every batch that comes from what a learner got into itself (DAgger); 0 for as much of it as there is of
     all frames. Demonstrations are many and alike, and what goes wrong is rare."""
+    wrong: Share = 0.0
+    """Part of these that is drawn by how far the learner was from what it should have done: to stand still where one
+    ought to sit down is wrong for few frames, and for ever."""
     learning_rate: float = 1e-3
     """The highest."""
     schedule: str = "cosine"
@@ -230,7 +233,7 @@ class CloneTraining:
     def _batch(self, number: int) -> Batch:
         """The batch of that number."""
         random = torch.Generator().manual_seed(self._seed("batch", number))
-        return self.data.batch(self.data.draw(self.config.batch, self.config.driven, random), random)
+        return self.data.batch(self.data.draw(self.config.batch, self.config.driven, self.config.wrong, random), random)
 
     def log(self, parts: dict[str, float]) -> None:
         """Append a line to metrics.jsonl."""
