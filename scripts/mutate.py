@@ -83,9 +83,9 @@ GUARDS = (
         "imitate/lerobot.py", 'if row["success"] or not only_success', "if True", "tests/test_lerobot.py -k round_trip"
     ),
     Change(
-        "imitate/dataset.py",
-        "return some(self.train_frames, count)",
-        "return some(torch.arange(self.demos.frames), count)",
+        "imitate/stored/drawing.py",
+        "return _some(self.frames, count, generator)",
+        "return _some(torch.arange(self._demos.frames), count, generator)",
         "tests/test_imitate.py -k that_judge",
     ),
     Change(
