@@ -83,7 +83,7 @@ GUARDS = (
         "imitate/lerobot.py", 'if row["success"] or not only_success', "if True", "tests/test_lerobot.py -k round_trip"
     ),
     Change(
-        "imitate/stored/drawing.py",
+        "imitate/stored/sampler.py",
         "return _some(self.frames, count, generator)",
         "return _some(torch.arange(self._demos.frames), count, generator)",
         "tests/test_imitate.py -k that_judge",

@@ -1,81 +1,55 @@
-"""Which frames a batch is of."""
+"""How scenes are drawn: faces that share a plane, and the edges of shadows."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
-from hypothesis import given
-from hypothesis import strategies as st
 
-from mimicbench.imitate.lerobot import Demos
-from mimicbench.imitate.stored.drawing import FARTHEST, Drawing
+from mimicbench.core import rotations as rot
+from mimicbench.report.camera import Camera, Picture
+from mimicbench.report.render import Painter
+from mimicbench.sensors.opengl import NoPictures
+from mimicbench.sim.scene import build_model
+from stool import H1, block
+
+ASIDE = Camera((0.0, 0.0, 0.25), 2.5, 180.0 - 37.0)
+FAR_AWAY = np.array([80.0, 80.0, 1.0, 1, 0, 0, 0, *H1.rest_pose])
+"""The robot, where nobody sees it."""
 
 
-def demos(driven: list[list[float]]) -> Demos:
-    """One demonstration of ten frames, and an episode for each list, driven with that error in each frame [rad]."""
-    lengths = [10, *map(len, driven)]
-    frames, joints = sum(lengths), 2
-    off = np.concatenate([np.zeros(10), *map(np.asarray, driven)])
-    return Demos(
-        robot="h1",
-        task="sit-chair",
-        fps=50.0,
-        joint_names=("a", "b"),
-        starts=np.concatenate([[0], np.cumsum(lengths)]),
-        state=None,
-        action=np.zeros((frames, joints), np.float32),
-        executed_action=(off[:, None] * np.array([1.0, -1.0])).astype(np.float32),
-        qpos=np.zeros((frames, 9)),
-        qvel=np.zeros((frames, 8)),
-        object_ids=("o",) * len(lengths),
-        reference_ids=("r",) * len(lengths),
-        success=np.arange(len(lengths)) == 0,
+def drawn(obj, picture, camera=ASIDE):
+    try:
+        with Painter(build_model(H1, obj, visuals=True), picture, camera) as painter:
+            return painter.draw(FAR_AWAY).astype(int)
+    except NoPictures as error:
+        pytest.skip(str(error))
+
+
+@pytest.mark.parametrize("elevation", [-13.0, -31.0])
+def test_of_faces_in_one_plane_the_later_is_seen(elevation):
+    """A green box through the middle of a red one, as deep and as high: from the front all of it is seen."""
+    both = replace(
+        block(),
+        box_pos=np.array([[0, 0, 0.21], [0, 0.007, 0.21]]),
+        box_quat=np.tile(rot.IDENTITY, (2, 1)),
+        box_half=np.array([[0.25, 0.25, 0.21], [0.25, 0.12, 0.21]]),
+        box_rgb=np.array([[0.9, 0.0, 0.0], [0.0, 0.9, 0.0]]),
     )
+    alone = replace(both, **{name: getattr(both, name)[1:] for name in ("box_pos", "box_quat", "box_half", "box_rgb")})
+    camera, picture = replace(ASIDE, azimuth=180.0, elevation=elevation), Picture(320, 240, shadow=0, samples=0)
+    green, expected = (
+        (found[..., 1] > found[..., 0] + 40) for found in (drawn(both, picture, camera), drawn(alone, picture, camera))
+    )
+    assert expected.sum() > 1000
+    assert (green != expected).sum() < 0.01 * expected.sum()
 
 
-def counts(drawing: Drawing, count: int, driven: float, wrong: float, frames: int) -> np.ndarray:
-    """How often each frame is drawn."""
-    drawn = drawing.draw(count, driven, wrong, torch.Generator().manual_seed(0))
-    return np.bincount(drawn.numpy(), minlength=frames)
+def test_several_suns_make_soft_shadows():
+    def between(suns):
+        found = drawn(block(), Picture(200, 140, 1024, samples=0, suns=suns)).mean(-1)
+        bare = drawn(block(), Picture(200, 140, 0, samples=0)).mean(-1)
+        darker = bare - found
+        return ((darker > 0.2 * darker.max()) & (darker < 0.8 * darker.max())).sum(), (darker > 5).sum()
 
-
-def test_who_was_wrong_is_drawn_by_how_far() -> None:
-    # frames 10 to 13: right, 0.05 off, 0.1 off, and tumbling
-    drawing = Drawing(demos([[0.0, 0.05, 0.1, 1.0]]), torch.arange(14))
-    found = counts(drawing, 120_000, 0.5, 0.5, 14)
-    assert found[:10].sum() == 60_000
-    by_chance, by_wrong = 30_000 / 4, 30_000 / (0.05 + 0.1 + FARTHEST)
-    wanted = by_chance + by_wrong * np.array([0.0, 0.05, 0.1, FARTHEST])
-    np.testing.assert_allclose(found[10:], wanted, rtol=0.05)
-
-
-def test_frames_that_are_kept_apart_are_never_drawn() -> None:
-    drawing = Drawing(demos([[0.1] * 5, [0.2] * 5]), torch.cat([torch.arange(8), torch.arange(15, 20)]))
-    found = counts(drawing, 10_000, 0.5, 0.5, 20)
-    assert not found[8:15].any() and found[15:].all()
-
-
-@pytest.mark.parametrize("wrong", [0.0, 1.0])
-def test_who_was_never_wrong_can_be_drawn(wrong: float) -> None:
-    found = counts(Drawing(demos([[0.0, 0.0]]), torch.arange(12)), 100, 0.5, wrong, 12)
-    assert found.sum() == 100 and found[10:].sum() == 50
-
-
-def test_without_wrong_draws_are_what_they_were() -> None:
-    drawing = Drawing(demos([[0.1, 0.2]]), torch.arange(12))
-    random, again = torch.Generator().manual_seed(3), torch.Generator().manual_seed(3)
-    drawn = drawing.draw(8, 0.25, 0.0, random)
-    first = torch.randint(10, (6,), generator=again)
-    assert torch.equal(drawn, torch.cat([first, 10 + torch.randint(2, (2,), generator=again)]))
-
-
-@given(st.integers(1, 300), st.floats(0, 1), st.floats(0, 1))
-def test_as_many_as_were_asked_for(count: int, driven: float, wrong: float) -> None:
-    found = counts(Drawing(demos([[0.1, 0.0, 0.3]]), torch.arange(13)), count, driven, wrong, 13)
-    assert found.sum() == count
-    if driven:
-        assert found[10:].sum() == round(driven * count)
-
-
-def test_demonstrations_alone() -> None:
-    found = counts(Drawing(demos([]), torch.arange(10)), 50, 0.5, 0.5, 10)
-    assert found.sum() == 50
+    (hard, _), (soft, shaded) = between(1), between(16)
+    assert soft > 3 * hard + 30 and shaded > 100

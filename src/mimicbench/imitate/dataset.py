@@ -16,7 +16,7 @@ from mimicbench.core.errors import BadFile
 from mimicbench.core.seeds import digest
 from mimicbench.imitate.inputs import Batch, InputConfig, Window
 from mimicbench.imitate.lerobot import Demos
-from mimicbench.imitate.stored.drawing import Drawing
+from mimicbench.imitate.stored.sampler import Sampler
 from mimicbench.imitate.stored.scratch import scratch
 from mimicbench.objects.shape import SceneObject
 from mimicbench.sensors.heightmap import ObjectMaps
@@ -133,12 +133,12 @@ class DemoFrames:
         self.train_frames, self.validation_frames = torch.nonzero(~held)[:, 0], torch.nonzero(held)[:, 0]
 
     @cached_property
-    def _drawing(self) -> Drawing:
-        return Drawing(self.demos, self.train_frames)
+    def _sampler(self) -> Sampler:
+        return Sampler(self.demos, self.train_frames)
 
     def draw(self, count: int, driven: float, wrong: float, generator: torch.Generator) -> Tensor:
-        """(count,) frames to learn from; see Drawing."""
-        return self._drawing.draw(count, driven, wrong, generator)
+        """(count,) frames to learn from; see Sampler."""
+        return self._sampler.draw(count, driven, wrong, generator)
 
     def batch(self, frames: Tensor, generator: torch.Generator | None = None) -> Batch:
         """What is seen in the given frames (B,) and the actions from there on.

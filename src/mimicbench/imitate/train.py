@@ -40,7 +40,7 @@ class TrainConfig:
     all frames. Demonstrations are many and alike, and what goes wrong is rare."""
     wrong: Share = 0.0
     """Part of these that is drawn by how far the learner was from what it should have done: to stand still where one
-    ought to sit down is wrong for few frames, and for ever."""
+    ought to go on is wrong in few frames, and for ever."""
     learning_rate: float = 1e-3
     """The highest."""
     schedule: str = "cosine"
