@@ -90,7 +90,13 @@ def test_a_preset_is_asked_for_each_learner():
 
 def test_what_a_variant_has_not_is_told_with_its_name():
     with pytest.raises(BadSetting, match="learners, HIT: unknown setting imitate.network.kl_weight"):
-        recipes_of(COMPARISONS.get("learners"), "--imitate.learner", "act", "--network.kl-weight", "3")
+        recipes_of(COMPARISONS.get("learners"), "--network.kl-weight", "3")
+
+
+def test_settings_that_all_learners_have_are_said_once():
+    found = recipes_of(COMPARISONS.get("learners"), "--train.steps", "9", "--preset", "smoke")
+    assert [one.imitate.train.steps for one in found.values()] == [9, 9, 9, 9]
+    assert [one.imitate.learner for one in found.values()] == ["act", "hit", "bc", "diffusion"]
 
 
 def test_some_variants_alone():

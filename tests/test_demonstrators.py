@@ -1,5 +1,7 @@
 """Demonstrations by a policy, which needs no clips: from starts drawn by rule to a clone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,12 +15,15 @@ from mimicbench.core.settings import BadSetting
 from mimicbench.envs.rule_starts import standing
 from mimicbench.imitate.demos import DaggerConfig, DemosConfig
 from mimicbench.imitate.inputs import InputConfig
+from mimicbench.imitate.learned import load_learner
 from mimicbench.imitate.learners.bc import BCConfig
+from mimicbench.imitate.learners.hit import HITConfig, HITImitation
 from mimicbench.imitate.lerobot import DATASET, load_demos
 from mimicbench.imitate.train import TrainConfig
 from mimicbench.objects.make import ObjectsConfig
 from mimicbench.track.driven import DrivenConfig
 from stool import H1
+from test_imitate import TINY
 from tracked import SIT_CHAIR, clip_set
 
 CONTEXT = RunContext(workers=1, quiet=True)
@@ -64,3 +69,18 @@ def test_a_clone_of_a_planner_without_any_clip(tmp_path):
     assert verify_demos(run)["fulfilled"] == kept.episodes, "found again in the states"
     driven = load_demos(stage.folder / "rounds" / "0" / DATASET, "h1", only_success=False)
     assert driven.episodes and stage.summary["demonstrations"] == kept.episodes + driven.episodes
+    _hit_says_what_they_did(replace(recipe, imitate=_small_hit()), tmp_path)
+
+
+def _small_hit():
+    network = replace(HITConfig.small(), encoder=TINY, hidden=16, heads=2, blocks=1, chunk=6)
+    return HITImitation(network=network, train=TrainConfig(steps=2, batch=8))
+
+
+def _hit_says_what_they_did(recipe, workdir):
+    """Of who stands at the start of a demonstration to its end nothing would be near the robot."""
+    stage = run_stage("imitate", recipe, workdir, CONTEXT)
+    learner, _ = load_learner(stage.folder / "policy", H1, HITConfig)
+    joints = len(H1.joints)
+    root = slice(2 * joints, 2 * joints + 3)
+    assert (learner.action_mean[0, root].abs() < 0.03).all() and (learner.action_std[0, root] < 0.03).all()

@@ -19,10 +19,11 @@ from mimicbench.envs.reference import ReferenceBank
 from mimicbench.envs.vec_env import VecEnv
 from mimicbench.evaluate.rollout import run_policy
 from mimicbench.imitate.learned import save_learner
-from mimicbench.imitate.learners.hit import ClipPlans, HITConfig, HITImitation, learn, load_hit
+from mimicbench.imitate.learners.hit import HITConfig, HITImitation, learn, load_hit
 from mimicbench.imitate.lerobot import Demos
 from mimicbench.imitate.plan import PosePlan
 from mimicbench.imitate.spec import Given
+from mimicbench.imitate.stored.poses import ClipPlans, motions_of
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.policies.loading import load_policy
 from mimicbench.sensors.observations import chosen_terms
@@ -125,6 +126,29 @@ def test_plans_of_the_frames_to_come():
             torch.testing.assert_close(part[:JOINTS], frame.joint_pos[0])
             torch.testing.assert_close(part[JOINTS : 2 * JOINTS], frame.joint_vel[0])
     assert plan.shape == (3, 94), "47 numbers of each of two frames"
+
+
+@pytest.mark.parametrize("name", POSES)
+def test_what_demonstrations_did_themselves(name):
+    """Their own motions say what the clip does where they follow it exactly, and what they did where they do not."""
+    clips = gliding(TASKS.get(name))
+    demos = followed(clips)
+    own = motions_of(demos, clips)
+    (motion,) = own.motions
+    np.testing.assert_array_equal(motion.root_pos_w, demos.qpos[:, :3])
+    np.testing.assert_array_equal(motion.joint_pos, demos.qpos[:, 7 : 7 + JOINTS])
+    at, steps = torch.tensor([20]), torch.tensor([[20, 30]])
+    said = ClipPlans(demos, own).of(at, steps)[0, :, 2 * JOINTS : 2 * JOINTS + 3]
+    ahead = demos.qpos[[21, 31], :3] - demos.qpos[20, :3]
+    expected = rot.rotate_inverse(np.tile(demos.qpos[20, 3:7], (2, 1)), ahead)
+    np.testing.assert_allclose(said, expected, atol=1e-5)
+    demos.qpos[:, :3] -= demos.qpos[:, :3] - clips.motions[0].root_pos_w
+    demos.qpos[:, 3:7] = clips.motions[0].root_quat_w
+    demos.qpos[:, 7 : 7 + JOINTS] = clips.motions[0].joint_pos
+    if clips.task.moves_object:
+        demos.qpos[:, 7 + JOINTS :] = np.concatenate([clips.motions[0].object_pos_w, clips.motions[0].object_quat_w], 1)
+    exactly = ClipPlans(demos, motions_of(demos, clips)).of(at, steps)
+    torch.testing.assert_close(exactly, ClipPlans(demos, clips).of(at, steps), atol=1e-4, rtol=1e-4)
 
 
 def saved(folder, task, design, chunk=6):

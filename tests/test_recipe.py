@@ -199,10 +199,13 @@ def test_a_learner_without_its_tracker_is_told():
         check_recipe(Recipe(imitate=Stubborn(), track=TrackConfig(tracker="hst")))
 
 
-def test_who_speaks_of_clips_learns_from_who_follows_them():
+def test_who_says_poses_drives_only_beside_clips():
     hit = read_recipe(recipe_tree([], None, {"imitate": {"learner": "hit"}})).imitate
     check_recipe(Recipe(imitate=hit, demos=DemosConfig()))
-    with pytest.raises(BadSetting, match="'hit' learns to say what is in the clips, which demos.expert 'planner'"):
+    check_recipe(Recipe(imitate=hit, demos=DemosConfig(expert="planner")))
+    hit = replace(hit, dagger=replace(hit.dagger, rounds=1))
+    check_recipe(Recipe(imitate=hit, demos=DemosConfig()))
+    with pytest.raises(BadSetting, match="'hit' learns to say poses, and where it drives itself nobody shows it any"):
         check_recipe(Recipe(imitate=hit, demos=DemosConfig(expert="planner")))
     check_recipe(Recipe(imitate=ImitateConfig(), demos=DemosConfig(expert="planner")))
 

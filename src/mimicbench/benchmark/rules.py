@@ -61,16 +61,19 @@ def learner_has_its_tracker(recipe: Recipe) -> None:
         )
 
 
-def expert_follows_clips(recipe: Recipe) -> None:
-    """Who learns to say what is in the clips needs demonstrations that follow them."""
-    if recipe.imitate is None or recipe.demos is None or recipe.demos.source != MADE:
+def poses_are_shown(recipe: Recipe) -> None:
+    """Who learns to say poses is shown some: where it drives itself, only a clip has them."""
+    if recipe.imitate is None or recipe.demos is None or not recipe.imitate.says_poses:
         return
     from mimicbench.imitate.demos import TRACKER
 
-    if recipe.imitate.says_clips and recipe.demos.expert != TRACKER:
+    dagger = getattr(recipe.imitate, "dagger", None)
+    drives = dagger is not None and (dagger.rounds or dagger.rounds_of)
+    if drives and recipe.demos.source == MADE and recipe.demos.expert != TRACKER:
         raise BadSetting(
-            f"imitate.learner {recipe.imitate.learner!r} learns to say what is in the clips, which demos.expert "
-            f"{recipe.demos.expert!r} does not follow; leave demos.expert out"
+            f"imitate.learner {recipe.imitate.learner!r} learns to say poses, and where it drives itself nobody shows "
+            f"it any but a clip, which demos.expert {recipe.demos.expert!r} does not follow; leave the rounds of "
+            "imitate.dagger out, or demos.expert"
         )
 
 
@@ -143,7 +146,7 @@ RULES: tuple[Callable[[Recipe], None], ...] = (
     sources_agree,
     method_has_variant,
     learner_has_its_tracker,
-    expert_follows_clips,
+    poses_are_shown,
     gains_agree,
     tracked_together,
     learner_finds_policies,

@@ -102,11 +102,24 @@ def read_compared(comparison: Comparison, argv: Sequence[str], kind: type[Any]) 
     """
     command = f"compare {comparison.name}"
     stages = (comparison.of, PARTS[-1])
-    lines = [_read(stages, part, kind, (), command, comparison.common) for part in _by_task(argv)]
+    common = merge(comparison.common, _choice(comparison.variants[0].change))
+    lines = [_read(stages, part, kind, (), command, common) for part in _by_task(argv)]
     options = lines[0].options
     wanted = comparison.chosen(options.only)
     recipes = tuple(tuple(recipe_of(wanted, one, line.said) for one in wanted.variants) for line in lines)
     return ComparisonCall(options, wanted, recipes)
+
+
+def _choice(change: Mapping[str, Any]) -> dict[str, Any]:
+    """Of a variant: the names on which depends what settings there are. Those of the first variant may be given; where
+    another one has no such setting, its recipe says so.
+    """
+    chosen: dict[str, Any] = {}
+    for name in CHOOSING:
+        part, _, rest = name.partition(".")
+        if rest in change.get(part, {}):
+            chosen = merge(chosen, _nested(name, change[part][rest]))
+    return chosen
 
 
 def _by_task(argv: Sequence[str]) -> Iterator[Sequence[str]]:

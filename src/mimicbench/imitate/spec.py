@@ -28,8 +28,8 @@ class ImitateConfig:
     """The tracker that it speaks to while it runs; None for any."""
     clones: ClassVar[bool] = False
     """Whether it learns from demonstrations."""
-    says_clips: ClassVar[bool] = False
-    """Whether what it learns to say is in the clips, so that its demonstrations have to follow them."""
+    says_poses: ClassVar[bool] = False
+    """Whether it learns to say poses: those of the clips, or what demonstrations that follow none come to."""
     references: ClassVar[bool] = True
     """Whether it learns from references: clips that were retargeted, and the tracker that follows them. Who does not is
     given objects alone, and says itself which gains it drives."""

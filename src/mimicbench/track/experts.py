@@ -29,6 +29,8 @@ class Expert(Protocol):
     """What it observes."""
     late: float
     """[s] that it has known nothing any more before it is found to be lost."""
+    follows: bool
+    """Whether it follows the clips."""
 
     def begin(self, env: VecEnv) -> None:
         """All episodes of an environment begin. Its networks move to where the environment's tensors live."""
@@ -62,6 +64,7 @@ class ClipExpert:
     """A tracker by its mean action, each robot on its clip."""
 
     late = 0.0
+    follows = True
 
     def __init__(self, tracker: Tracker, robot: Robot) -> None:
         self._tracker, self._robot = tracker, robot
@@ -94,6 +97,7 @@ class SensingExpert:
 
     late = 0.8
     """A fall takes that long."""
+    follows = False
 
     def __init__(self, policy: Policy) -> None:
         self._fresh = self._policy = policy

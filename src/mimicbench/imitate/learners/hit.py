@@ -8,6 +8,8 @@ have when the chunk is over, so that the map cannot be overlooked:
 
     loss = L1(poses) + feature_weight * |tokens of the map - features of the map after the chunk|^2
 
+Where demonstrations follow no clip, but were given by a policy, the poses are those that the demonstrations come to.
+
 In use only the first frames of the chunk count, as many as the tracker looks ahead: completed by differences and
 forward kinematics they are what the tracker is told, in every frame anew.
 
@@ -30,8 +32,7 @@ from torch.nn import functional
 from mimicbench.core.checkpoint import beside
 from mimicbench.core.settings import Positive
 from mimicbench.envs.clips import ClipSet
-from mimicbench.envs.reference import ReferenceBank
-from mimicbench.imitate.cloning import CloneImitation, clips_of, clone
+from mimicbench.imitate.cloning import CloneImitation, clone
 from mimicbench.imitate.encoder import Encoder, EncoderConfig, sine_positions_2d
 from mimicbench.imitate.goals import known_goal
 from mimicbench.imitate.inputs import Batch, Learner, NetworkConfig, Window, check_heads
@@ -41,10 +42,10 @@ from mimicbench.imitate.plan import PosePlan
 from mimicbench.imitate.planner import own_terms
 from mimicbench.imitate.policy import Senses
 from mimicbench.imitate.spec import Given, LearnerSpec
+from mimicbench.imitate.stored.poses import ClipPlans, motions_of
 from mimicbench.imitate.train import TrainConfig
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.observations import Observations
-from mimicbench.sim.physics import ObjectState, RobotState
 from mimicbench.sim.rows import Rows
 from mimicbench.tasks.task import Task
 from mimicbench.track.checkpoint import load_tracker
@@ -173,36 +174,6 @@ class _Block(nn.Module):
         return self.norms[2](x + self.feedforward(x))
 
 
-class ClipPlans:
-    """What the clips of demonstrations would have had a robot plan, wherever the tracker had taken it."""
-
-    def __init__(self, demos: Demos, clips: ClipSet) -> None:
-        self._layout = PosePlan(clips.robot, clips.task)
-        self._bank = ReferenceBank(clips.motions, clips.robot)
-        lengths = torch.from_numpy(demos.starts).diff()
-        self._clip = clips_of(demos, clips).repeat_interleave(lengths)
-        self._first = torch.from_numpy(demos.starts[:-1]).repeat_interleave(lengths)
-        self._qpos, self._qvel = torch.from_numpy(demos.qpos), torch.from_numpy(demos.qvel)
-        self._joints = len(clips.robot.joints)
-
-    def of(self, frames: Tensor, steps: Tensor) -> Tensor:
-        """(B, chunk, P) what is planned in frames (B,) for frames `steps` (B, chunk) of the same episodes."""
-        here, there = frames[:, None].expand(steps.shape).flatten(), steps.flatten()
-        root = self._qpos[here, :7].float()
-        none = root[:, :0]
-        state = RobotState(root[:, :3], root[:, 3:], none, none, none, none)
-        index = there - self._first[here]
-        two = self._bank.frame(self._clip[here].repeat(2), torch.cat([index + 1, index + 2]))
-        return self._layout.flat(state, self._objects(there), two).unflatten(0, steps.shape)
-
-    def _objects(self, frames: Tensor) -> ObjectState:
-        """Where the objects are in frames (M,); at the origin where they stay there."""
-        pose, motion = self._qpos[frames, 7 + self._joints :].float(), self._qvel[frames, 6 + self._joints :].float()
-        if not pose.shape[1]:
-            return ObjectState.at_origin(len(frames))
-        return ObjectState(pose[:, :3], pose[:, 3:7], motion[:, :3], motion[:, 3:6])
-
-
 class HITPolicy:
     """HIT in closed loop: plans in every frame, and lets the tracker follow."""
 
@@ -276,7 +247,7 @@ def check_told(robot: Robot, task: Task, tracker: Tracker, chunk: int) -> None:
 class HITImitation(CloneImitation):
     """HIT as the paper has it: S_current and the map of every frame, over the tracker that made the demonstrations."""
 
-    says_clips: ClassVar[bool] = True
+    says_poses: ClassVar[bool] = True
     learner: str = "hit"
     network: HITConfig = field(default_factory=HITConfig.small)
     train: TrainConfig = field(default_factory=lambda: TrainConfig(steps=20_000, learning_rate=5e-4))
@@ -286,11 +257,21 @@ class HITImitation(CloneImitation):
         return ClipPlans(demos, clips)
 
 
+@dataclass(frozen=True)
+class OwnPoses(HITImitation):
+    """The same where demonstrations follow no clip: it says what they do themselves."""
+
+    def plans(self, demos: Demos, clips: ClipSet) -> ClipPlans:
+        """The poses of the demonstrations."""
+        return ClipPlans(demos, motions_of(demos, clips))
+
+
 def learn(folder: Path, given: Given, config: HITImitation) -> dict[str, Any]:
     """Clone what the tracker beside the folder can be told. Raises as `check_told` before anything is learned."""
     clips = given.clips
     check_told(clips.robot, clips.task, load_tracker(beside(folder, "tracker"), clips.robot), config.network.chunk)
-    return clone(folder, given, config)
+    follows = given.expert is None or given.expert.follows
+    return clone(folder, given, config if follows else OwnPoses(**vars(config)))
 
 
 LEARNER = LearnerSpec("hit", HITImitation, learn)
