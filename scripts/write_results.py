@@ -20,6 +20,15 @@ from mimicbench.tasks.registry import TASKS
 ROOT = Path(__file__).parents[1]
 README, RESULTS, ORDERINGS = ROOT / "README.md", ROOT / "docs" / "results.md", ROOT / "docs" / "orderings.md"
 
+COMPARED = {
+    "data-scale": "sit-chair-data-scale",
+    "learners": "sit-chair-learners",
+    "clone-switches": "sit-chair-switches",
+    "vision": "sit-chair-vision",
+    "tracker-parts": "lift-box-parts",
+}
+"""Folder in `runs/` of each comparison whose table is in the orderings."""
+
 
 def rows_of(folder: Path) -> list[EpisodeRow]:
     """All episode rows of a run."""
@@ -104,10 +113,9 @@ def pages() -> dict[Path, str]:
         for split, words in (("learn", "learned from"), ("judge", "never met"))
     }
     results = with_table(results, "real-people", recorded(followed))
-    scale = compared("data-scale", ROOT / "runs" / "sit-chair-data-scale")
-    orderings = with_table(ORDERINGS.read_text(), "data-scale", scale)
-    parts = compared("tracker-parts", ROOT / "runs" / "lift-box-parts")
-    orderings = with_table(orderings, "tracker-parts", parts)
+    orderings = ORDERINGS.read_text()
+    for name, folder in COMPARED.items():
+        orderings = with_table(orderings, name, compared(name, ROOT / "runs" / folder))
     return {README: with_table(README.read_text(), "results", best()), RESULTS: results, ORDERINGS: orderings}
 
 

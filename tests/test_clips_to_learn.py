@@ -45,3 +45,9 @@ def test_recordings_are_learned_from_whole_and_judge_nothing():
     for made, first, last in ((chairs, names[0] - everyone, names[2]), (sofas, names[1], names[3])):
         assert first == {motion.id for motion in made.split("train").motions}
         assert last == {motion.id for motion in made.split("test").motions}
+
+
+def test_some_clips_are_from_all_over_the_set():
+    made = clips("sit-chair", "chair", "made", "chair")
+    assert [motion.id for motion in made.spread(5).motions] == [f"made-{i}" for i in (0, 1, 3, 4, 6)]
+    assert made.spread(20).motions == made.motions

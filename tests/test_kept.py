@@ -69,6 +69,12 @@ def test_what_is_kept_is_what_the_simulator_went_through(tmp_path, task, object_
         kept(tmp_path / "kept", done)
 
 
+def test_of_who_never_moved_nothing_is_kept(tmp_path):
+    still = [replace(row, steps=0) for row in rows("wanders", "wanders")]
+    keep(tmp_path / "kept", still, {0: np.zeros((1, 26)), 1: np.zeros((1, 26))}, clips("sit-chair", "chair-0-00003", 2))
+    assert kept(tmp_path / "kept", still) == []
+
+
 def test_an_episode_on_a_moving_object_keeps_its_way():
     qpos = np.tile(np.r_[0, 0, 1.0, 1, 0, 0, 0, ROBOT.rest_pose, 0.4, 0, 0.2, 1, 0, 0, 0], (5, 1))
     row = replace(ROW, task="lift-box", object_id="box-0-00000")

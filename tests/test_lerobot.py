@@ -12,7 +12,7 @@ from mimicbench.core.errors import BadFile, MimicbenchError
 from mimicbench.core.files import digest_of, write_record
 from mimicbench.imitate.lerobot import load_demos
 from mimicbench.imitate.stored.demo_writer import Demonstration, DemoWriter
-from mimicbench.imitate.stored.tables import read_tasks
+from mimicbench.imitate.stored.tables import read_table, read_tasks, write_table
 
 JOINTS = tuple(f"joint_{i}" for i in range(19))
 
@@ -173,6 +173,39 @@ def test_killed_and_resumed_gives_the_same_bytes(tmp_path):
     again.finish()
     files = [path.relative_to(whole) for path in whole.rglob("*") if path.is_file()]
     assert all((whole / path).read_bytes() == (broken / path).read_bytes() for path in files)
+
+
+@pytest.mark.parametrize("lost", ["meta/info.json", "meta/digests.json", "stale"])
+def test_killed_while_the_data_set_was_described(lost, tmp_path):
+    """The next one goes on as if nothing had happened; where no word was left, the first ones are made again."""
+    whole, broken = fill(tmp_path / "whole", 4), tmp_path / "broken"
+    out = writer(broken)
+    for number in range(2):
+        out.add(demo(number, 5 + number))
+    if lost == "stale":
+        before = {path: path.read_bytes() for path in (broken / "meta").glob("*.json")}
+        for number in range(2, 4):
+            out.add(demo(number, 5 + number, success=number != 3))
+        for path, content in before.items():
+            path.write_bytes(content)
+    else:
+        (broken / "meta/digests.json").unlink()
+        (broken / lost).unlink(missing_ok=True)
+    again = writer(broken)
+    assert len(again.written) == {"meta/info.json": 0, "meta/digests.json": 2, "stale": 4}[lost]
+    for number in range(len(again.written), 4):
+        again.add(demo(number, 5 + number, success=number != 3))
+    files = [path.relative_to(whole) for path in whole.rglob("*") if path.is_file()]
+    assert all((whole / path).read_bytes() == (broken / path).read_bytes() for path in files)
+
+
+def test_a_table_of_episodes_without_what_is_read(tmp_path):
+    fill(tmp_path)
+    path = tmp_path / "meta/episodes/chunk-000/file-000.parquet"
+    write_table(path, read_table(path).drop_columns(["success"]))
+    (tmp_path / "meta/digests.json").unlink()
+    with pytest.raises(BadFile, match="has no column 'success'"):
+        load_demos(tmp_path)
 
 
 def test_cut_off_shard(tmp_path):

@@ -195,6 +195,11 @@ def test_parts_are_the_same_whatever_the_threads(parts):
     assert steps(1) == steps(2)
 
 
+def test_no_part_is_without_a_robot():
+    with pytest.raises(MimicbenchError, match="3 robots are too few for 4 parts"):
+        TrackingParts(RESIDUAL, [clip_set(), LIFTS], [2, 1], 3, TrackingConfig(), 5, ONE_THREAD)
+
+
 def test_a_training_begins_from_a_tracker_and_keeps_what_it_does(tmp_path):
     torch.manual_seed(0)
     network = LAYOUT.blueprint(MLPConfig((6, 5))).network(19)

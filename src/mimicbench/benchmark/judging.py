@@ -174,7 +174,11 @@ def judge(run: Run, name: str) -> list[EpisodeRow]:
     path = rows_path(run, who, source)
     there = rows_made_from(path).get("episodes", 0) if path.exists() else 0
     if there == count and not who.is_program:
-        return read_rows(path)
+        try:
+            return read_rows(path)
+        except BadFile as error:
+            run.context.say(f"{error}; it is run again now")
+            there = 0
     positions: dict[int, np.ndarray] = {}
     if who.is_tracker:
         rows = judge_tracker(run, who, clips.set)

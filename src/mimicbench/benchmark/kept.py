@@ -25,7 +25,13 @@ MOST_FAILURES = 4
 
 
 def worth_keeping(rows: Sequence[EpisodeRow]) -> list[EpisodeRow]:
-    """The first of the best of one policy's rows, and up to MOST_FAILURES that failed, each kind in its turn."""
+    """The first of the best of one policy's rows, and up to MOST_FAILURES that failed, each kind in its turn.
+
+    None of episodes that were over before anything had moved, as where a policy raises at once.
+    """
+    rows = [row for row in rows if row.steps]
+    if not rows:
+        return []
     by_kind = [[row for row in rows if failure(row) == kind] for kind in FAILURES]
     in_turn = [row for row in chain.from_iterable(zip_longest(*by_kind)) if row is not None]
     best = max(rows, key=lambda row: (row.stays, row.success))

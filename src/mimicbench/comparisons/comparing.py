@@ -27,7 +27,7 @@ class Compared:
     folder: Path | None
     """Of what was learned, or of the shipped tracker."""
     rows: Sequence[EpisodeRow]
-    """None where it could not be judged."""
+    """Empty where it could not be judged."""
     problem: str = ""
     """Why, in a sentence."""
 

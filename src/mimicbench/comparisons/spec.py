@@ -30,7 +30,10 @@ class Variant:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A list of recipes, whose trackers or policies are learned and judged on the same episodes."""
+    """A list of recipes, whose trackers or policies are learned and judged on the same episodes.
+
+    Where they differ in how clips are retargeted, it is on as many clips of the same people: each way loses others.
+    """
 
     name: str
     what: str

@@ -122,9 +122,11 @@ def opened(
         yield found
         return
     made = [path for path in (folder, *folder.parents) if not path.exists()]
+    held = False
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with locked(folder):
+            held = True
             stage = _take_up(folder, key, recipe, trained)
             if stage is None:
                 stage = Stage(folder, _header(key, recipe, ()))
@@ -134,7 +136,8 @@ def opened(
                 write_record(folder / HEADER, stage.header)
             yield stage
     except MimicbenchError:
-        if made and {path.name for path in folder.glob("*")} <= {HEADER}:
+        # not what another program has begun meanwhile
+        if held and made and {path.name for path in folder.glob("*")} <= {HEADER}:
             (folder / HEADER).unlink(missing_ok=True)
             _remove_empty(made)
         raise

@@ -50,7 +50,10 @@ class ClipSet:
 
     def spread(self, count: int) -> "ClipSet":
         """About so many clips from all over the set, never more."""
-        return replace(self, motions=self.motions[:: max(1, len(self.motions) // count)][:count])
+        have = len(self.motions)
+        return replace(
+            self, motions=[self.motions[i * have // count] for i in range(count)] if have > count else self.motions
+        )
 
 
 def learned_and_judged(parts: Mapping[str, ClipSet]) -> tuple[list[ClipSet], list[ClipSet]]:

@@ -58,6 +58,7 @@ class Guard:
         if not target.is_floating_point() or target.device != self._last.device:
             self._error = f"act gave {target.dtype} on {target.device} instead of numbers on {self._last.device}"
             return None
+        target = target.to(self._last.dtype)  # or all that is observed from then on would be as precise
         # without asking the device whether there are any
         self.sound = self.sound & target.isfinite().all(-1)
         self._last = torch.where(self.sound[:, None], target, self._last)

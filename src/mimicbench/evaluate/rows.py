@@ -30,7 +30,11 @@ ENERGY_LIMITS = (1e6, 2e6, 4e6, 8e6)
 
 @dataclass(frozen=True)
 class EpisodeRow:
-    """What one episode came to. Two rows of equal task, seed and episode had the same start and the same object."""
+    """What one episode came to.
+
+    Two rows of equal task, seed and episode had the same start and the same object, if their clips were retargeted
+    alike; each way to retarget loses other clips, so across these rows belong together by `reference_id`.
+    """
 
     task: str
     stage: str
@@ -157,7 +161,7 @@ def rows_made_from(path: Path) -> dict[str, Any]:
     """What the rows of a file depend on; empty if it does not say, or cannot be read."""
     try:
         return json.loads((pq.read_schema(path).metadata or {})[METADATA])["made_from"]
-    except (pa.ArrowException, OSError, KeyError, TypeError, ValueError):
+    except (pa.ArrowException, OSError, KeyError, TypeError, ValueError, RecursionError):
         return {}
 
 
@@ -165,7 +169,7 @@ def _checked_header(path: Path, schema: pa.Schema) -> dict[str, Any]:
     try:
         header = json.loads((schema.metadata or {})[METADATA])
         kind, version = header["type"], header["schema"]
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, RecursionError):
         raise BadFile(f"{path} is a parquet file, but not one of mimicbench's episode rows") from None
     if kind != KIND:
         raise BadFile(f"{path} holds {kind!r}, expected {KIND!r}")

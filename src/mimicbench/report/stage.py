@@ -14,6 +14,7 @@ from mimicbench.benchmark.judging import episodes_of, episodes_to_show, who_of
 from mimicbench.benchmark.keys import Run
 from mimicbench.benchmark.shipped import SHIPPED
 from mimicbench.core.checkpoint import beside
+from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.files import remove_unfinished
 from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.core.stage import locked, read_stage
@@ -40,6 +41,9 @@ def report(run: Run, rows: Sequence[EpisodeRow], policy: str, show: ShowConfig |
         judged = _judged(run, rows)
         clips = episodes_of(run, len(judged[policy]))
         motions = {name: episodes_to_show(run, name, clips, of_one) for name, of_one in judged.items()}
+        if not motions[policy]:
+            told = judged[policy][0].error
+            raise MimicbenchError(f"{policy} moved in no episode ({told}), so there is nothing to show; mend it first")
         failed = [pair for pairs in motions.values() for pair in pairs if failure(pair[0])]
         inputs = ReportInputs(
             run.recipe.task,

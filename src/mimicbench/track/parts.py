@@ -12,6 +12,7 @@ from typing import TypeVar
 import torch
 from torch import Tensor
 
+from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.parallel import cpu_count
 from mimicbench.core.seeds import digest
 from mimicbench.envs.clips import ClipSet
@@ -45,6 +46,11 @@ class TrackingParts:
         copies = -(-max(parts, len(sets)) // len(sets))
         of_part = [clips for clips in sets for _ in range(copies)]
         shares = [len(range(copy, count, copies)) for count in robots for copy in range(copies)]
+        if min(shares) < 1:
+            raise MimicbenchError(
+                f"{sum(robots)} robots are too few for {len(shares)} parts, of which each is to have one; give more "
+                "(--track.num-envs), or fewer parts (--track.parts)"
+            )
         threads = min(env_config.workers or cpu_count(), len(of_part)) if env_config.device == "cpu" else 1
         self._pool = ThreadPoolExecutor(threads, initializer=torch.set_num_threads, initargs=(1,))
         each = replace(env_config, workers=max(1, (env_config.workers or cpu_count()) // threads))

@@ -91,9 +91,14 @@ class DemoWriter:
         self._stats: list[Stats] = []
         self._waiting: list[Demonstration] = []
         self._files = 0
-        info = folder / "meta" / "info.json"
-        if info.exists():
+        info, features = folder / "meta" / "info.json", None
+        if not info.exists():
+            # whoever was to write it died first: nothing tells what the columns of that shard are
+            for path in episode_files(folder):
+                path.unlink()
+        else:
             found = read_json(info)
+            features = found.get("features")
             expected = {"robot_type": robot, "fps": round(fps)}
             differs = [key for key, value in expected.items() if found.get(key) != value]
             if differs or found.get("codebase_version") != VERSION or read_tasks(folder) != [task]:
@@ -106,6 +111,8 @@ class DemoWriter:
             self._rows += [{key: value for key, value in row.items() if not key.startswith("stats/")} for row in rows]
             self._stats += [unflatten_stats(row) for row in rows]
             self._files += 1
+        if self._rows and features is not None:
+            self._describe(features)  # somebody may have died before that
 
     @property
     def written(self) -> tuple[str, ...]:
