@@ -99,6 +99,19 @@ def test_settings_that_all_learners_have_are_said_once():
     assert [one.imitate.learner for one in found.values()] == ["act", "hit", "bc", "diffusion"]
 
 
+def test_what_is_said_is_said_to_all():
+    """Also where it is what the first of them would have had."""
+    learners = COMPARISONS.get("learners")
+    default = recipes_of(learners)["ACT"].imitate.train.steps
+    found = recipes_of(learners, "--train.steps", str(default))
+    assert [one.imitate.train.steps for one in found.values()] == [default] * 4
+    found = recipes_of(learners, "--preset", "paper", "--train.batch", "8")
+    assert [one.imitate.train.batch for one in found.values()] == [8] * 4
+    found = recipes_of(learners, "--preset", "brief", "--train.steps", "50", "--demos.no-images")
+    assert [one.imitate.train.steps for one in found.values()] == [50] * 4
+    assert not any(one.demos.images for one in found.values())
+
+
 def test_some_variants_alone():
     call = read_compared(SHARED, ("--only", "relative", "as it is"), CompareOptions)
     assert [one.label for one in call.comparison.variants] == ["relative", "as it is"]

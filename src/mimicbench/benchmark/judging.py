@@ -176,17 +176,14 @@ def judge(run: Run, name: str) -> list[EpisodeRow]:
     if there == count and not who.is_program:
         try:
             return read_rows(path)
-        except BadFile as error:
-            run.context.say(f"{error}; it is run again now")
-            there = 0
+        except BadFile:
+            there = 0  # damaged: they are made anew
     positions: dict[int, np.ndarray] = {}
     if who.is_tracker:
         rows = judge_tracker(run, who, clips.set)
     else:
         rows, positions = judge_policy(run, who, clips.set, _first_batch(count), policy)
-    if (
-        there < count or who.is_program
-    ):  # the last, smaller batch of fewer episodes may round differently: they are judged, but not kept
+    if there < count or who.is_program:  # the last, smaller batch of fewer may round differently, and is not kept
         write_rows(path, rows, {**source, "episodes": count})
         if positions:
             keep(path.with_suffix(""), rows, positions, clips.set)

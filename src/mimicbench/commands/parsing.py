@@ -20,7 +20,7 @@ import tyro
 from mimicbench.benchmark.recipe import PARTS, Common, Recipe, check_recipe, read_recipe, recipe_tree, stage_type
 from mimicbench.comparisons.spec import Comparison, Said, recipe_of
 from mimicbench.core.run import RunContext
-from mimicbench.core.settings import BadSetting, differences, merge
+from mimicbench.core.settings import BadSetting, differences, merge, to_tree
 
 CHOOSING = ("imitate.learner", "track.tracker")
 """Settings on which depends what other settings there are."""
@@ -172,7 +172,8 @@ def _read(
     place = said(argv, "config")
     file = None if place is None else Path(place)
     presets = (*presets, *_presets(argv))
-    tree = merge(common, recipe_tree(presets, file, names))
+    # a preset may differ by who learns, which a comparison says where nobody else does
+    tree = merge(common, recipe_tree(presets, file, merge(_choice(common), names)))
     before = read_recipe(tree, place or "")
     before = replace(
         before, **{part: getattr(before, part) or stage_type(part, tree.get(part, {}))() for part in parts}
@@ -189,7 +190,25 @@ def _read(
     recipe = replace(before, **{name: getattr(given, name) for name in ("task", "robot", "seed", *parts)})
     check_recipe(recipe)
     parsed.options.context()
-    return _Line(parsed.options, recipe, Said(presets, file, merge(names, differences(recipe, before))))
+    # what is said counts, also where it is what would have been, for others would have been given something else
+    given = merge(names, differences(recipe, before), _spoken(to_tree(recipe), _flags(argv)))
+    return _Line(parsed.options, recipe, Said(presets, file, given))
+
+
+def _flags(argv: Sequence[str]) -> set[str]:
+    """The settings that are named on a command line, in full, as `imitate.train.steps`."""
+    return {word[2:].partition("=")[0].replace("-", "_") for word in argv if word.startswith("--")}
+
+
+def _spoken(tree: Mapping[str, Any], flags: set[str], where: str = "") -> dict[str, Any]:
+    """Of a tree of values: those whose names are among the flags, or `no_` and their names, where they are switches."""
+    found: dict[str, Any] = {}
+    for name, value in tree.items():
+        if isinstance(value, Mapping):
+            found |= {name: inner} if (inner := _spoken(value, flags, f"{where}{name}.")) else {}
+        elif {f"{where}{name}", f"{where}no_{name}"} & flags:
+            found[name] = value
+    return found
 
 
 def _command(recipe: Recipe, parts: Sequence[str], kind: type[Any]) -> Any:
