@@ -260,7 +260,7 @@ def test_proprioception_of_a_turned_robot():
     assert found.shape == (48,)
 
 
-SHORT = Course(steps=6, batch=8, log_steps=2, save_every=1e9, average=0.9)
+SHORT = Course(steps=6, batch=8, log_steps=2, save_every=1e9, average=0.9, threads=1)
 
 
 @pytest.mark.parametrize("kind", kinds())
@@ -274,7 +274,9 @@ def test_training_is_deterministic_and_survives_a_kill(kind, demos, chairs, tmp_
     train(config, data, replace(SHORT, schedule="constant"), tmp_path / "once", quiet=True)
     with open(tmp_path / "constant/metrics.jsonl", "a") as stream:
         stream.write('{"step": 4, "loss": 0}\n{"st')
+    torch.set_num_threads(2)  # as in another program, which has done other things before
     resumed = train(config, data, replace(SHORT, schedule="constant"), tmp_path / "constant", quiet=True).state_dict()
+    assert torch.get_num_threads() == 1
     once = load_learner(tmp_path / "once", H1, type(config))[0].state_dict()
     assert all((once[name] == resumed[name]).all() for name in once)
     steps = [json.loads(line)["step"] for line in (tmp_path / "constant/metrics.jsonl").read_text().splitlines()]

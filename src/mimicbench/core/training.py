@@ -213,3 +213,28 @@ def forget_after(path: Path, progress: Mapping[str, float]) -> None:
     kept = [row for row in read_metrics(path) if row.get(name, 0) <= most]
     write_atomic(path, lambda stream: stream.writelines(f"{json.dumps(row)}\n".encode() for row in kept))
     write_events(path.parent, kept)
+
+
+class MovingAverage:
+    """A moving average of a network's weights, which is what is kept."""
+
+    def __init__(self, network: nn.Module, decay: float) -> None:
+        self.decay = decay
+        self.values = {n: v.detach().clone() for n, v in network.named_parameters()} if decay else {}
+
+    def follow(self, network: nn.Module, steps: int) -> None:
+        """After `steps` batches."""
+        # young averages forget faster, or they would long remember the first weights
+        decay = min(self.decay, (1 + steps) / (10 + steps))
+        parameters = dict(network.named_parameters())
+        for name, value in self.values.items():
+            value.lerp_(parameters[name].detach(), 1 - decay)
+
+    def state_tensors(self) -> dict[str, Tensor]:
+        """The averages by name."""
+        return dict(self.values)
+
+    def load_state_tensors(self, tensors: Mapping[str, Tensor]) -> None:
+        """The inverse of `state_tensors`."""
+        for name, value in self.values.items():
+            value.copy_(tensors[name])

@@ -3,7 +3,6 @@
 import dataclasses
 import time
 from collections import deque
-from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass
@@ -12,14 +11,20 @@ from typing import Any, Literal
 
 import msgspec
 import torch
-from torch import Tensor, nn
 
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.parallel import cpu_count
 from mimicbench.core.progress import counter
 from mimicbench.core.seeds import digest
 from mimicbench.core.settings import Positive, Share
-from mimicbench.core.training import NetworkState, OptimizerState, append_metrics, resume_training, save_training
+from mimicbench.core.training import (
+    MovingAverage,
+    NetworkState,
+    OptimizerState,
+    append_metrics,
+    resume_training,
+    save_training,
+)
 from mimicbench.imitate.dataset import DemoFrames
 from mimicbench.imitate.inputs import Batch, Learner
 from mimicbench.imitate.learned import save_learner, take_over
@@ -62,6 +67,8 @@ class TrainConfig:
     precision: Literal["float32", "bfloat16"] = "float32"
     """Of the products of matrices; weights, and what the network does in use, stay float32. Worth it where a processor
     multiplies bfloat16 (avx512_bf16, amx_bf16 in /proc/cpuinfo), on recent GPUs, and for large networks."""
+    threads: Positive = 2
+    """Of torch, for the network; how sums are rounded depends on it, so it is not left to the machine."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +107,7 @@ def train(
     Returns:
         The trained network (the moving average, if there is one), on the CPU and ready for use.
     """
+    torch.set_num_threads(config.threads)
     with closing(CloneTraining(learner, data, config, folder, begin_from)) as run:
         return _trained(run, config, quiet)
 
@@ -107,8 +115,7 @@ def train(
 def _trained(run: "CloneTraining", config: Course, quiet: bool) -> Learner:
     run.resume()
     saved = time.monotonic()
-    sums: dict[str, float] = {}
-    summed = 0
+    sums, summed = dict[str, float](), 0
     with counter(config.steps, f"{type(run.learner).__name__} learns", quiet) as tick:
         tick(run.steps)
         while run.steps < config.steps:
@@ -127,31 +134,6 @@ def _trained(run: "CloneTraining", config: Course, quiet: bool) -> Learner:
                 run.save()
                 saved = time.monotonic()
     return run.result()
-
-
-class _Average:
-    """A moving average of a network's weights, which is what is kept."""
-
-    def __init__(self, network: nn.Module, decay: float) -> None:
-        self.decay = decay
-        self.values = {n: v.detach().clone() for n, v in network.named_parameters()} if decay else {}
-
-    def follow(self, network: nn.Module, steps: int) -> None:
-        """After `steps` batches."""
-        # young averages forget faster, or they would long remember the first weights
-        decay = min(self.decay, (1 + steps) / (10 + steps))
-        parameters = dict(network.named_parameters())
-        for name, value in self.values.items():
-            value.lerp_(parameters[name].detach(), 1 - decay)
-
-    def state_tensors(self) -> dict[str, Tensor]:
-        """The averages by name."""
-        return dict(self.values)
-
-    def load_state_tensors(self, tensors: Mapping[str, Tensor]) -> None:
-        """The inverse of `state_tensors`."""
-        for name, value in self.values.items():
-            value.copy_(tensors[name])
 
 
 def batches_ahead(device: str) -> int:
@@ -175,7 +157,7 @@ class CloneTraining:
             take_over(self.learner, begin_from)
         self.learner.to(config.device)
         self.parameters = dict(self.learner.named_parameters())
-        self.average = _Average(self.learner, config.average)
+        self.average = MovingAverage(self.learner, config.average)
         self.optimizer = torch.optim.AdamW(
             self.parameters.values(), lr=config.learning_rate, betas=config.betas, weight_decay=config.weight_decay
         )
@@ -193,8 +175,8 @@ class CloneTraining:
             "demonstrations": list(data.demos.reference_ids),
             "frames": data.demos.frames,
         }
-        optimizer = OptimizerState(self.optimizer)
-        self.parts = {"network": NetworkState(self.learner), "average": self.average, "optimizer": optimizer}
+        network, optimizer = NetworkState(self.learner), OptimizerState(self.optimizer)
+        self.parts = {"network": network, "average": self.average, "optimizer": optimizer}
 
     def step(self) -> dict[str, float]:
         """One batch. Its random numbers follow from its number, so a resumed run draws the same ones."""

@@ -224,8 +224,12 @@ class HITPolicy:
         chunk = self._learner.plan(*self._senses.see(obs))
         planned = self._plan.terms(self._tracker.spec, chunk, obs["proprio"])
         terms = {**{name: obs[name] for name in self._own}, "last_action": self._last_action, **planned}
-        self._last_action = self._follower.action(terms)
+        self._last_action, self._before = self._follower.action(terms), terms
         return self._tracker.target(self._robot, terms, self._last_action)
+
+    def drove(self, target: Tensor) -> None:
+        """Joint targets (N, J) [rad] were given instead of what `act` said last: it goes on from there."""
+        self._last_action = self._tracker.actions_of(self._robot, self._before, target)
 
 
 def load_hit(folder: Path, robot: Robot, task: Task) -> HITPolicy:

@@ -117,8 +117,12 @@ class OnlinePolicy:
             context = context.beside(in_hands(context))
         told = {term.name: term.compute(context) for term in self._told}
         terms = {**{name: obs[name] for name in self._own}, "last_action": self._last_action, **told}
-        self._last_action = self._follower.action(terms)
+        self._last_action, self._before = self._follower.action(terms), terms
         return self._tracker.target(self._robot, terms, self._last_action)
+
+    def drove(self, target: Tensor) -> None:
+        """Joint targets (N, J) [rad] were given instead of what `act` said last: it goes on from there."""
+        self._last_action = self._tracker.actions_of(self._robot, self._before, target)
 
     def _plan(self, begins: Mapping[int, Begin], obs: Observations) -> list[int]:
         """Robots plan with what they know of their goals; who succeeded."""
