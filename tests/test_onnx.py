@@ -96,6 +96,10 @@ def test_a_file_of_somebody_else_is_judged(tmp_path):
 
     who = who_of(start(making.small(), tmp_path, making.QUIET), str(tmp_path / "mine.onnx"))
     assert who.name == "mine" and set(who.digests) == {"program"} and not who.is_program
+    apart = tmp_path / "apart.onnx"
+    model = onnx.load(str(tmp_path / "mine.onnx"))
+    onnx.save(model, str(apart), save_as_external_data=True, location="weights.bin", size_threshold=0)
+    assert (tmp_path / "weights.bin").exists() and replace(who, folder=apart).is_program, "nothing tells what it reads"
 
 
 @pytest.mark.parametrize(

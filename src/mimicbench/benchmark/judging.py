@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 FILES = {".py": "a Python file with a function make_policy()", ".onnx": "an ONNX file"}
 """What policies of other people are, by the suffix of their files."""
+ELSEWHERE = b"\x0a\x08location"
+"""Of a tensor in an ONNX file: the name of the entry that says in which file it is."""
 TRIES = 4
 """Times that more clips are made because K left too many out."""
 
@@ -47,8 +49,8 @@ class Who:
 
     @property
     def is_program(self) -> bool:
-        """Whether it is a Python file, of which nobody knows what else it reads."""
-        return self.folder.suffix == ".py"
+        """Whether it reads what nobody knows: a Python file, or an ONNX file whose weights are in others."""
+        return self.folder.suffix == ".py" or (self.folder.suffix == ".onnx" and ELSEWHERE in self.folder.read_bytes())
 
     @property
     def is_tracker(self) -> bool:
@@ -177,10 +179,9 @@ def judge(run: Run, name: str) -> list[EpisodeRow]:
         try:
             return read_rows(path)
         except BadFile:
-            there = 0  # damaged: they are made anew
-    positions: dict[int, np.ndarray] = {}
+            there = 0  # damaged
     if who.is_tracker:
-        rows = judge_tracker(run, who, clips.set)
+        rows, positions = judge_tracker(run, who, clips.set), dict[int, "np.ndarray"]()
     else:
         rows, positions = judge_policy(run, who, clips.set, _first_batch(count), policy)
     if there < count or who.is_program:  # the last, smaller batch of fewer may round differently, and is not kept

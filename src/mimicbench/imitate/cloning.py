@@ -85,7 +85,7 @@ def clone(folder: Path, given: Given, config: CloneImitation) -> dict[str, Any]:
         place = beside(folder, ROUNDS) / str(number)
         before = train(network, demo_frames(demos, clips, network, config), course, place, given.context.quiet, before)
         save_learner(folder, before, clips.robot.name, notes)
-        demos = demos.joined(_driven(place / DATASET, folder, number, given, config.dagger, state))
+        demos = demos.joined(*_driven(place / DATASET, folder, number, given, config.dagger, state))
     frames = demo_frames(demos, clips, network, config)
     trained = train(network, frames, course, folder, given.context.quiet, before)
     told = {"demonstrations": demos.episodes, "batches": course.steps * (config.dagger.rounds + 1)}
@@ -102,8 +102,8 @@ def _rounds_of_others(config: DaggerConfig, clips: ClipSet, state: bool, disk: P
     return found
 
 
-def _driven(place: Path, folder: Path, number: int, given: Given, config: DaggerConfig, state: bool) -> Demos:
-    """What who demonstrated would have done where the policy in a folder drives."""
+def _driven(place: Path, folder: Path, number: int, given: Given, config: DaggerConfig, state: bool) -> list[Demos]:
+    """What who demonstrated would have done where the policy in a folder drives; nothing where it got nowhere."""
     clips, context = given.clips, given.context
     assert given.load_policy is not None and given.expert is not None, "who is to drive has to be read"
     policy = given.load_policy(folder, clips.robot, clips.task)
@@ -118,7 +118,7 @@ def _driven(place: Path, folder: Path, number: int, given: Given, config: Dagger
         env_config,
         context.quiet,
     )
-    return _read_round(place, clips.robot.name, state, folder)
+    return [_read_round(place, clips.robot.name, state, folder)] if place.exists() else []
 
 
 def _read_round(place: Path, robot: str, state: bool, disk: Path) -> Demos:
@@ -128,8 +128,8 @@ def _read_round(place: Path, robot: str, state: bool, disk: Path) -> Demos:
 
 def rounds_of(policy: str) -> list[Path]:
     """The data sets of the rounds in which a policy in a folder drove, in order."""
-    rounds = beside(Path(policy), ROUNDS)
-    return [rounds / str(number) / DATASET for number in range(len(list(rounds.glob(f"*/{DATASET}"))))]
+    found = beside(Path(policy), ROUNDS).glob(f"*/{DATASET}")
+    return sorted((place for place in found if place.parent.name.isdigit()), key=lambda place: int(place.parent.name))
 
 
 def demo_frames(demos: Demos, clips: ClipSet, network: NetworkConfig, config: CloneImitation) -> DemoFrames:
