@@ -220,3 +220,20 @@ def test_the_order_in_which_something_is_said_changes_no_byte(tmp_path):
 def test_errors_are_told_with_the_episodes_that_they_ended():
     rows = [replace(ROW, episode=i, error=error) for i, error in enumerate(("", "late", "", "raised", "late"))]
     assert summarize(rows).errors == {"late": (1, 4), "raised": (3,)}
+
+
+def test_one_long_text_in_every_row_is_not_written_out(tmp_path):
+    """Eight kilobytes on the disk would be a gigabyte and more in memory."""
+    write_rows(tmp_path / "rows.parquet", [ROW], {})
+    table, count = pq.read_table(tmp_path / "rows.parquet"), 1500
+    columns = [pa.array([table[name][0].as_py()] * count, table.schema.field(name).type) for name in table.column_names]
+    place = table.column_names.index("policy")
+    columns[place] = pa.DictionaryArray.from_arrays(pa.array([0] * count, pa.int32()), pa.array(["x" * 1_000_000]))
+    fields = zip(table.schema, columns, strict=True)
+    schema = pa.schema([pa.field(field.name, column.type, field.nullable) for field, column in fields])
+    with pq.ParquetWriter(tmp_path / "bomb.parquet", schema, compression="zstd", store_schema=False) as file:
+        file.write_table(pa.Table.from_arrays(columns, schema=schema))
+        file.add_key_value_metadata(table.schema.metadata)
+    assert (tmp_path / "bomb.parquet").stat().st_size < 10_000
+    with pytest.raises(BadFile, match="more text than such a file can"):
+        read_rows(tmp_path / "bomb.parquet")

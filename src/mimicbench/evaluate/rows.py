@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 
 from mimicbench.core.errors import BadFile, MimicbenchError
 from mimicbench.core.files import DIGEST, digest_of_json, write_atomic
-from mimicbench.core.foreign.columns import check_claims
+from mimicbench.core.foreign.columns import check_claims, read_checked
 from mimicbench.evaluate.intervals import Rate
 
 SCHEMA = 2
@@ -145,7 +145,7 @@ def read_rows(path: Path) -> list[EpisodeRow]:
         with pq.ParquetFile(path, page_checksum_verification=True) as file:
             header = _checked_header(path, file.schema_arrow)
             check_claims(path, file.metadata)
-            columns = file.read().to_pylist()
+            columns = read_checked(path, file.schema_arrow).to_pylist()
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise BadFile(

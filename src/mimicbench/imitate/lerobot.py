@@ -234,10 +234,10 @@ def _within(row: Mapping[str, Any], first: int, last: int) -> bool:
 
 
 def _shards(folder: Path, only_success: bool) -> list[Shard]:
-    """All shards, without the statistics of their episodes."""
+    """All shards, with what is needed of their episodes."""
     shards = []
     for path in episode_files(folder):
-        names = [name for name in schema_names(path) if not name.startswith("stats/")]
+        names = [name for name in schema_names(path) if name in _NEEDED]
         missing = sorted(_NEEDED - set(names))
         if missing:
             raise BadFile(f"{path} has no column {missing[0]!r}; it is no table of demonstrations of mimicbench's")

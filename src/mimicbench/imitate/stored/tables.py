@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 
 from mimicbench.core.errors import BadFile
 from mimicbench.core.files import write_atomic
-from mimicbench.core.foreign.columns import check_claims
+from mimicbench.core.foreign.columns import check_claims, read_checked
 
 _ARROW = {"float32": pa.float32(), "float64": pa.float64(), "int64": pa.int64(), "bool": pa.bool_()}
 PICTURES = pa.struct({"bytes": pa.binary(), "path": pa.string()})
@@ -36,8 +36,9 @@ def read_table(path: Path, columns: list[str] | None = None) -> pa.Table:
     if not path.is_file():
         raise BadFile(f"{path} does not exist; run `mimicbench demos` again")
     try:
-        check_claims(path, pq.read_metadata(path))
-        table = pq.read_table(path, columns=columns, page_checksum_verification=True)
+        metadata = pq.read_metadata(path)
+        check_claims(path, metadata)
+        table = read_checked(path, metadata.schema.to_arrow_schema(), columns)
     except (pa.ArrowException, OSError, KeyError, UnicodeDecodeError) as error:
         raise _bad_table(path, error) from None
     missing = sorted(set(columns or []) - set(table.column_names))
