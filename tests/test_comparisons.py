@@ -184,6 +184,12 @@ def test_a_tracker_learns_here_where_one_is_shipped_and_is_judged_where_none_is_
     assert json.loads(capsys.readouterr().out)["folder"].startswith(str(tmp_path)), "not the shipped one"
     cli.main(["compare", "retargeting", *common, "--only", "interaction"])
     assert "checkpoints" in json.loads(capsys.readouterr().out)["folder"]
+    # where none is shipped for what is asked for, the first one trains one, and the others have that
+    own = learned.replace("--only", "--track.frames 2 --only").split()
+    cli.main(["compare", "retargeting", *common, *own, "interaction", "optimization"])
+    told = json.loads(capsys.readouterr().out)
+    first, second = told
+    assert first["variant"] != second["variant"] and first["folder"] == second["folder"]
 
 
 @pytest.mark.parametrize("words", [[], ["--task", "sit-chair"], ["nothing"]])

@@ -33,6 +33,7 @@ class Run:
     recipe: Recipe
     workdir: Path
     context: RunContext = RunContext()
+    tracker: Path | None = None  # another's, in place of that of the recipe
 
     @cached_property
     def task(self) -> Task:
@@ -175,6 +176,8 @@ def tracker_folder(run: Run) -> Path | None:
 
     None if it must be trained first.
     """
+    if run.tracker is not None:
+        return run.tracker
     own = run.folder(track_key(run))
     if is_complete(own):
         return own / CHECKPOINT

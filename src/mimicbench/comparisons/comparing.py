@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mimicbench.benchmark.graph import make_imitate_stage, make_track_stage, start, tracker_for_learning
 from mimicbench.benchmark.judging import judge
-from mimicbench.benchmark.keys import CHECKPOINT, TRACKER, Run
+from mimicbench.benchmark.keys import CHECKPOINT, TRACKER, Run, tracker_folder
 from mimicbench.benchmark.recipe import Recipe
 from mimicbench.comparisons.spec import Comparison, Variant
 from mimicbench.core.errors import MimicbenchError
+from mimicbench.core.files import digest_of_json
 from mimicbench.core.run import RunContext
+from mimicbench.core.settings import identity
 
 if TYPE_CHECKING:
     from mimicbench.evaluate.rows import EpisodeRow
@@ -46,6 +48,9 @@ def compare(
         workdir: Where all stages go.
         context: How to run.
 
+    Variants that train no tracker of their own, and say nothing different of one, have the same: that of the first of
+    them, for another's clips would otherwise mean another one.
+
     A variant that cannot be learned or judged, such as one whose clips all fail, does not keep the others from it.
 
     Raises:
@@ -53,11 +58,16 @@ def compare(
     """
     context = context or RunContext()
     runs = [start(recipe, workdir, context) for recipe in recipes]
-    found = []
-    for variant, run in zip(comparison.variants, runs, strict=True):
+    found, trackers = [], dict[str, Path]()
+    for variant, begun in zip(comparison.variants, runs, strict=True):
         context.say(f"{comparison.name}: {variant.label}")
+        kind = digest_of_json(identity(begun.part("track")))
+        shares = comparison.of != "track" or not comparison.learns
+        run = replace(begun, tracker=trackers.get(kind)) if shares else begun
         try:
             found.append(_judged(comparison, variant, run))
+            if shares and (used := tracker_folder(run)) is not None:
+                trackers.setdefault(kind, used)
         except MimicbenchError as error:
             context.say(f"{variant.label}: {error}")
             found.append(Compared(variant, None, (), str(error)))
