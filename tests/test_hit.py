@@ -30,6 +30,7 @@ from mimicbench.sensors.observations import chosen_terms
 from mimicbench.sim.rows import Rows
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.registry import TASKS
+from mimicbench.track.experts import Corrigible
 from mimicbench.track.registry import TRACKERS
 from test_imitate import TINY
 
@@ -170,6 +171,25 @@ def test_a_policy_drives_over_any_tracker(name, tmp_path):
         assert policy.gains == TRACKERS.get(design).gains and "targets" not in policy.observations
         (run,) = run_policy(policy, clips, env_config=ONE)
         assert not run.errors and run.verdict.steps.tolist() == [5]
+
+
+def test_who_says_poses_goes_on_from_what_was_done(tmp_path):
+    """As an expert while somebody else drives."""
+    clips = gliding(TASKS.get("sit-chair"))
+    policy = load_policy(saved(tmp_path, clips.task, "residual"), ROBOT, clips.task)
+    assert isinstance(policy, Corrigible)
+    bank = ReferenceBank(clips.motions, ROBOT)
+    env = VecEnv(clips.task, ROBOT, clips.scenes, ONE, bank=bank)
+    starts = ClipStarts(bank, env.physics.add_objects(clips.scenes), ROBOT)
+    env.reset(Rows.every(1, env.device), starts.at(torch.zeros(1).long(), torch.zeros(1).long()))
+    obs = env.observe(policy.observations)
+    policy.reset(torch.arange(1), obs)
+    said = policy.act(obs)
+    meant = policy.memory()["last_action"].clone()
+    policy.drove(said)
+    torch.testing.assert_close(policy.memory()["last_action"], meant, atol=1e-4, rtol=1e-4)
+    policy.drove(said + 0.05)
+    assert (policy.memory()["last_action"] - meant).abs().min() > 0.05
 
 
 def test_a_tracker_that_looks_too_far_ahead_is_refused(tmp_path):
