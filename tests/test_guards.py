@@ -19,6 +19,7 @@ from mimicbench.core.errors import BadFile, UnknownName
 from mimicbench.core.run import RunContext
 from mimicbench.core.training import STATE
 from mimicbench.envs.metrics import Verdict
+from mimicbench.evaluate.rows import read_rows, rows_made_from
 from mimicbench.imitate.demos import DemosConfig, batches, demonstrations
 from mimicbench.objects.make import ObjectsConfig
 from mimicbench.objects.shape import split_of
@@ -53,6 +54,17 @@ def with_evaluation(run, **changes):
 
 
 # --- who is judged on what
+
+
+def test_rows_that_are_damaged_are_made_again(run):
+    rows = judge(run, keys.TRACKER)
+    (path,) = (run.workdir / run.recipe.task / "evaluate").glob("tracker-*.parquet")
+    whole = path.read_bytes()
+    path.write_bytes(whole[:20] + bytes(20) + whole[40:])
+    assert rows_made_from(path)["episodes"] == len(rows), "what it is made from can be read"
+    with pytest.raises(BadFile):
+        read_rows(path)
+    assert judge(run, keys.TRACKER) == rows and path.read_bytes() == whole
 
 
 @pytest.mark.parametrize("split", ["test", "train"])
