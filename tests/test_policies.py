@@ -144,6 +144,12 @@ def test_a_policy_of_a_python_file_is_judged(tmp_path):
     assert [(row.policy, row.steps, row.error) for row in rows] == [("still", 10, "")] * 3
 
 
+def test_a_policy_of_another_task_says_where_it_belongs():
+    lying = Path(mimicbench.__path__[0]) / "checkpoints" / "lie-bed" / "planner-no-clock"
+    with pytest.raises(BadFile, match="was learned at lie-bed, and does not fit sit-chair; judge it there"):
+        load_policy(lying, H1, SIT_CHAIR)
+
+
 def test_targets_may_be_more_precise_than_what_is_observed(tmp_path):
     body = "assert {term.dtype for term in obs.values()} == {torch.float32}; target = target.double()"
     rows = judged(written(tmp_path / "still.py", body))

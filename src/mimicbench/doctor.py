@@ -22,7 +22,6 @@ EXTRAS = {
     "view": (("viser", "mjviser"), "the page of `mimicbench view`"),
     "onnx": (("onnx", "onnxruntime", "onnxscript"), "policies as ONNX files"),
     "gpu": (("warp-lang", "mujoco-warp"), "physics on an NVIDIA GPU"),
-    "cluster": (("ray",), "stages on several machines"),
     "bench": (("mink", "daqp"), "retargeting beside mink"),
 }
 """Extra of the package -> what it installs, and what for."""

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
-from mimicbench.core.checkpoint import checkpoint_kind
+from mimicbench.core.checkpoint import BadCheckpoint, checkpoint_kind, checkpoint_task
 from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
 from mimicbench.envs.policy import Policy, refuse_privileged
 from mimicbench.policies.onnx_file import load_onnx
@@ -31,14 +31,25 @@ def load_policy(path: Path, robot: Robot, task: Task) -> Policy:
         return _of_file(path, robot, task)
     if path.suffix == ".onnx":
         return load_onnx(path, robot, task)
-    return LOADERS.get(checkpoint_kind(path)).load(path, robot, task)
+    loader = LOADERS.get(checkpoint_kind(path))
+    try:
+        return loader.load(path, robot, task)
+    except BadCheckpoint:
+        if (learned_at := checkpoint_task(path)) in ("", task.name):
+            raise
+        raise BadFile(
+            f"{path} was learned at {learned_at}, and does not fit {task.name}; judge it there (--task {learned_at})"
+        ) from None
 
 
 def _of_file(path: Path, robot: Robot, task: Task) -> Policy:
     if not path.is_file():
         raise BadFile(f"{path} does not exist; give the path of a Python file with a function make_policy()")
     try:
-        policy = getattr(_module(path), "make_policy", _missing)()
+        module = _module(path)
+        if not hasattr(module, "make_policy"):
+            raise MimicbenchError(f"{path} has no function make_policy(); write one that returns a policy")
+        policy = module.make_policy()
     except MimicbenchError:
         raise
     except Exception as error:
@@ -72,7 +83,3 @@ def _module(path: Path) -> ModuleType:
     finally:
         sys.path.remove(str(path.parent.resolve()))
     return module
-
-
-def _missing() -> Policy:
-    raise MimicbenchError("the file has no function make_policy(); write one that returns a policy")
