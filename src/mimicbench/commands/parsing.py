@@ -18,12 +18,10 @@ from typing import Annotated, Any
 import tyro
 
 from mimicbench.benchmark.recipe import PARTS, Common, Recipe, check_recipe, read_recipe, recipe_tree, stage_type
-from mimicbench.comparisons.spec import Comparison, Said, recipe_of
+from mimicbench.comparisons.spec import CHOOSING, Comparison, Said, choice, recipe_of
 from mimicbench.core.run import RunContext
 from mimicbench.core.settings import BadSetting, differences, merge, to_tree
 
-CHOOSING = ("imitate.learner", "track.tracker")
-"""Settings on which depends what other settings there are."""
 ALL = "all"
 
 
@@ -102,24 +100,13 @@ def read_compared(comparison: Comparison, argv: Sequence[str], kind: type[Any]) 
     """
     command = f"compare {comparison.name}"
     stages = (comparison.of, PARTS[-1])
-    common = merge(comparison.common, _choice(comparison.variants[0].change))
+    # what may be said is what the first variant has; where another one has no such setting, its recipe says so
+    common = merge(comparison.common, choice(comparison.variants[0].change))
     lines = [_read(stages, part, kind, (), command, common) for part in _by_task(argv)]
     options = lines[0].options
     wanted = comparison.chosen(options.only)
     recipes = tuple(tuple(recipe_of(wanted, one, line.said) for one in wanted.variants) for line in lines)
     return ComparisonCall(options, wanted, recipes)
-
-
-def _choice(change: Mapping[str, Any]) -> dict[str, Any]:
-    """Of a variant: the names on which depends what settings there are. Those of the first variant may be given; where
-    another one has no such setting, its recipe says so.
-    """
-    chosen: dict[str, Any] = {}
-    for name in CHOOSING:
-        part, _, rest = name.partition(".")
-        if rest in change.get(part, {}):
-            chosen = merge(chosen, _nested(name, change[part][rest]))
-    return chosen
 
 
 def _by_task(argv: Sequence[str]) -> Iterator[Sequence[str]]:
@@ -173,7 +160,7 @@ def _read(
     file = None if place is None else Path(place)
     presets = (*presets, *_presets(argv))
     # a preset may differ by who learns, which a comparison says where nobody else does
-    tree = merge(common, recipe_tree(presets, file, merge(_choice(common), names)))
+    tree = merge(common, recipe_tree(presets, file, merge(choice(common), names)))
     before = read_recipe(tree, place or "")
     before = replace(
         before, **{part: getattr(before, part) or stage_type(part, tree.get(part, {}))() for part in parts}

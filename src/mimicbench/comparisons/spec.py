@@ -12,6 +12,8 @@ from mimicbench.core.settings import BadSetting, Share, merge
 from mimicbench.references.make import MADE
 
 Tree = Mapping[str, Any]
+CHOOSING = ("imitate.learner", "track.tracker")
+"""Settings on which depends what other settings there are."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,7 @@ def recipe_of(comparison: Comparison, variant: Variant, said: Said) -> Recipe:
 
     Raises BadSetting or UnknownName for what does not exist, or cannot go together in this variant.
     """
-    settings = merge(_choosing(comparison.common), said.settings, variant.change)
+    settings = merge(choice(comparison.common), said.settings, variant.change)
     tree = merge(comparison.common, recipe_tree(said.presets, said.file, settings))
     try:
         recipe = read_recipe(tree)
@@ -106,7 +108,11 @@ def _with_share(recipe: Recipe, share: float, where: str) -> Recipe:
     return replace(recipe, references=replace(references, count=max(1, round(share * references.count))))
 
 
-def _choosing(common: Tree) -> Tree:
-    """Of what is common: who learns, on which a preset may depend."""
-    learner = common.get("imitate", {}).get("learner")
-    return {} if learner is None else {"imitate": {"learner": learner}}
+def choice(tree: Tree) -> dict[str, Any]:
+    """Of a tree of values: the names on which depends what other settings there are, and what a preset says."""
+    chosen: dict[str, Any] = {}
+    for name in CHOOSING:
+        part, _, rest = name.partition(".")
+        if rest in tree.get(part, {}):
+            chosen[part] = {rest: tree[part][rest]}
+    return chosen
