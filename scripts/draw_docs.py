@@ -70,7 +70,9 @@ def save(path: Path, image: np.ndarray) -> None:
     if path.suffix == ".jpg":
         Image.fromarray(image).save(stream, "JPEG", quality=82, optimize=True)
     else:
-        Image.fromarray(image).quantize(COLORS, dither=Image.Dither.NONE).save(stream, "PNG", optimize=True)
+        # colors by an octree: those by median cut lose what is small and bright
+        few = Image.fromarray(image).quantize(COLORS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+        few.save(stream, "PNG", optimize=True)
     write_atomic(path, lambda out: out.write(stream.getvalue()))
     print(f"{path}: {path.stat().st_size / 1000:.0f} kB", flush=True)
 

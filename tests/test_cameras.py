@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 import stool
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError
+from mimicbench.drawing.opengl import NoPictures
 from mimicbench.robots.rigs import HEAD_RIG, PELVIS_RIG
-from mimicbench.sensors.opengl import NoPictures
 from mimicbench.sensors.rays import FARTHEST, ray_depth
 from mimicbench.sensors.render import FLOOR, NOTHING, OBJECT, ROBOT, RigCameras
 from mimicbench.sensors.targets import TARGET_CELL, mark_targets, target_map

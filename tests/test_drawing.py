@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from mimicbench.core import rotations as rot
-from mimicbench.report.camera import Camera, Picture
+from mimicbench.drawing.camera import Camera, Picture
+from mimicbench.drawing.opengl import NoPictures
 from mimicbench.report.render import Painter
-from mimicbench.sensors.opengl import NoPictures
 from mimicbench.sim.scene import build_model
 from stool import H1, block
 

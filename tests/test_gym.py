@@ -19,6 +19,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion, BadObject, MimicbenchError, UnknownName
 from mimicbench.core.motion import RobotMotion
 from mimicbench.core.seeds import rng
+from mimicbench.drawing.opengl import NoPictures
 from mimicbench.envs.gym import TaskEnv
 from mimicbench.envs.gym_vector import TaskVectorEnv
 from mimicbench.envs.initial_states import clipped, start_of
@@ -28,7 +29,6 @@ from mimicbench.envs.rule_starts import Stance, Starts, draw_start
 from mimicbench.objects.registry import FAMILIES, make_object
 from mimicbench.objects.shape import save_object, split_of
 from mimicbench.objects.touch import STAND_OFF
-from mimicbench.sensors.opengl import NoPictures
 from mimicbench.sensors.rays import FARTHEST
 from mimicbench.sensors.render import FLOOR, NOTHING, OBJECT, ROBOT
 from mimicbench.tasks.registry import TASKS
@@ -535,7 +535,7 @@ _DRAWN_THEN_FORKED = """
 import os
 import mimicbench
 from mimicbench.envs.gym import TaskEnv
-from mimicbench.sensors.opengl import NoPictures
+from mimicbench.drawing.opengl import NoPictures
 
 def look():
     env = TaskEnv("sit-chair", observe="color", cameras=(20, 30), split="test", pool=20)
@@ -566,7 +566,7 @@ def test_a_fork_of_who_has_drawn_is_told():
 
 _DRAWN_AND_LEFT_OPEN = """
 import gymnasium, mimicbench
-from mimicbench.sensors.opengl import NoPictures
+from mimicbench.drawing.opengl import NoPictures
 
 env = gymnasium.make("mimicbench/SitChair-v0", render_mode="rgb_array", height=60, width=80)
 env.reset(seed=0)

@@ -12,7 +12,7 @@ LEVELS = (
     {"core"},
     {"robots", "objects"},
     {"references", "sim"},
-    {"tasks"},
+    {"tasks", "drawing"},
     {"sensors", "retarget"},
     {"envs"},
     {"track"},

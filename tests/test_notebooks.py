@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from mimicbench.sensors.opengl import NoPictures
+from mimicbench.drawing.opengl import NoPictures
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 NOTEBOOKS = sorted(EXAMPLES.glob("*.ipynb"))

@@ -11,6 +11,7 @@ import torch
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError, UnknownName
 from mimicbench.core.motion import RobotMotion
+from mimicbench.drawing.opengl import NoPictures
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.initial_states import InitialState, stacked
 from mimicbench.envs.policy import refuse_privileged
@@ -26,7 +27,6 @@ from mimicbench.sensors.observations import (
     Term,
     chosen_terms,
 )
-from mimicbench.sensors.opengl import NoPictures
 from mimicbench.sim.rows import Rows
 from mimicbench.tasks.registry import TASKS
 from stool import H1, block, standing

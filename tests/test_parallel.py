@@ -15,7 +15,7 @@ import pytest
 
 from mimicbench.core.errors import UnknownName, WorkerDied
 from mimicbench.core.parallel import map_items
-from mimicbench.sensors.opengl import NoPictures, draw_apart
+from mimicbench.drawing.opengl import NoPictures, draw_apart
 
 
 def crash(_item: int) -> None:

@@ -25,6 +25,8 @@ from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError
 from mimicbench.core.files import remove_unfinished
 from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.core.skeleton import forward_kinematics
+from mimicbench.drawing.camera import FIELD_OF_VIEW, Camera, Picture, frame_all
+from mimicbench.drawing.opengl import NoPictures
 from mimicbench.evaluate.failures import FAILURES
 from mimicbench.evaluate.intervals import Rate
 from mimicbench.evaluate.rows import read_rows
@@ -33,7 +35,6 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body.body import body_of
 from mimicbench.references.body.skeletons import SKELETONS, UNIHSI
 from mimicbench.report import grouping, page, plots
-from mimicbench.report.camera import FIELD_OF_VIEW, Camera, Picture, frame_all
 from mimicbench.report.curves import read_curve
 from mimicbench.report.paper_tables import TABLES as PAPER_TABLES
 from mimicbench.report.paper_tables import TASKS, methods
@@ -55,7 +56,6 @@ from mimicbench.report.tables.spec import Episodes, TableSpec
 from mimicbench.report.video import strip, write_video
 from mimicbench.report.write import ReportInputs, draw_plots, write_report
 from mimicbench.robots.registry import ROBOTS
-from mimicbench.sensors.opengl import NoPictures
 from mimicbench.sim.scene import build_model
 
 SMALL = Picture(96, 64, shadow=0, samples=0)

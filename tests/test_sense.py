@@ -12,6 +12,7 @@ import stool
 from mimicbench.bench.sensors import bench_senses
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import RobotMotion
+from mimicbench.drawing.opengl import NoPictures
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.evaluate.rollout import run_policy
@@ -20,7 +21,6 @@ from mimicbench.robots.rigs import HEAD_RIG, PELVIS_RIG
 from mimicbench.sensors.cameras import CameraMaps
 from mimicbench.sensors.elevation import camera_map, down_map, map_from_depth
 from mimicbench.sensors.heightmap import CELL, box_heightmap, cell_centers
-from mimicbench.sensors.opengl import NoPictures
 from mimicbench.sensors.proprioception import Odometry, body_state, gravity, s_current, s_current_names
 from mimicbench.sensors.render import RigCameras
 from mimicbench.sim.native import NativePhysics

@@ -17,10 +17,10 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from scipy.spatial import ConvexHull
 
 from doc_pictures.picture import DocPicture, of_objects
+from mimicbench.drawing.camera import Picture
 from mimicbench.objects.importing.own import ImportConfig, import_mesh
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.objects.shape import SceneObject
-from mimicbench.report.camera import Picture
 from mimicbench.report.pictures.sheet import contact_sheet
 
 SHEETS = {"chair": 24, "sofa": 18, "bed": 18, "couch": 18, "box": 24, "household": 35}

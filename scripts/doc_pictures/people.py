@@ -7,10 +7,10 @@ import numpy as np
 
 from doc_pictures.picture import Clip, DocPicture, of_clips
 from mimicbench.core.motion import HumanMotion
+from mimicbench.drawing.camera import Picture, frame_all
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.synthesis.registry import synthesize
-from mimicbench.report.camera import Picture, frame_all
 from mimicbench.report.render import human_frames
 from mimicbench.report.video import strip
 from mimicbench.robots.registry import ROBOTS

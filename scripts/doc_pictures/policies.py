@@ -11,13 +11,13 @@ from mimicbench.benchmark.shipped import SHIPPED
 from mimicbench.core.checkpoint import CONFIG, beside
 from mimicbench.core.motion import RobotMotion
 from mimicbench.core.seeds import digest
+from mimicbench.drawing.camera import Picture, frame_all
 from mimicbench.envs.clips import ClipSet
 from mimicbench.evaluate.rollout import run_policy
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.objects.shape import SceneObject
 from mimicbench.policies.loading import load_policy
 from mimicbench.references.synthesis.registry import synthesize
-from mimicbench.report.camera import Picture, frame_all
 from mimicbench.report.render import robot_frames
 from mimicbench.report.video import strip
 from mimicbench.retarget.clip import Clip

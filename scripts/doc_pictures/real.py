@@ -9,6 +9,7 @@ import numpy as np
 from doc_pictures.people import synthetic
 from doc_pictures.picture import Clip, DocPicture, of_clips
 from mimicbench.core.motion import HumanMotion
+from mimicbench.drawing.camera import Picture, frame_all
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.checks.beside_real import person_of
 from mimicbench.references.checks.phases import STRIDE, WINDOW
@@ -16,7 +17,6 @@ from mimicbench.references.checks.signals import RATE
 from mimicbench.references.importers.recording import Wishes
 from mimicbench.references.importers.registry import import_recording
 from mimicbench.references.recordings.real_clips import find_clips
-from mimicbench.report.camera import Picture, frame_all
 from mimicbench.report.render import human_frames
 from mimicbench.report.video import strip
 from mimicbench.robots.registry import ROBOTS

@@ -13,9 +13,9 @@ from doc_pictures.people import synthetic
 from doc_pictures.picture import DocPicture, of_clips, of_objects, of_robots
 from doc_pictures.real import recorded
 from mimicbench.core import rotations as rot
+from mimicbench.drawing.camera import Camera, Picture
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.objects.shape import SceneObject
-from mimicbench.report.camera import Camera, Picture
 from mimicbench.report.render import Painter
 from mimicbench.report.retargeting import SideBySide, draw_side_by_side
 from mimicbench.report.video import strip

@@ -15,10 +15,10 @@ from doc_pictures.objects import pixels
 from doc_pictures.picture import DocPicture, of_objects
 from mimicbench.core import rotations as rot
 from mimicbench.core.seeds import rng
+from mimicbench.drawing.camera import Camera, Picture
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.touch import stance_before, touch_pair
-from mimicbench.report.camera import Camera, Picture
 from mimicbench.report.render import Painter
 from mimicbench.robots.registry import ROBOTS
 from mimicbench.robots.rigs import HEAD_RIG, PELVIS_RIG, Rig

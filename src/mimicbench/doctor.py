@@ -175,7 +175,7 @@ def draw() -> str:
     import mujoco
 
     from mimicbench.core.errors import MimicbenchError
-    from mimicbench.sensors.opengl import Canvas
+    from mimicbench.drawing.opengl import Canvas
 
     side = 32
     spec = mujoco.MjSpec()

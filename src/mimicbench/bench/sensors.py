@@ -7,12 +7,12 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.seeds import rng
+from mimicbench.drawing.opengl import NoPictures
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
 from mimicbench.robots.rigs import HEAD_RIG, HEIGHT, PELVIS_RIG, WIDTH
 from mimicbench.sensors.elevation import camera_map, down_map, map_from_depth
 from mimicbench.sensors.heightmap import SMALL
-from mimicbench.sensors.opengl import NoPictures
 from mimicbench.sensors.rays import ray_depth
 from mimicbench.sensors.render import RigCameras
 from mimicbench.sim.backends import make_physics

@@ -35,9 +35,9 @@ def draw(
     from mimicbench.benchmark.finding import stage_with
     from mimicbench.core.errors import BadMotion
     from mimicbench.core.stage import HEADER
+    from mimicbench.drawing.opengl import draw_apart
     from mimicbench.report.retargeting import draw_side_by_side
     from mimicbench.report.video import stacked, write_png
-    from mimicbench.sensors.opengl import draw_apart
     from mimicbench.tasks.registry import TASKS
 
     TASKS.get(task)

@@ -3,9 +3,11 @@
 import mujoco
 import numpy as np
 
+from mimicbench.drawing.camera import Camera, Picture
+from mimicbench.drawing.light import begin, dress, shine
+from mimicbench.drawing.opengl import SharedCanvas
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
-from mimicbench.sensors.opengl import SharedCanvas
 from mimicbench.sim.scene import build_model
 
 _MAX_SHAPES = 1000
@@ -33,14 +35,13 @@ class View:
         canvas = self._canvas.of(model)
         data.qpos[:] = qpos
         mujoco.mj_kinematics(model, data)
-        mujoco.mj_camlight(model, data)
         low, high = obj.bounds()
-        self._camera.lookat[:] = [*(0.5 * (qpos[:2] + 0.5 * (low + high)[:2])), 0.65]
-        apart = float(np.linalg.norm(qpos[:2]))
-        self._camera.distance = 2.6 + 0.6 * apart + 0.5 * float(np.linalg.norm((high - low)[:2]))
-        self._camera.azimuth, self._camera.elevation = 128.0 if qpos[1] >= 0 else -128.0, -14.0
-        scene = mujoco.MjvScene(model, _MAX_SHAPES)
-        scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0  # it would draw everything twice
+        camera = _beside(obj, qpos)
+        shine(model, canvas.drawing, camera)
+        mujoco.mj_camlight(model, data)
+        self._camera.lookat[:], self._camera.distance = camera.lookat, camera.distance
+        self._camera.azimuth, self._camera.elevation = camera.azimuth, camera.elevation
+        scene = begin(model, _MAX_SHAPES)
         mujoco.mjv_updateScene(model, data, self._option, None, self._camera, mujoco.mjtCatBit.mjCAT_ALL, scene)
         for place in goal_w[np.isfinite(goal_w).all(-1)]:
             ball = scene.geoms[scene.ngeom]
@@ -56,11 +57,19 @@ class View:
     def _scene(self, env: int, obj: SceneObject) -> tuple[mujoco.MjModel, mujoco.MjData]:
         if env not in self._scenes or self._scenes[env][0] is not obj:
             model = build_model(self._robot, obj, visuals=True)
-            model.vis.global_.offheight, model.vis.global_.offwidth = self.height, self.width
-            model.vis.quality.shadowsize, model.vis.quality.offsamples = 1024, 4
+            dress(model, Picture(self.width, self.height))
             self._scenes[env] = obj, model, mujoco.MjData(model)
         return self._scenes[env][1:]
 
     def close(self) -> None:
         """Give the OpenGL context back; the next picture opens another."""
         self._canvas.close()
+
+
+def _beside(obj: SceneObject, qpos: np.ndarray) -> Camera:
+    """Where one sees robot and object from: the side to which the robot stands, farther away the farther it is."""
+    low, high = obj.bounds()
+    middle = 0.5 * (qpos[:2] + 0.5 * (low + high)[:2])
+    distance = 3.4 + 0.8 * np.linalg.norm(qpos[:2]) + 0.65 * np.linalg.norm((high - low)[:2])
+    azimuth = 128.0 if qpos[1] >= 0 else -128.0
+    return Camera((float(middle[0]), float(middle[1]), 0.65), float(distance), azimuth, -14.0)

@@ -12,13 +12,13 @@ from mimicbench.benchmark.recipe import Recipe
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.core.run import RunContext
+from mimicbench.drawing.opengl import NoPictures, draw_apart
 from mimicbench.objects.shape import load_object
 from mimicbench.report.retargeting import Comparison, MethodResult, SideBySide, draw_side_by_side, write_comparison
 from mimicbench.retarget.baselines.speed import frames_per_second
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.make import RetargetConfig
 from mimicbench.retarget.registry import METHODS
-from mimicbench.sensors.opengl import NoPictures, draw_apart
 
 
 def compare_methods(

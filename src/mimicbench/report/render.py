@@ -1,4 +1,4 @@
-"""Pictures of scenes: the GL context, the light, the camera, and frames of a robot or a human in motion.
+"""Pictures of scenes: frames of a robot or a human in motion.
 
 Everything is drawn from `build_model(..., visuals=True)` of `mimicbench.sim.scene`, so that a human and a robot stand
 in the same light on the same floor beside the same object.
@@ -15,22 +15,16 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.motion import HumanMotion, RobotMotion
-from mimicbench.report.camera import FIELD_OF_VIEW, Camera, Picture
+from mimicbench.drawing.camera import Camera, Picture
+from mimicbench.drawing.light import begin, dress, shine, suns
+from mimicbench.drawing.opengl import Canvas
 from mimicbench.report.person import Placed, Solid, place, solids_of
-from mimicbench.sensors.opengl import Canvas
-from mimicbench.sim.scene import OBJECT_BODY, OBJECT_GROUP, ROBOT_GROUP, VISUAL_GROUP
+from mimicbench.sim.scene import OBJECT_BODY, ROBOT_GROUP, VISUAL_GROUP
 
-_BACKDROP = (0.90, 0.915, 0.935)
 _MAX_SHAPES = 2000
 _GOAL_RADIUS = 0.022
 """Of the balls that show where wrists are to go [m]."""
 _GOAL_COLOR = (0.90, 0.13, 0.12)
-_SUN_RADIUS = 0.07
-"""Of the disk over which several suns are spread, at a distance of 1: what is half a meter above the floor has a shadow
-whose edge is 7 cm wide."""
-_APART = 1e-4
-"""[m] by which each box of an object is drawn larger than the one before it: where two have faces in one plane, the
-later one is seen, and not now one and now the other."""
 
 
 class Painter:
@@ -38,16 +32,15 @@ class Painter:
 
     def __init__(self, model: mujoco.MjModel, picture: Picture, camera: Camera) -> None:
         self.picture = picture
-        self.model = _dressed(model, picture, camera)
+        self.model = copy.copy(model)
+        dress(self.model, picture)
         self.data = mujoco.MjData(self.model)
         self.option = mujoco.MjvOption()
         self._canvas = Canvas(self.model, picture.height, picture.width)
-        self._scene = mujoco.MjvScene(self.model, _MAX_SHAPES)
+        shine(self.model, self._canvas.drawing, camera)
+        self._scene = begin(self.model, _MAX_SHAPES)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = picture.shadow > 0
-        self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
-        self._scene.flags[mujoco.mjtRndFlag.mjRND_HAZE] = 0
-        self._scene.flags[mujoco.mjtRndFlag.mjRND_FOG] = 1
-        self._suns = _suns(self.model.light_dir[0], picture.suns) if self.model.nlight else [np.zeros(3)]
+        self._suns = suns(self.model.light_dir[0], picture.suns) if self.model.nlight else [np.zeros(3)]
         self._camera = mujoco.MjvCamera()
         self.aim(camera)
 
@@ -165,58 +158,6 @@ def with_object(model: mujoco.MjModel, motion: HumanMotion | RobotMotion) -> np.
         free = int(model.jnt_qposadr[joint])
         qpos[:, free : free + 3], qpos[:, free + 3 : free + 7] = motion.object_pos_w, motion.object_quat_w
     return qpos
-
-
-def _dressed(model: mujoco.MjModel, picture: Picture, camera: Camera) -> mujoco.MjModel:
-    """A copy of the model in our light: one soft sun from above the camera's left, a matt floor that fades into the
-    backdrop.
-    """
-    model = copy.copy(model)
-    visual = model.vis
-    visual.global_.offwidth, visual.global_.offheight = picture.width, picture.height
-    visual.global_.fovy = float(np.degrees(FIELD_OF_VIEW))
-    visual.quality.shadowsize, visual.quality.offsamples = max(picture.shadow, 1), picture.samples
-    visual.quality.numslices, visual.quality.numstacks = 20, 12  # round enough at this size
-    visual.headlight.ambient[:], visual.headlight.diffuse[:], visual.headlight.specular[:] = 0.47, 0.24, 0.0
-    visual.rgba.fog[:3] = _BACKDROP
-    # distances of the view are in units of the extent
-    model.stat.extent = extent = 0.5 * camera.distance
-    model.stat.center[:] = camera.lookat
-    visual.map.znear, visual.map.zfar = 0.1 / extent, 15.0 * camera.distance / extent
-    visual.map.fogstart, visual.map.fogend = 1.25 * camera.distance / extent, 3.2 * camera.distance / extent
-    visual.map.shadowclip = 1.4
-    for texture in range(model.ntex):
-        if model.tex_type[texture] == mujoco.mjtTexture.mjTEXTURE_SKYBOX:
-            start = model.tex_adr[texture]
-            size = model.tex_width[texture] * model.tex_height[texture] * model.tex_nchannel[texture]
-            model.tex_data[start : start + size].reshape(-1, model.tex_nchannel[texture])[:, :3] = np.round(
-                255 * np.array(_BACKDROP)
-            )
-    model.mat_reflectance[:] = 0.0
-    if model.nlight:
-        yaw = np.radians(camera.azimuth)
-        model.light_type[0] = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
-        model.light_dir[0] = np.array([0.45 * np.cos(yaw + 0.9), 0.45 * np.sin(yaw + 0.9), -0.9]) / np.hypot(0.45, 0.9)
-        model.light_pos[0] = np.array(camera.lookat) - 4.0 * model.light_dir[0]
-        model.light_diffuse[0], model.light_specular[0], model.light_ambient[0] = 0.50, 0.15, 0.0
-        model.light_castshadow[0] = True
-        model.light_bodyid[0], model.light_mode[0] = 0, mujoco.mjtCamLight.mjCAMLIGHT_FIXED
-    boxes = (model.geom_group == OBJECT_GROUP) & (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX)
-    model.geom_size[boxes] += _APART * np.arange(boxes.sum())[:, None]
-    return model
-
-
-def _suns(direction: np.ndarray, count: int) -> list[np.ndarray]:
-    """Directions (3,) spread evenly over a disk around one; that one alone if there is to be one."""
-    across = np.cross(direction, (1.0, 0.0, 0.0))
-    across /= np.linalg.norm(across)
-    upward, turn = np.cross(across, direction), np.pi * (3.0 - 5.0**0.5)  # the golden angle
-    return [
-        direction
-        + (0.0 if count == 1 else _SUN_RADIUS * np.sqrt((i + 0.5) / count))
-        * (np.cos(turn * i) * across + np.sin(turn * i) * upward)
-        for i in range(count)
-    ]
 
 
 def _add_shapes(scene: mujoco.MjvScene, placed: list[Placed]) -> None:

@@ -12,10 +12,10 @@ import numpy as np
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.files import write_atomic
 from mimicbench.core.motion import HumanMotion, RobotMotion
+from mimicbench.drawing.camera import Picture, frame_all
 from mimicbench.evaluate.intervals import Rate
 from mimicbench.objects.shape import SceneObject
 from mimicbench.report import page
-from mimicbench.report.camera import Picture, frame_all
 from mimicbench.report.paper_tables import CITATION, RANKING, TABLES
 from mimicbench.report.pictures.showcase import moments, positions
 from mimicbench.report.render import human_frames, robot_frames

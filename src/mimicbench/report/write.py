@@ -6,6 +6,7 @@ from typing import IO
 
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.files import write_atomic
+from mimicbench.drawing.opengl import NoPictures
 from mimicbench.evaluate.rows import EpisodeRow, Summary, write_rows
 from mimicbench.report import plots
 from mimicbench.report.curves import Curve
@@ -18,7 +19,6 @@ from mimicbench.report.sizes import of_policies, size_plot
 from mimicbench.report.table import to_csv, to_latex, to_markdown
 from mimicbench.report.tables.registry import TABLES
 from mimicbench.report.tables.spec import Episodes
-from mimicbench.sensors.opengl import NoPictures
 
 
 def write_report(

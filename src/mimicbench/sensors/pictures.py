@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numpy as np
 from torch import Tensor
 
+from mimicbench.drawing.opengl import SharedCanvas
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
 from mimicbench.robots.rigs import Rig
-from mimicbench.sensors.opengl import SharedCanvas
 from mimicbench.sensors.render import RigCameras
 from mimicbench.sensors.targets import mark_targets
 from mimicbench.sim.physics import Physics

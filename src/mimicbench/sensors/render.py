@@ -13,8 +13,8 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError
+from mimicbench.drawing.opengl import SharedCanvas
 from mimicbench.robots.rigs import HEIGHT, WIDTH, Rig
-from mimicbench.sensors.opengl import SharedCanvas
 from mimicbench.sensors.rays import FARTHEST
 from mimicbench.sim.scene import FLOOR_GROUP, OBJECT_BODY, OBJECT_GROUP, ROBOT_GROUP, VISUAL_GROUP
 

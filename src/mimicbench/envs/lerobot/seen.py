@@ -14,7 +14,7 @@ from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, Vecto
 
 import mimicbench
 from mimicbench.core.errors import UnknownName
-from mimicbench.sensors.opengl import NoPictures
+from mimicbench.drawing.opengl import NoPictures
 from mimicbench.sensors.scene import PICTURE, SCENE
 from mimicbench.tasks.registry import DEFAULT_TASK, TASKS
 

@@ -10,17 +10,17 @@ from pathlib import Path
 import numpy as np
 
 from mimicbench.core.motion import RobotMotion
+from mimicbench.drawing.camera import Picture, frame_all
+from mimicbench.drawing.opengl import draw_apart
 from mimicbench.evaluate.failures import failure
 from mimicbench.evaluate.intervals import Rate
 from mimicbench.evaluate.rows import EpisodeRow
 from mimicbench.objects.shape import SceneObject
-from mimicbench.report.camera import Picture, frame_all
 from mimicbench.report.pictures.sheet import draw_object, sheet_camera
 from mimicbench.report.pictures.showcase import positions
 from mimicbench.report.render import robot_frames
 from mimicbench.report.video import write_jpeg, write_video
 from mimicbench.robots.registry import ROBOTS
-from mimicbench.sensors.opengl import draw_apart
 from mimicbench.sim.scene import build_model
 
 BEFORE, AFTER = 3.0, 1.5

@@ -6,11 +6,11 @@ from functools import partial
 import numpy as np
 
 from mimicbench.core.errors import MimicbenchError
+from mimicbench.drawing.camera import FIELD_OF_VIEW, Camera, Picture
+from mimicbench.drawing.opengl import draw_apart
 from mimicbench.objects.shape import SceneObject
-from mimicbench.report.camera import FIELD_OF_VIEW, Camera, Picture
 from mimicbench.report.render import Painter
 from mimicbench.robots.registry import DEFAULT_ROBOT, ROBOTS
-from mimicbench.sensors.opengl import draw_apart
 from mimicbench.sim.scene import ROBOT_GROUP, VISUAL_GROUP, build_model
 
 MOST_OBJECTS = 400

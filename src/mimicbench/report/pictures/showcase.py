@@ -16,12 +16,12 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import HumanMotion, RobotMotion
+from mimicbench.drawing.camera import Camera, Picture, frame_all
+from mimicbench.drawing.opengl import draw_apart
 from mimicbench.objects.shape import SceneObject
-from mimicbench.report.camera import Camera, Picture, frame_all
 from mimicbench.report.render import human_frames, robot_frames, with_object
 from mimicbench.report.video import strip, write_jpeg, write_video
 from mimicbench.robots.registry import ROBOTS
-from mimicbench.sensors.opengl import draw_apart
 from mimicbench.sim.scene import build_model
 
 VERSION = 3
