@@ -1,17 +1,21 @@
-"""Writes the tables of results into README.md, docs/results.md and docs/orderings.md, from the episode rows in `runs/`.
+"""Writes the tables of results into README.md, docs/results.md and docs/orderings.md, from the episode rows in `runs/`,
+and which policies are the best of those that are shipped.
 
 `runs/<task>` holds the best of a task, whose rows are in the README's table; other folders are of several tasks, or of
 what came before. A test fails where a page says something else than the rows.
 """
 
+import json
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from mimicbench.benchmark.shipped import BEST, SHIPPED
 from mimicbench.comparisons.comparing import Compared
 from mimicbench.comparisons.registry import COMPARISONS
 from mimicbench.evaluate.rows import EpisodeRow, read_rows, summarize
 from mimicbench.report.table import to_markdown
+from mimicbench.report.tables.best import best_policy
 from mimicbench.report.tables.comparison import comparison_table
 from mimicbench.report.tables.registry import TABLES
 from mimicbench.report.tables.spec import Episodes
@@ -39,6 +43,13 @@ def best() -> str:
     several = rows_of(ROOT / "runs" / "six-tasks")
     own = {task: rows_of(ROOT / "runs" / task) for task in TASKS}
     return table_of("best", [row for task in TASKS for row in own[task] or several if row.task == task])
+
+
+def best_policies() -> str:
+    """The same as a file: which policy of ours has done best at each task."""
+    rows = {task: rows_of(ROOT / "runs" / task) for task in TASKS}
+    found = {task: best_policy(Episodes(tuple(rows[task])).summaries) for task in TASKS}
+    return json.dumps({task: one.policy for task, one in found.items() if one is not None}, indent=1) + "\n"
 
 
 def table_of(name: str, rows: Sequence[EpisodeRow]) -> str:
@@ -115,7 +126,8 @@ def pages() -> dict[Path, str]:
     orderings = ORDERINGS.read_text()
     for name, folder in COMPARED.items():
         orderings = with_table(orderings, name, compared(name, ROOT / "runs" / folder))
-    return {README: with_table(README.read_text(), "results", best()), RESULTS: results, ORDERINGS: orderings}
+    readme = with_table(README.read_text(), "results", best())
+    return {README: readme, RESULTS: results, ORDERINGS: orderings, SHIPPED / BEST: best_policies()}
 
 
 def main() -> None:

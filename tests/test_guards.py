@@ -28,6 +28,7 @@ from mimicbench.references.make import ReferencesConfig
 from mimicbench.retarget.acceptance import PROMISED, outcome, summary, unsolved
 from mimicbench.retarget.acceptance import Limits as Solved
 from mimicbench.retarget.make import RetargetConfig
+from mimicbench.tasks.registry import TASKS
 from mimicbench.track.ppo import PPOConfig
 from mimicbench.track.rollout import Recording, Rollout
 from mimicbench.track.train import TrackConfig
@@ -90,6 +91,12 @@ def test_a_tracker_is_judged_by_its_kind_not_by_its_name(run, tmp_path, monkeypa
     assert judge(with_evaluation(run, tracked=1), str(tmp_path / "sit-chair" / "another")) == by_name
     with pytest.raises(UnknownName, match="no-such"):
         who_of(run, "no-such")
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_the_best_is_one_that_comes_with_the_package(task, run):
+    best = who_of(run.changed(task=task), "best")
+    assert best.folder == shipped_there.shipped("h1", task, best.name)
 
 
 def test_rows_follow_the_clips_and_who_is_judged(run, tmp_path):

@@ -408,6 +408,7 @@ def test_mistakes_are_told():
         ({"action": "wish"}, "unknown action"),
         ({"action": "residual", "control": "torque"}, "torque control"),
         ({"max_episode_steps": 0}, "1 or more"),
+        ({"cameras": (90,)}, "their height and width"),
     ):
         with pytest.raises(MimicbenchError, match=told):
             TaskEnv("sit-chair", **arguments)

@@ -15,7 +15,7 @@ from mimicbench.benchmark.graph import Clips, env_config, retargeted
 from mimicbench.benchmark.kept import keep, kept
 from mimicbench.benchmark.keys import Run
 from mimicbench.benchmark.recipe import Recipe, stage_type
-from mimicbench.benchmark.shipped import shipped, shipped_for, shipped_names, shipped_trackers
+from mimicbench.benchmark.shipped import best_shipped, shipped, shipped_for, shipped_names, shipped_trackers
 from mimicbench.core.checkpoint import CONFIG, MODEL, checkpoint_kind, checkpoint_task, used_by
 from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError, UnknownName
 from mimicbench.core.files import digest_of
@@ -95,27 +95,27 @@ def who_of(run: Run, name: str) -> Who:
             raise _nobody(run, "track", name, sorted(shipped_trackers(run.recipe.robot)))
         return Who(name, tracker)
     task, robot = run.recipe.task, run.recipe.robot
+    if best := name == "best":
+        name = best_shipped(robot, task) or next(iter(LEARNERS))
     if name not in LEARNERS and (other := shipped(robot, task, name)) is not None:
         return Who(name, other)
-    there = (each for each in LEARNERS if shipped(robot, task, each) is not None)
-    learner = next(there, next(iter(LEARNERS))) if name == "best" else name
     try:
-        config = stage_type("imitate", {"learner": learner})()
+        config = stage_type("imitate", {"learner": name})()
     except UnknownName as error:
         if tasks := shipped_for(name):
             told = f"no {name} is shipped for {task} (only for {', '.join(tasks)}), and none is learned by that name"
             raise MimicbenchError(f"{told}; name another, or give the folder of a checkpoint") from None
         names = dict.fromkeys(["best", keys.TRACKER, *error.args[2], *shipped_names(task)])
         raise UnknownName("policy", name, list(names)) from None
-    if name != "best" and (tracker is not None or not config.references):
-        if run.recipe.imitate is not None and run.recipe.imitate.learner == learner:
+    if not best and (tracker is not None or not config.references):
+        if run.recipe.imitate is not None and run.recipe.imitate.learner == name:
             config = run.recipe.imitate
         own = run.folder(keys.imitate_key(run.changed(imitate=config), tracker if config.references else None))
         if keys.is_complete(own):
             return Who(name, own / keys.POLICY)
-    if (best := shipped(robot, task, learner)) is None:
-        raise _nobody(run, f"imitate --learner {learner}", learner, shipped_for(learner))
-    return Who(learner, best)
+    if (there := shipped(robot, task, name)) is None:
+        raise _nobody(run, f"imitate --learner {name}", name, shipped_for(name))
+    return Who(name, there)
 
 
 def _nobody(run: Run, command: str, name: str, tasks: Sequence[str]) -> MimicbenchError:

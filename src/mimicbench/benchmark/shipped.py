@@ -11,12 +11,20 @@ SHIPPED = Path(__file__).parents[1] / "checkpoints"
 """`tracker`, which follows clips of all tasks, and `<task>/<policy>`, beside the `tracker` and the `perception` that it
 uses."""
 TRACKER, PERCEPTION = "tracker", "perception"
+BEST = "best.json"
+"""Which policy has done best at each task, as `scripts/write_results.py` finds it in the rows of `runs/`."""
 
 
 def shipped(robot: str, task: str, name: str) -> Path | None:
     """The checkpoint of that name which comes with the package for a task and a robot, if there is one."""
     folder = SHIPPED / task / name
     return folder if (folder / CONFIG).exists() and checkpoint_robot(folder) == robot else None
+
+
+def best_shipped(robot: str, task: str) -> str | None:
+    """The name of the policy which has done best at a task, if it comes with the package for this robot."""
+    name = read_json(SHIPPED / BEST).get(task)
+    return name if name is not None and shipped(robot, task, name) is not None else None
 
 
 def shipped_for(name: str) -> list[str]:

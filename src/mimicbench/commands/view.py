@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from pathlib import Path
 from typing import Annotated
 
 import tyro
@@ -30,11 +31,14 @@ def view(
 
     The page is served to this machine alone. Over SSH: `ssh -L 8080:localhost:8080 <host>`.
     """
-    from mimicbench.core.errors import MimicbenchError, UnknownName
+    from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
     from mimicbench.viewer.server import check_installed
 
     if task is not None:
         TASKS.get(task)
+    for path in policy:
+        if not Path(path).exists():
+            raise BadFile(f"{path} does not exist; give the folder of a checkpoint, or a Python file")
     check_installed()
     from mimicbench.viewer.catalog import KINDS
     from mimicbench.viewer.page import Page, ViewConfig

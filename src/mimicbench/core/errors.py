@@ -1,5 +1,7 @@
 """Errors that a user can act on."""
 
+from difflib import get_close_matches
+
 from mimicbench.core.names import printable
 
 
@@ -27,14 +29,16 @@ class BadObject(MimicbenchError):
 
 
 class UnknownName(MimicbenchError):
-    """A task, policy, robot or family that does not exist. The message lists those that do."""
+    """A task, policy, robot or family that does not exist. The message lists those that do, and guesses which is meant."""
 
     def __init__(self, what: str, name: str, known: list[str]) -> None:
         super().__init__(what, name, known)  # as they are, so that the error can be sent from one process to another
 
     def __str__(self) -> str:
         what, name, known = self.args
-        return f"unknown {what} {name!r}; known are: {', '.join(sorted(known))}"
+        meant = get_close_matches(str(name), known, 1)
+        guess = f"; did you mean {meant[0]!r}?" if meant else ""
+        return f"unknown {what} {name!r}; known are: {', '.join(sorted(known))}{guess}"
 
 
 class WorkerDied(MimicbenchError):

@@ -130,7 +130,7 @@ def read_npz(
     Raises BadFile.
     """
     if not path.is_file():
-        raise BadFile(f"{path} does not exist")
+        raise BadFile(f"{path} is a folder; give a file in it" if path.is_dir() else f"{path} does not exist")
     try:
         with zipfile.ZipFile(path) as archive:
             unpacked = sum(entry.file_size for entry in archive.infolist())

@@ -103,6 +103,10 @@ class GymConfig:
             )
         if not 1 <= self.pool <= 99999:
             raise MimicbenchError(f"a pool of {self.pool} objects is none; give a number from 1 to 99999")
+        if len(self.cameras) != 2:
+            raise MimicbenchError(
+                f"cameras={self.cameras!r} is no size; give their height and width, such as (90, 120)"
+            )
         for height, width in ((self.height, self.width), self.cameras):
             if not (16 <= height <= 4096 and 16 <= width <= 4096):
                 raise MimicbenchError(f"pictures can have 16 to 4096 rows and columns, not {height} x {width}")

@@ -15,5 +15,5 @@ LEARNERS: Registry[LearnerSpec] = Registry(
     attribute="LEARNER",
     kind="mimicbench.imitate.spec:LearnerSpec",
     group="mimicbench.learners",
-    first=("online", "planner", "act", "bc"),  # the first that is shipped for a task is its best
+    first=("online", "planner", "act", "bc"),
 )

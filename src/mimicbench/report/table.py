@@ -88,9 +88,8 @@ def to_markdown(table: Table) -> str:
 
     ruler = "|" + "|".join("-" * (w + 1) + (":" if r else "-") for w, r in zip(widths, right, strict=True)) + "|"
     body = [line(columns), ruler, *map(line, cells)]
-    return (
-        "\n\n".join(part for part in (f"**{table.title}**", "\n".join(body), table.note, table.source) if part) + "\n"
-    )
+    source = f"The paper's numbers are those of *{escaped(table.source)}*." if table.source else ""
+    return "\n\n".join(part for part in (f"**{table.title}**", "\n".join(body), table.note, source) if part) + "\n"
 
 
 _LATEX = {
@@ -206,7 +205,7 @@ def to_rich(table: Table, width: int = 160) -> RichTable:
 
 
 def _widths(table: Table, room: int) -> list[int] | None:
-    """Widths of all columns, `room` together at most: room for each word, then for more of them where most is lacking.
+    """Widths of all columns, `room` together at most: room for each word, then for more of them where cells have the most lines.
 
     None if there is no room for the words.
     """
@@ -216,10 +215,10 @@ def _widths(table: Table, room: int) -> list[int] | None:
     if sum(widths) > room:
         return None
     for _ in range(room - sum(widths)):
-        lacking = [wanted - width for wanted, width in zip(whole_cells, widths, strict=True)]
-        if max(lacking) <= 0:
+        lines = [wanted / width for wanted, width in zip(whole_cells, widths, strict=True)]
+        if max(lines) <= 1:
             break
-        widths[lacking.index(max(lacking))] += 1
+        widths[lines.index(max(lines))] += 1
     return widths
 
 

@@ -91,7 +91,8 @@ def read_bytes(path: Path, max_bytes: int) -> bytes:
     """A file's content. Raises BadFile if it is missing, empty or larger than `max_bytes`."""
     try:
         if not path.is_file():
-            raise BadFile(f"{path} cannot be read (no such file); give the path of a file that exists")
+            why = "it is a folder; give the files in it" if path.is_dir() else "no such file; give one that exists"
+            raise BadFile(f"{path} cannot be read ({why})")
         size = path.stat().st_size
         if size > max_bytes:
             raise BadFile(f"{path} has {size >> 20} MiB, more than the {max_bytes >> 20} MiB that such a file may have")

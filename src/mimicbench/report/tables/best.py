@@ -24,10 +24,15 @@ def best_table(found: Sequence[Summary]) -> Table:
     )
 
 
+def best_policy(found: Sequence[Summary], stage: str = "imitate") -> Summary | None:
+    """That with the highest K of all that were judged in a stage."""
+    return max((s for s in found if s.stage == stage), key=lambda s: s.kinematic.rate, default=None)
+
+
 def _row(task: str, found: Sequence[Summary]) -> tuple[Cell, ...]:
     cells: list[Cell] = [TASKS.get(task, task)]
     for stage, measures in (("imitate", "imitation"), ("track", "tracking")):
-        ours = max((s for s in found if s.stage == stage), key=lambda s: s.kinematic.rate, default=None)
+        ours = best_policy(found, stage)
         theirs = next(iter(methods(task, measures).values()), None)
         if stage == "imitate":
             cells.append(ours.policy if ours else None)
