@@ -29,7 +29,7 @@ class BadObject(MimicbenchError):
 
 
 class UnknownName(MimicbenchError):
-    """A task, policy, robot or family that does not exist. The message lists those that do, and guesses which is meant."""
+    """A task, policy, robot or family that does not exist. The message lists those that do, with a guess."""
 
     def __init__(self, what: str, name: str, known: list[str]) -> None:
         super().__init__(what, name, known)  # as they are, so that the error can be sent from one process to another
