@@ -205,7 +205,7 @@ def to_rich(table: Table, width: int = 160) -> RichTable:
 
 
 def _widths(table: Table, room: int) -> list[int] | None:
-    """Widths of all columns, `room` together at most: room for each word, then for more of them where cells have the most lines.
+    """Widths of all columns, `room` together at most: room for each word, then for more where most lines are.
 
     None if there is no room for the words.
     """
