@@ -13,8 +13,12 @@ import numpy as np
 import pytest
 
 from mimicbench import __version__, cli
+from mimicbench.benchmark.presets import PRESETS
 from mimicbench.commands.telling import tell
 from mimicbench.core.files import write_json
+from mimicbench.retarget.registry import METHODS
+from mimicbench.robots.registry import ROBOTS
+from mimicbench.tasks.registry import TASKS
 
 
 def command(*arguments: str, cwd: Path, **more) -> subprocess.CompletedProcess[str]:
@@ -252,3 +256,12 @@ def test_bash_completes_commands_and_settings(words, expected, tmp_path):
     """
     done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=False)
     assert done.stdout.split() == expected, done.stderr
+
+
+def test_help_names_what_there_is(capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["retarget", "--help"])
+    said = capsys.readouterr().out
+    for names in (TASKS, ROBOTS, PRESETS, METHODS):
+        assert ", ".join(names) in said
+    assert "--imitate.learner" not in said

@@ -171,7 +171,7 @@ def _read(
         _command(before, parts, kind),
         args=argv,
         prog=f"mimicbench {command}",
-        description=" ".join(f"Settings of {stage} may be given without `{stage}.` before them." for stage in stages),
+        description=_about(stages, parts),
     )
     given = parsed.recipe
     recipe = replace(before, **{name: getattr(given, name) for name in ("task", "robot", "seed", *parts)})
@@ -180,6 +180,26 @@ def _read(
     # what is said counts, also where it is what would have been, for others would have been given something else
     given = merge(names, differences(recipe, before), _spoken(to_tree(recipe), _flags(argv)))
     return _Line(parsed.options, recipe, Said(presets, file, given))
+
+
+def _about(stages: Sequence[str], parts: Sequence[str]) -> str:
+    """What stands above the options: how they may be shortened, and what is to be had by name."""
+    from mimicbench.benchmark.presets import PRESETS
+    from mimicbench.imitate.registry import LEARNERS
+    from mimicbench.retarget.registry import METHODS
+    from mimicbench.robots.registry import ROBOTS
+    from mimicbench.tasks.registry import TASKS
+    from mimicbench.track.registry import TRACKERS
+
+    named = {"task": TASKS, "robot": ROBOTS, "preset": PRESETS}
+    of_parts = {"retarget.method": METHODS, "track.tracker": TRACKERS, "imitate.learner": LEARNERS}
+    named |= {name: names for name, names in of_parts.items() if name.partition(".")[0] in parts}
+    return "\n".join(
+        [
+            *(f"Settings of {stage} may be given without `{stage}.` before them." for stage in stages),
+            *(f"--{name}: {', '.join(names)}" for name, names in named.items()),
+        ]
+    )
 
 
 def _flags(argv: Sequence[str]) -> set[str]:
