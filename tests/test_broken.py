@@ -75,7 +75,7 @@ def test_targets_that_are_not_finite(tmp_path):
 
 def test_a_replay_goes_the_same_way_to_the_last_bit(tmp_path):
     box = make_box(3)
-    physics = NativePhysics(H1, [box], PhysicsConfig(gains="paper"), workers=1)
+    physics = NativePhysics(H1, [box], PhysicsConfig(gains="paper", friction=0.6, mass=1.3), workers=1)
     place(physics, POS, JOINTS)
     random = np.random.default_rng(0)
     for _ in range(20):
@@ -93,7 +93,11 @@ def test_a_replay_goes_the_same_way_to_the_last_bit(tmp_path):
             physics.qvel()[0].copy(),
             warmstart,
             target[0].numpy(),
+            np.array([0.0, 0.0, 60.0, 0.0, 5.0, 0.0]),
+            0.6,
+            1.3,
         )
+        physics.assist(torch.tensor([[0.0, 0.0, 60.0]]), torch.tensor([[0.0, 5.0, 0.0]]))
         physics.step(target)
     before.save(tmp_path / "step.npz")
     again = replay(load_broken(tmp_path / "step.npz"))
@@ -114,7 +118,18 @@ def test_a_thousand_broken_scenes_fill_no_disk(tmp_path, caplog):
 
 def test_a_dump_that_does_not_fit(tmp_path):
     good = BrokenScene(
-        "", 0, "native", "h1", "paper", "position", block(), np.zeros(26), np.zeros(25), np.zeros(25), np.zeros(18)
+        "",
+        0,
+        "native",
+        "h1",
+        "paper",
+        "position",
+        block(),
+        np.zeros(26),
+        np.zeros(25),
+        np.zeros(25),
+        np.zeros(18),
+        np.zeros(6),
     )
     good.save(tmp_path / "scene.npz")
     with pytest.raises(BadFile, match="target is"):

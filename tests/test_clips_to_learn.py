@@ -3,7 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.motion import RobotMotion
 from mimicbench.envs.clips import ClipSet, learned_and_judged
 from mimicbench.objects.registry import make_object
@@ -45,6 +47,13 @@ def test_recordings_are_learned_from_whole_and_judge_nothing():
     for made, first, last in ((chairs, names[0] - everyone, names[2]), (sofas, names[1], names[3])):
         assert first == {motion.id for motion in made.split("train").motions}
         assert last == {motion.id for motion in made.split("test").motions}
+
+
+def test_two_objects_of_one_name_are_refused():
+    made = clips("sit-chair", "chair", "made", "chair")
+    others = {name: replace(make_object("chair-0-00001"), id=name) for name in made.objects}
+    with pytest.raises(MimicbenchError, match="two objects are called 'chair-0'"):
+        made.joined(replace(made, objects=others))
 
 
 def test_some_clips_are_from_all_over_the_set():

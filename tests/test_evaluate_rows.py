@@ -82,7 +82,7 @@ def test_energy_average_by_hand():
     assert data["energy"]["rate"] == 1.5 / 4
     assert data["energy"]["successes"] == 1.5
     assert (data["energy"]["low"], data["energy"]["high"]) == wilson(1.5, 4)
-    assert list(data)[:6] == ["task", "policy", "preset", "episodes", "kinematic", "energy"]
+    assert list(data)[:6] == ["task", "policy", "preset", "robot", "episodes", "kinematic"]
     json.dumps(data)
 
 
@@ -105,6 +105,9 @@ def test_summarize_needs_one_policy():
     with pytest.raises(MimicbenchError, match="several policies"):
         summarize(rows)
     assert [key[2] for key in group(rows)] == ["act", "bc"]
+    with pytest.raises(MimicbenchError, match="several policies"):
+        summarize([ROW, replace(ROW, robot="g1")])
+    assert len(group([ROW, replace(ROW, robot="g1")])) == 2
 
 
 def test_parquet_round_trip(tmp_path):

@@ -13,9 +13,9 @@ import torch
 import making
 from mimicbench.benchmark import keys, run_stage
 from mimicbench.benchmark.graph import start
-from mimicbench.benchmark.judging import who_of
 from mimicbench.benchmark.presets import PRESETS, Chosen
 from mimicbench.benchmark.recipe import read_recipe
+from mimicbench.benchmark.who import who_of
 from mimicbench.core.errors import MimicbenchError, UnknownName
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.nearness import nearness

@@ -13,8 +13,9 @@ import making
 from mimicbench.benchmark import keys
 from mimicbench.benchmark import shipped as shipped_there
 from mimicbench.benchmark.graph import _tell_tracker, retargeted, start, tracker_for_learning
-from mimicbench.benchmark.judging import _of_split, judge, who_of
+from mimicbench.benchmark.judging import _of_split, judge
 from mimicbench.benchmark.recipe import EvaluateConfig, stage_type
+from mimicbench.benchmark.who import who_of
 from mimicbench.core.errors import BadFile, UnknownName
 from mimicbench.core.run import RunContext
 from mimicbench.core.training import STATE
@@ -91,6 +92,9 @@ def test_a_tracker_is_judged_by_its_kind_not_by_its_name(run, tmp_path, monkeypa
     assert judge(with_evaluation(run, tracked=1), str(tmp_path / "sit-chair" / "another")) == by_name
     with pytest.raises(UnknownName, match="no-such"):
         who_of(run, "no-such")
+    shutil.copytree(shipped.parent / "hst", tmp_path / "tracker")
+    other = judge(with_evaluation(run, tracked=1), str(tmp_path / "tracker"))
+    assert [row.policy for row in other] == ["hst"], "another design is another method, whatever its folder is called"
 
 
 @pytest.mark.parametrize("task", TASKS)

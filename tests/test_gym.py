@@ -403,6 +403,9 @@ def test_mistakes_are_told():
         env.reset(options={"goal": 1})
     with pytest.raises(MimicbenchError, match="there is no start 5000"):
         env.reset(options={"start": 5000})
+    with pytest.raises(MimicbenchError, match="there is no start 0.5"):
+        env.reset(options={"start": 0.5})
+    assert env.reset(seed=np.int64(3))[1]["seed"] == 3
     for arguments, told in (
         ({"reward": "huge"}, "unknown reward"),
         ({"action": "wish"}, "unknown action"),

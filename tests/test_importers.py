@@ -30,7 +30,7 @@ from mimicbench.references.importers.bvh_file import read_bvh, world
 from mimicbench.references.importers.intermimic import BODY_POS, SOURCES
 from mimicbench.references.importers.joint_names import split_name
 from mimicbench.references.importers.recording import Wishes
-from mimicbench.references.importers.registry import FORMATS, detect_format, import_recording
+from mimicbench.references.importers.registry import FORMATS, detect_format, files_read, import_recording
 from mimicbench.references.importers.rest_pose import axis_up, hanging_turns, turned
 from mimicbench.references.importers.stride import stride_scale
 from mimicbench.references.make import Recordings, import_references
@@ -622,6 +622,16 @@ def test_what_the_gate_would_not_let_pass_is_said_and_can_be_left_out(tmp_path):
     with pytest.raises(BadMotion, match="leave --gate out"):
         import_references(tmp_path, "q", "sit-chair", gated, fulfils, said.append)
     assert not (tmp_path / "sit-chair" / "references" / "q").exists()
+
+
+def test_a_recording_is_made_from_all_that_is_read(tmp_path):
+    path = recordings.WRITERS["core4d"](tmp_path)
+    box = tmp_path / "box.obj"
+    box.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert [one.name for one in files_read(path, Wishes(mesh=box))] == [path.name, "smooth_objposes.npy", "box.obj"]
+    (tmp_path / "alone").mkdir()
+    alone = recordings.WRITERS["bvh"](tmp_path / "alone")
+    assert files_read(alone) == [alone]
 
 
 def test_every_task_says_when_it_is_not_there(tmp_path):

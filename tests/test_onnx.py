@@ -9,7 +9,7 @@ import pytest
 import torch
 
 import mimicbench
-from mimicbench.benchmark.judging import who_of
+from mimicbench.benchmark.who import who_of
 from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.evaluate.rollout import run_policy

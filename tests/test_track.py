@@ -14,6 +14,7 @@ from mimicbench.core.training import METRICS, TorchRandom, read_metrics
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.track.checkpoint import CRITIC, TrackerConfig, load_critic, load_tracker, save_tracker, tracker_digest
+from mimicbench.track.evaluation import good_enough
 from mimicbench.track.network import Blueprint, MLPConfig
 from mimicbench.track.parts import TrackingParts
 from mimicbench.track.ppo import PPOConfig, PPOLearner
@@ -143,6 +144,12 @@ def test_training_is_over_when_every_task_is_good_enough(tmp_path):
     assert samples(1.0, clip_set(CLIPS[1])) == tiny(3).samples
     assert samples(0.9, clip_set()) == tiny(3).samples, "the other of the two falls"
     assert samples(0.4) == tiny(1).samples, "nobody else is there: the training clips count"
+
+
+def test_a_task_without_unseen_objects_counts_by_its_training_clips():
+    row = {"stays_held_out_of": {"sit-chair": 0.95}, "stays_train_of": {"sit-chair": 0.5, "lie-bed": 0.0}}
+    assert not good_enough(row, 0.9)
+    assert good_enough({**row, "stays_train_of": {"sit-chair": 0.5, "lie-bed": 0.9}}, 0.9)
 
 
 def test_who_was_good_enough_and_is_called_again_does_not_train_on(tmp_path):

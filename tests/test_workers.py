@@ -9,7 +9,8 @@ import pytest
 import making
 from mimicbench.benchmark.finding import stages_of
 from mimicbench.benchmark.graph import start
-from mimicbench.benchmark.judging import episodes_of, judge_policy, judge_tracker, who_of
+from mimicbench.benchmark.judging import episodes_of, judge_policy, judge_tracker
+from mimicbench.benchmark.who import who_of
 from mimicbench.core.run import RunContext
 
 

@@ -124,8 +124,9 @@ def robust(
     """Let a tracker follow clips under pushes, on other floors, with another mass, late targets and erring sensors."""
     from mimicbench.bench.robustness import bench_robustness, robustness_table
     from mimicbench.benchmark.graph import env_config, start
-    from mimicbench.benchmark.judging import episodes_of, who_of
+    from mimicbench.benchmark.judging import episodes_of
     from mimicbench.benchmark.recipe import Recipe
+    from mimicbench.benchmark.who import who_of
     from mimicbench.core.run import RunContext
     from mimicbench.report.table import to_terminal
     from mimicbench.tasks.registry import TASKS

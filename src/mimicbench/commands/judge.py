@@ -21,7 +21,8 @@ def evaluate(argv: Sequence[str]) -> None:
     """Judge policies, or a tracker, by K and P on objects and starts that they have never seen."""
     call = read_call("evaluate", argv)
     from mimicbench.benchmark.graph import start
-    from mimicbench.benchmark.judging import judge, who_of
+    from mimicbench.benchmark.judging import judge
+    from mimicbench.benchmark.who import who_of
 
     runs = [start(recipe, call.options.workdir, call.options.context()) for recipe in call.recipes]
     # who there is, before any work; `best` and another name may well mean the same
@@ -81,8 +82,8 @@ def run(argv: Sequence[str]) -> None:
 
 def _ready(one: Run, train: bool) -> None:
     """Find out before any work whether all of it can be done."""
-    from mimicbench.benchmark.judging import who_of
     from mimicbench.benchmark.recipe import stage_type
+    from mimicbench.benchmark.who import who_of
 
     _shown(one, train)
     for name in one.recipe.evaluate.policy:
@@ -94,7 +95,7 @@ def _ready(one: Run, train: bool) -> None:
 
 def _shown(one: Run, train: bool) -> str:
     """The policy that the report shows in pictures: the first. Who is yet to be trained is told by the name alone."""
-    from mimicbench.benchmark.judging import who_of
+    from mimicbench.benchmark.who import who_of
 
     names = (name for name in one.recipe.evaluate.policy if name != "tracker")
     name = next((name for name in names if train or not who_of(one, name).is_tracker), None)

@@ -41,7 +41,17 @@ class ClipSet:
         return replace(self, motions=kept)
 
     def joined(self, other: "ClipSet") -> "ClipSet":
-        """These clips and others of the same task on the same robot."""
+        """These clips and others of the same task on the same robot.
+
+        Raises MimicbenchError if they call two objects by one name.
+        """
+        for name, obj in other.objects.items():
+            mine = self.objects.get(name, obj)
+            if mine is not obj and mine.to_dict() != obj.to_dict():
+                raise MimicbenchError(
+                    f"two objects are called {name!r}, as where files of one name were imported into two sets; rename "
+                    "a file and import it again"
+                )
         return replace(self, motions=[*self.motions, *other.motions], objects={**self.objects, **other.objects})
 
     def first(self, count: int) -> "ClipSet":

@@ -100,10 +100,10 @@ class TaskEnv(gymnasium.Env[Observation, np.ndarray]):
     ## Information
 
     Numbers only. `success` and `is_success` (K has been fulfilled; of LiftBox: holds in this frame), `stays` (its
-    condition has held for 0.3 s and the robot has not fallen: what evaluation asks at the time limit), `effort` (the
-    largest e_i of the episode [W^2], which P is judged by, appendix D.2), `fell`, `diverged`, `start`, `seed`.
-    `env.unwrapped.object_ids()` and `reference_ids()` are the ids of the present object and of the motion that the
-    episode started from.
+    condition has held for 0.3 s, or as long as K asks where that is longer, and the robot has not fallen: what
+    evaluation asks at the time limit), `effort` (the largest e_i of the episode [W^2], which P is judged by, appendix
+    D.2), `fell`, `diverged`, `start`, `seed`. `env.unwrapped.object_ids()` and `reference_ids()` are the ids of the
+    present object and of the motion that the episode started from.
 
     ## Arguments
 
@@ -132,7 +132,7 @@ class TaskEnv(gymnasium.Env[Observation, np.ndarray]):
         """Begin the episode `seed`, or without it the next one; with `options["start"]` from that start."""
         given = known_options(options, ("start",)).get("start")
         if seed is not None:
-            check_seed(seed)
+            seed = check_seed(seed)
         super().reset(seed=seed)
         own = [next_seed(self.np_random) if seed is None else seed]
         self.episodes.begin(np.zeros(1, int), own, None if given is None else [given])

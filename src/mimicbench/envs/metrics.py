@@ -52,7 +52,8 @@ class Verdict:
     success_at_end: Tensor
     """(E,) bool: the condition held for the hold time up to the last frame."""
     stays: Tensor
-    """(E,) bool: the condition held over the last 0.3 s, and the robot has not fallen. Only at the time limit."""
+    """(E,) bool: the condition held over the last 0.3 s, or as long as K asks where that is longer, and the robot has
+    not fallen. Only at the time limit."""
     first_success: Tensor
     """(E,) when K was first fulfilled [s]; NaN if never."""
     fell: Tensor
@@ -197,7 +198,9 @@ class EpisodeMetrics:
 
     @property
     def stays(self) -> Tensor:
-        """(N,) the condition has held over the last 0.3 s and the robot has not fallen: asked at the time limit."""
+        """(N,) the condition has held over the last 0.3 s, or as long as K asks where that is longer, and the robot has
+        not fallen: asked at the time limit.
+        """
         frames = max(self._hold_frames, round(STAY / self.control_dt))
         run, fell, diverged = self._own(self.run), self._own(self.fell), self._own(self.diverged)
         return torch.as_tensor((run >= frames) & ~fell & ~diverged)

@@ -174,7 +174,7 @@ class Starts:
         """
         random, count = rng(seed, "episode", self.task.name), len(self)
         drawn = int(random.integers(count))
-        if number is not None and not 0 <= number < count:
+        if number is not None and (number != int(number) or not 0 <= number < count):
             raise MimicbenchError(f"there is no start {number}; give a number from 0 to {count - 1}")
         chosen = drawn if number is None else int(number)
         if self._motions is not None:

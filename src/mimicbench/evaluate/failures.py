@@ -12,6 +12,7 @@ FAILURES = (
     "there, but not in place",
     "did not stay",
     "stopped by an error",
+    "physics broke",
 )
 _FALLS = {"walking": FAILURES[0], "turning": FAILURES[1]}
 
@@ -20,6 +21,8 @@ def failure(row: EpisodeRow) -> str | None:
     """How an episode failed, one of FAILURES; None if it did not. Who fulfils K and does not stay has failed, too."""
     if row.error:
         return FAILURES[6]
+    if row.diverged:
+        return FAILURES[7]
     if row.success:
         return None if row.stays else FAILURES[5]
     if row.fell:

@@ -78,7 +78,7 @@ class Guard:
         except TooSlow:
             self._error = f"{what} took more than {patience:g} s"
             return None
-        except Exception as error:  # noqa: BLE001 somebody else's program may raise anything
+        except (Exception, SystemExit) as error:  # noqa: BLE001 somebody else's program may raise anything
             self._error = f"{what} raised {type(error).__name__}" + (f": {error}" if str(error) else "")
             return None
 

@@ -62,7 +62,8 @@ class EpisodeRow:
     success_at_end: bool
     """The condition of K held for its time up to the last frame that was run."""
     stays: bool
-    """Its condition held over the last 0.3 s of the time limit, and the robot has not fallen."""
+    """Its condition held over the last 0.3 s of the time limit, or as long as K asks where that is longer, and the
+    robot has not fallen."""
     first_success_time: float | None
     """When K was first fulfilled [s]; None if never."""
     fell: bool
@@ -196,6 +197,7 @@ class Summary:
     stage: str
     policy: str
     preset: str
+    robot: str
     kinematic: Rate
     """K."""
     at_end: Rate
@@ -224,6 +226,7 @@ class Summary:
             "task": self.task,
             "policy": self.policy,
             "preset": self.preset,
+            "robot": self.robot,
             "episodes": self.kinematic.episodes,
             "kinematic": self.kinematic.to_dict(),
             "energy": {
@@ -242,7 +245,7 @@ def summarize(rows: Sequence[EpisodeRow]) -> Summary:
     """The rates of one policy's rows. Raises MimicbenchError if there are none, or of more than one policy."""
     if not rows:
         raise MimicbenchError("there are no episodes to summarize; run `mimicbench evaluate` first")
-    kinds = sorted({(row.task, row.stage, row.policy, row.preset) for row in rows})
+    kinds = sorted({_kind(row) for row in rows})
     if len(kinds) > 1:
         raise MimicbenchError(
             f"the rows are of several policies ({'; '.join(' '.join(kind) for kind in kinds)}); "
@@ -259,9 +262,13 @@ def summarize(rows: Sequence[EpisodeRow]) -> Summary:
     return Summary(*kinds[0], kinematic, at_end, by_limit, fell, stays, errors)
 
 
-def group(rows: Sequence[EpisodeRow]) -> dict[tuple[str, str, str, str], list[EpisodeRow]]:
-    """Rows by (task, stage, policy, preset), in the order in which these first come."""
-    groups: dict[tuple[str, str, str, str], list[EpisodeRow]] = {}
+def group(rows: Sequence[EpisodeRow]) -> dict[tuple[str, str, str, str, str], list[EpisodeRow]]:
+    """Rows by (task, stage, policy, preset, robot), in the order in which these first come."""
+    groups: dict[tuple[str, str, str, str, str], list[EpisodeRow]] = {}
     for row in rows:
-        groups.setdefault((row.task, row.stage, row.policy, row.preset), []).append(row)
+        groups.setdefault(_kind(row), []).append(row)
     return groups
+
+
+def _kind(row: EpisodeRow) -> tuple[str, str, str, str, str]:
+    return row.task, row.stage, row.policy, row.preset, row.robot

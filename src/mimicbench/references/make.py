@@ -22,7 +22,7 @@ from mimicbench.objects.make import object_ids
 from mimicbench.objects.shape import SceneObject, load_object, save_object, split_of
 from mimicbench.references.checks.quality import METRIC, Fulfils, check_clip, faults, gate, told
 from mimicbench.references.importers.recording import Wishes
-from mimicbench.references.importers.registry import import_recording
+from mimicbench.references.importers.registry import files_read, import_recording
 from mimicbench.references.recordings.cutting import Clip
 from mimicbench.references.recordings.real_clips import find_clips
 from mimicbench.references.synthesis.registry import clip_id, synthesize
@@ -169,7 +169,8 @@ def import_references(
             f"files, or another task (--task){', or leave --gate out' if recordings.gated and beyond else ''}"
         )
     wishes = recordings.wishes
-    files = {f"{i} {path.name}": digest_of(path) for i, path in enumerate(recordings.files) if path.is_file()}
+    read = {f"{i} {one.name}": one for i, path in enumerate(recordings.files) for one in files_read(path, wishes)}
+    files = {name: digest_of(one) for name, one in read.items()}
     source = {"imported": files, "format": recordings.form, "wishes": asdict(wishes) | {"mesh": str(wishes.mesh)}}
     source |= {"gated": True} if recordings.gated else {}
     key = StageKey("objects", task, 0, source)

@@ -8,16 +8,20 @@ import numpy as np
 from mimicbench.evaluate.failures import FAILURES, failure
 from mimicbench.evaluate.intervals import Rate
 from mimicbench.evaluate.rows import EpisodeRow, Summary
+from mimicbench.robots.registry import DEFAULT_ROBOT
 
 
-def label(policy: str, preset: str) -> str:
-    """How a policy is called in tables."""
-    return f"{policy} ({preset})"
+def label(of: Summary | EpisodeRow, policy: str = "") -> str:
+    """How a policy is called in tables: by its own name or another, its gains, and its robot if that is not the usual
+    one.
+    """
+    robot = "" if of.robot == DEFAULT_ROBOT else f", {of.robot}"
+    return f"{policy or of.policy} ({of.preset}{robot})"
 
 
 def method_name(summary: Summary) -> str:
     """How a method is called beside the word `tracker` or `policy`, which it need not repeat."""
-    return label("ours" if summary.policy == stage_name(summary.stage) else summary.policy, summary.preset)
+    return label(summary, "ours" if summary.policy == stage_name(summary.stage) else summary.policy)
 
 
 def stage_name(stage: str) -> str:

@@ -111,7 +111,7 @@ def _lead(best: Summary, mine: Sequence[EpisodeRow]) -> str:
     who = "policy" if best.stage == "imitate" else "tracker"
     k, n = best.kinematic.successes, best.kinematic.episodes
     return (
-        f"The best {who}, {label(best.policy, best.preset)}, succeeds in {k:.0f} of {n} "
+        f"The best {who}, {label(best)}, succeeds in {k:.0f} of {n} "
         f"episodes on {len(objects)} object{'s' * (len(objects) != 1)}{unseen}: "
         f"{best.kinematic.percent()}, with a 95 % interval of {best.kinematic.interval()} %."
     )

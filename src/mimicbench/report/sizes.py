@@ -70,7 +70,7 @@ def of_policies(episodes: Episodes) -> dict[str, dict[str, list[Part]]]:
     for s, rows in episodes.methods:
         known = s.stage == "imitate" and all(row.object_id in episodes.objects for row in rows)
         if known and (parts := by_size(rows, episodes.objects)):
-            told[label(s.policy, s.preset)] = parts
+            told[label(s)] = parts
     return told
 
 

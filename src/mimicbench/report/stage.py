@@ -10,9 +10,10 @@ from pathlib import Path
 
 from mimicbench.benchmark import keys
 from mimicbench.benchmark.graph import Clips, env_config
-from mimicbench.benchmark.judging import episodes_of, episodes_to_show, who_of
+from mimicbench.benchmark.judging import episodes_of, episodes_to_show
 from mimicbench.benchmark.keys import Run
 from mimicbench.benchmark.shipped import SHIPPED
+from mimicbench.benchmark.who import who_of
 from mimicbench.core.checkpoint import beside
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.files import remove_unfinished

@@ -68,11 +68,11 @@ def draw_plots(task: str, episodes: Episodes, curves: Sequence[Curve], narrow: b
             continue
         drawn[f"curve-{i}"] = plots.curve_plot(f"curve-{i}{known}", curve, narrow)
     if any(not row.success for row in episodes.rows):
-        by_policy = {label(s.policy, s.preset): failures(rows) for s, rows in episodes.methods}
+        by_policy = {label(s): failures(rows) for s, rows in episodes.methods}
         drawn["failures"] = plots.failures_plot(f"failures{known}", by_policy, narrow)
     policies = [one for one in episodes.methods if one[0].stage == "imitate"][:COMPARED]
     trackers = [one for one in episodes.methods if one[0].stage == "track"][:1]
-    parts = {label(s.policy, s.preset): breakdowns(rows, episodes.rows) for s, rows in (*policies, *trackers)}
+    parts = {label(s): breakdowns(rows, episodes.rows) for s, rows in (*policies, *trackers)}
     if any(parts.values()):
         drawn["breakdown"] = plots.breakdown_plot(f"breakdown{known}", parts, narrow)
     if by_size := of_policies(episodes):
@@ -85,7 +85,7 @@ def _lines(task: str, found: Sequence[Summary], energy: bool) -> list[tuple[str,
     lines: list[tuple[str, plots.Mark]] = []
     for color, (stage, measures) in enumerate((("imitate", "imitation"), ("track", "tracking"))):
         ours = [s for s in found if s.stage == stage]
-        lines += [(label(s.policy, s.preset), plots.Mark(s.energy if energy else s.kinematic, color)) for s in ours]
+        lines += [(label(s), plots.Mark(s.energy if energy else s.kinematic, color)) for s in ours]
         for method, rate in methods(task, measures).items() if ours else ():
             lines.append((f"paper: {method}", plots.Mark(float(rate.energy if energy else rate.kinematic), color)))
     return lines

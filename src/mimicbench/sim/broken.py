@@ -22,7 +22,7 @@ from mimicbench.sim.scene import SUBSTEPS, build_model
 MAX_KEPT = 8
 """Broken scenes that a simulation writes to disk and tells of; further ones are only counted."""
 _KIND = "broken_scene"
-_ARRAYS = ("qpos", "qvel", "warmstart", "target")
+_ARRAYS = ("qpos", "qvel", "warmstart", "target", "wrench")
 _log = logging.getLogger(__name__)
 
 
@@ -51,6 +51,12 @@ class BrokenScene:
     """(nv,) accelerations that the solver starts from, without which its last bits differ."""
     target: np.ndarray
     """(J,) targets of the control step."""
+    wrench: np.ndarray
+    """(6,) force [N] and torque [N m] on the root."""
+    friction: float = 1.0
+    """Times the sliding friction that everything has."""
+    mass: float = 1.0
+    """Times the mass and inertia that the robot's links have."""
 
     def save(self, path: Path) -> None:
         """Write it as an `.npz` that `load_broken` reads."""
@@ -63,6 +69,8 @@ class BrokenScene:
             "preset": self.preset,
             "control": self.control,
             "object": self.obj.to_dict(),
+            "friction": self.friction,
+            "mass": self.mass,
         }
         write_npz(path, header, {name: getattr(self, name) for name in _ARRAYS})
 
@@ -87,10 +95,9 @@ def load_broken(path: Path) -> BrokenScene:
         reason, backend, robot, preset, control = (
             str(header[name]) for name in ("reason", "backend", "robot", "preset", "control")
         )
-        qpos, qvel, warmstart, target = (np.asarray(arrays[name], float) for name in _ARRAYS)
-        return BrokenScene(
-            reason, int(header["scene"]), backend, robot, preset, control, obj, qpos, qvel, warmstart, target
-        )
+        state = [np.asarray(arrays[name], float) for name in _ARRAYS]
+        scaled = float(header["friction"]), float(header["mass"])
+        return BrokenScene(reason, int(header["scene"]), backend, robot, preset, control, obj, *state, *scaled)
     except (KeyError, TypeError, ValueError) as error:
         raise BadFile(
             f"{path} is not a whole broken scene (it lacks {error}); let the simulation write it again"
@@ -104,7 +111,8 @@ def replay(broken: BrokenScene) -> Replay:
     numbers, may survive here: then the fault is in rounding, not in the scene. Raises BadFile if the state does not
     fit the robot and the object.
     """
-    model = build_model(ROBOTS.get(broken.robot), broken.obj, broken.preset, broken.control)
+    robot = ROBOTS.get(broken.robot)
+    model = build_model(robot, broken.obj, broken.preset, broken.control, friction=broken.friction, mass=broken.mass)
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     data = mujoco.MjData(model)
     for name, there in (
@@ -112,6 +120,7 @@ def replay(broken: BrokenScene) -> Replay:
         ("qvel", data.qvel),
         ("warmstart", data.qacc_warmstart),
         ("target", data.ctrl),
+        ("wrench", data.xfrc_applied[model.body(robot.link_names[0]).id]),
     ):
         given = getattr(broken, name)
         if given.shape != there.shape:

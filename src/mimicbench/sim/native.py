@@ -186,7 +186,9 @@ class NativePhysics:
             qpos, qvel, warmstart = (array[env].copy() for array in self._before)
             config, obj = self.config, self.catalog[int(self.object_index[env])]
             scene = env, "native", self.robot.name, config.gains, config.control, obj
-            self.broken.add(BrokenScene(reason, *scene, qpos, qvel, warmstart, target[env].numpy().astype(float)))
+            wrench = np.zeros(6) if self._wrench is None else self._wrench[env].copy()
+            state = qpos, qvel, warmstart, target[env].numpy().astype(float), wrench
+            self.broken.add(BrokenScene(reason, *scene, *state, config.friction, config.mass))
 
     def advance(self, target: torch.Tensor) -> None:
         """One control step of all scenes and nothing else; see Physics.advance."""

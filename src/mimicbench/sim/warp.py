@@ -63,7 +63,7 @@ class WarpPhysics:
         self._link_rows = slice(root, root + len(robot.link_names))  # links are consecutive bodies, in order
         with wp.ScopedDevice(self._wp_device):
             self._make(base, contacts)
-        self._objects = ObjectRows(self._movable, device)
+        self._objects = ObjectRows(self._movable, device, self.config.friction)
         self.catalog = self._objects.catalog
         every = Rows.every(self.num_envs, device)
         self.object_index = torch.zeros(self.num_envs, dtype=torch.long, device=device)
@@ -206,9 +206,9 @@ class WarpPhysics:
         """Tell of scenes that broke since the last report; of one that did so twice, the last time."""
         for env, reason, state in self._breaks.taken():
             config, obj = self.config, self.catalog[int(self.object_index[env])]
-            self._broken_log.add(
-                BrokenScene(reason, env, "warp", self.robot.name, config.gains, config.control, obj, *state)
-            )
+            scene = env, "warp", self.robot.name, config.gains, config.control, obj
+            wrench = self._wrench[env].double().cpu().numpy().copy()
+            self._broken_log.add(BrokenScene(reason, *scene, *state, wrench, config.friction, config.mass))
 
     def advance(self, target: torch.Tensor) -> None:
         """One control step of all scenes and nothing else; see Physics.advance."""

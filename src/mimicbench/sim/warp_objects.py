@@ -32,12 +32,13 @@ def object_places(base: mujoco.MjModel, joints: int) -> dict[str, slice]:
 class ObjectRows:
     """A catalog of objects, all movable or all fixed, and what each of them writes into its world."""
 
-    def __init__(self, movable: bool, device: str) -> None:
+    def __init__(self, movable: bool, device: str, friction: float = 1.0) -> None:
+        """`friction` is times the sliding friction that they have."""
         self.catalog: list[SceneObject] = []
         self.rows: dict[str, torch.Tensor] = {}
         """By field of the model, (len(catalog), ...)."""
         self._places: dict[str, int] = {}
-        self._movable, self._device = movable, device
+        self._movable, self._device, self._friction = movable, device, friction
 
     def add(self, objects: Sequence[SceneObject]) -> list[int]:
         """Places of objects in the catalog, at whose end those are put that it lacks; see WarpPhysics.add_objects."""
@@ -64,6 +65,7 @@ class ObjectRows:
         rows = {name: torch.from_numpy(np.asarray(getattr(alone, name), np.float32)) for name in _GEOM_FIELDS}
         rows |= {name: torch.from_numpy(np.asarray(getattr(alone, name)[1:], np.float32)) for name in _BODY_FIELDS}
         rows |= {name: torch.from_numpy(np.asarray(getattr(alone, name), np.float32)) for name in _DOF_FIELDS}
+        rows["geom_friction"][:, 0] *= self._friction
         rows["geom_aabb"] = rows["geom_aabb"].reshape(-1, 2, 3)
         data = mujoco.MjData(alone)
         mujoco.mj_kinematics(alone, data)

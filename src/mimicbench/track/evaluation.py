@@ -46,7 +46,7 @@ def in_words(row: Mapping[str, Any]) -> str:
 
 def good_enough(row: Mapping[str, Any], until: float) -> bool:
     """Whether `until` or more stay in every task, on unseen objects where there are any; at 1 it never is enough."""
-    rates = row["stays_held_out_of"] or row["stays_train_of"]
+    rates = {**row["stays_train_of"], **row["stays_held_out_of"]}
     return until < 1 and min(rates.values()) >= until
 
 

@@ -16,7 +16,7 @@ def make(episodes: Episodes) -> list[Table]:
     for summary, of_one in episodes.methods:
         times = [row.first_success_time for row in of_one if row.first_success_time is not None]
         quartiles = np.percentile(times, (25, 50, 75)).round(2).tolist() if times else (None, None, None)
-        rows.append((label(summary.policy, summary.preset), summary.kinematic, *quartiles))
+        rows.append((label(summary), summary.kinematic, *quartiles))
     columns = ("Policy", "K", "A quarter by [s]", "half by [s]", "three quarters by [s]")
     return [Table("time-to-success", "Time to success", columns, tuple(rows), note="Of the episodes that succeed.")]
 

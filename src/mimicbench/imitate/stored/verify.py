@@ -14,7 +14,7 @@ from mimicbench.imitate.lerobot import Demos
 
 def unfulfilled(demos: Demos, clips: ClipSet) -> list[str]:
     """Reference ids of the demonstrations whose states do not fulfil K of the clips' task, or do not hold its condition
-    over the last 0.3 s.
+    over the last 0.3 s, or as long as K asks.
 
     Raises BadFile if a demonstration is of none of the clips.
     """

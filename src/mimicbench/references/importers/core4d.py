@@ -151,4 +151,10 @@ def _object_track(path: Path, frames: int, up: str) -> tuple[ObjectTrack | None,
     ), f"the object moves as {OBJECT_POSES} says"
 
 
-FORMAT = Format("core4d", import_core4d, lambda file: file.content == "zip" and file.pickled, heeds=("mesh",))
+FORMAT = Format(
+    "core4d",
+    import_core4d,
+    lambda file: file.content == "zip" and file.pickled,
+    heeds=("mesh",),
+    beside=(OBJECT_POSES,),
+)

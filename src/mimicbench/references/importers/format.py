@@ -54,6 +54,8 @@ class Format:
     """Whether a file seems to be in it."""
     heeds: tuple[str, ...] = ()
     """Which of the wishes OPTIONAL it can fulfill; the others are refused."""
+    beside: tuple[str, ...] = ()
+    """Names of files in the same folder of which it is read as well, where they are there."""
 
 
 def glimpse(path: Path) -> Glimpse:

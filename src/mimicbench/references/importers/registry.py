@@ -42,6 +42,13 @@ def import_recording(path: Path, form: str = AUTO, wishes: Wishes | None = None)
     return found.read(path, wishes)
 
 
+def files_read(path: Path, wishes: Wishes | None = None) -> list[Path]:
+    """The files that a recording may be read from: its own, what any format reads beside it, and its object's mesh."""
+    beside = sorted({name for form in FORMATS.all() for name in form.beside})
+    mesh = [] if wishes is None or wishes.mesh is None else [wishes.mesh]
+    return [found for found in (path, *(path.parent / name for name in beside), *mesh) if found.is_file()]
+
+
 def detect_format(path: Path) -> str:
     """The format of a file, by its first bytes, its ending, and the names in it. Raises BadFile."""
     from mimicbench.references.importers.format import glimpse

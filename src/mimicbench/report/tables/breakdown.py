@@ -7,7 +7,7 @@ from mimicbench.report.tables.spec import Episodes, TableSpec
 
 def _make(episodes: Episodes) -> list[Table]:
     body = [
-        (label(s.policy, s.preset), one.title, part, rate)
+        (label(s), one.title, part, rate)
         for s, rows in episodes.methods
         for one in breakdowns(rows, episodes.rows)
         for part, rate in one.parts.items()

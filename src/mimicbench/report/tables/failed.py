@@ -10,12 +10,12 @@ def _make(episodes: Episodes) -> list[Table]:
     columns = ("Policy", "Episode", "Object", "Kind", "Reference", "How", "From the object at the end [m]")
     body = [
         (
-            label(row.policy, row.preset),
+            label(row),
             row.id,
             row.object_id,
             row.object_kind,
             row.reference_id or None,
-            failure(row),
+            f"{failure(row)}: {row.error}" if row.error else failure(row),
             round(row.end_distance, 2),
         )
         for row in episodes.ordered

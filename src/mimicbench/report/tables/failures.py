@@ -7,7 +7,7 @@ from mimicbench.report.tables.spec import Episodes, TableSpec
 
 
 def _make(episodes: Episodes) -> list[Table]:
-    body = tuple((label(s.policy, s.preset), *failures(rows).values()) for s, rows in episodes.methods)
+    body = tuple((label(s), *failures(rows).values()) for s, rows in episodes.methods)
     return [Table("failures", "How episodes fail", ("Policy", *FAILURES), body, note="Shares of all episodes.")]
 
 

@@ -20,7 +20,8 @@ def results_table(found: Sequence[Summary]) -> Table:
         "kinematic metric, fulfilled within the time limit. "
         "K and P: the energy-averaged rate, the mean over four limits of the rate of K with every e_i below the limit; "
         "its interval is Wilson's at the mean count. Stays: K's condition holds over the last 0.3 s of the time limit, "
-        "and the robot has not fallen by then. Fell: at any time up to the limit, after success, too.",
+        "or as long as K asks where that is longer, and the robot has not fallen by then. Fell: at any time up to the "
+        "limit, after success, too.",
     )
 
 
