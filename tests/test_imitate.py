@@ -374,7 +374,7 @@ def test_of_what_a_learner_drove_a_batch_has_the_part_that_is_asked_for(demos, c
     data = frames(replace(demos, success=np.arange(6) != chosen), chairs, blind)
 
     def drawn(data, part):
-        frames = data.draw(400, part, 0.0, torch.Generator().manual_seed(0))
+        frames = data.draw(400, 0.0, part, 0.0, torch.Generator().manual_seed(0))
         assert len(frames) == 400 and set(frames.tolist()) <= set(data.train_frames.tolist())
         return float((data.episode[frames] == chosen).double().mean())
 

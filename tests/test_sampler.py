@@ -1,6 +1,7 @@
 """Which frames a batch is of."""
 
 import numpy as np
+import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
@@ -33,7 +34,7 @@ def demos(driven: list[list[float]]) -> Demos:
 
 def counts(sampler: Sampler, count: int, driven: float, wrong: float, frames: int) -> np.ndarray:
     """How often each frame is drawn."""
-    drawn = sampler.draw(count, driven, wrong, torch.Generator().manual_seed(0))
+    drawn = sampler.draw(count, 0.0, driven, wrong, torch.Generator().manual_seed(0))
     return np.bincount(drawn.numpy(), minlength=frames)
 
 
@@ -61,7 +62,7 @@ def test_where_nobody_was_wrong_all_frames_are_alike() -> None:
 def test_without_wrong_draws_are_what_they_were() -> None:
     sampler = Sampler(demos([[0.1, 0.2]]), torch.arange(12))
     random, again = torch.Generator().manual_seed(3), torch.Generator().manual_seed(3)
-    drawn = sampler.draw(8, 0.25, 0.0, random)
+    drawn = sampler.draw(8, 0.0, 0.25, 0.0, random)
     first = torch.randint(10, (6,), generator=again)
     assert torch.equal(drawn, torch.cat([first, 10 + torch.randint(2, (2,), generator=again)]))
 
@@ -82,3 +83,11 @@ def test_wrong_alone_takes_as_much_of_what_was_driven_as_there_is() -> None:
 def test_demonstrations_alone() -> None:
     found = counts(Sampler(demos([]), torch.arange(10)), 50, 0.5, 0.5, 10)
     assert found.sum() == 50
+
+
+def test_a_part_is_of_the_first_second() -> None:
+    sampler = Sampler(demos([[0.1] * 200, [0.1] * 60]), torch.arange(270))
+    found = np.bincount(sampler.draw(100_000, 0.5, 0.0, 0.0, torch.Generator().manual_seed(0)).numpy(), minlength=270)
+    soon = np.r_[0:10, 10:60, 210:260]
+    assert found[soon].sum() == pytest.approx(50_000 + 50_000 * 110 / 270, rel=0.02)
+    assert (found > 0).all()

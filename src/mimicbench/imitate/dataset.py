@@ -136,9 +136,9 @@ class DemoFrames:
     def _sampler(self) -> Sampler:
         return Sampler(self.demos, self.train_frames)
 
-    def draw(self, count: int, driven: float, wrong: float, generator: torch.Generator) -> Tensor:
+    def draw(self, count: int, soon: float, driven: float, wrong: float, generator: torch.Generator) -> Tensor:
         """(count,) frames to learn from; see Sampler."""
-        return self._sampler.draw(count, driven, wrong, generator)
+        return self._sampler.draw(count, soon, driven, wrong, generator)
 
     def batch(self, frames: Tensor, generator: torch.Generator | None = None) -> Batch:
         """What is seen in the given frames (B,) and the actions from there on.

@@ -46,6 +46,9 @@ class TrainConfig:
     wrong: Share = 0.0
     """Part of these that is drawn by how far the learner was from what it should have done: to stand still where one
     ought to go on is wrong in few frames, and for ever."""
+    soon: Share = 0.0
+    """Part of every batch that comes from the first second of episodes. All begin at rest, and who does not take the
+    first step as it has to be taken slowly sinks and tips over, whatever it knows of later ones."""
     learning_rate: float = 1e-3
     """The highest."""
     schedule: str = "cosine"
@@ -215,7 +218,8 @@ class CloneTraining:
     def _batch(self, number: int) -> Batch:
         """The batch of that number."""
         random = torch.Generator().manual_seed(self._seed("batch", number))
-        return self.data.batch(self.data.draw(self.config.batch, self.config.driven, self.config.wrong, random), random)
+        config = self.config
+        return self.data.batch(self.data.draw(config.batch, config.soon, config.driven, config.wrong, random), random)
 
     def log(self, parts: dict[str, float]) -> None:
         """Append a line to metrics.jsonl."""

@@ -8,6 +8,7 @@ import numpy as np
 import torch
 
 from mimicbench.core.seeds import digest
+from mimicbench.core.settings import Share
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.disturbance import Disturbance
 from mimicbench.envs.policy import Policy
@@ -29,6 +30,8 @@ class DrivenConfig:
     robot has fallen."""
     settle: float = 2.0
     """[s] that episodes go on after their clip."""
+    at_once: Share = 0.0
+    """Part of the episodes in which the policy drives from the first frame on, as it will in use."""
 
 
 @torch.no_grad()
@@ -43,9 +46,9 @@ def drive_clips(
 ) -> Recording:
     """Episodes from the first frame of each clip, in which the expert drives first, then the policy.
 
-    When the policy takes over is drawn for each, from all of its clip. `targets` of what is recorded are the expert's,
-    `applied` those of who drove. An episode is as long as the expert knew what to do, which may have ended some time
-    before it is seen (Expert.late); one without a frame that the policy drove is empty.
+    When the policy takes over is drawn for each, from all of its clip; in some it drives at once. `targets` of what is
+    recorded are the expert's, `applied` those of who drove. An episode is as long as the expert knew what to do, which
+    may have ended some time before it is seen (Expert.late); one without a frame that the policy drove is empty.
     """
     config, env_config = config or DrivenConfig(), env_config or EnvConfig()
     n = len(clips)
@@ -54,6 +57,8 @@ def drive_clips(
     policy.to(env.device)
     random = torch.Generator().manual_seed(digest(seed, "takes over", *(m.id for m in clips.motions)) % (1 << 63))
     begins = (torch.rand(n, generator=random).to(env.device) * env.bank.lengths).long()
+    if config.at_once:
+        begins = torch.where((torch.rand(n, generator=random) < config.at_once).to(env.device), 0, begins)
     limit = round(clips.task.time_limit / CONTROL_DT)
     lengths = (env.bank.lengths + round(config.settle / CONTROL_DT)).clamp(max=limit)
     running, steps = torch.ones(n, dtype=torch.bool, device=env.device), torch.zeros_like(lengths)

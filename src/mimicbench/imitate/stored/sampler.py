@@ -1,4 +1,4 @@
-"""Which frames a batch is of: of demonstrations, of what a learner drove, and of where it drove wrongly."""
+"""Which frames a batch is of: of demonstrations, of what a learner drove, of where it drove wrongly, of beginnings."""
 
 from functools import cached_property
 
@@ -12,6 +12,8 @@ NEAREST, FARTHEST = 1e-6, 0.15
 """Targets count as at least and at most so far from what should have been done [rad]: where nobody was wrong all frames
 are alike, and whoever is farther off is tumbling, which is seldom worth learning to do well.
 """
+SOON = 1.0
+"""[s] The beginning of an episode."""
 _AT_ONCE = 1 << 18
 
 
@@ -26,13 +28,20 @@ class Sampler:
         """Of demonstrations, which succeeded."""
         self.by_learners = frames[~shown]
         """Of what a learner drove, judged by nobody."""
+        since = frames - torch.from_numpy(np.repeat(demos.starts[:-1], np.diff(demos.starts)))[frames]
+        self.soon = frames[since < SOON * demos.fps]
+        """Of the beginnings of all episodes."""
         self._demos = demos
 
-    def draw(self, count: int, driven: float, wrong: float, generator: torch.Generator) -> Tensor:
-        """(count,) frames, part `driven` of them from what a learner drove, if there is any; 0: as much as there is.
+    def draw(self, count: int, soon: float, driven: float, wrong: float, generator: torch.Generator) -> Tensor:
+        """(count,) frames, part `soon` of them from the beginnings of episodes, and part `driven` of the others from
+        what a learner drove, if there is any; 0: as much as there is.
 
         Part `wrong` of those are drawn by how far what the learner did was from what it should have done.
         """
+        if first := round(soon * count):
+            others = self.draw(count - first, 0.0, driven, wrong, generator)
+            return torch.cat([_some(self.soon, first, generator), others])
         if not (driven or wrong) or not len(self.by_experts) or not len(self.by_learners):
             return _some(self.frames, count, generator)
         learners = round((driven or len(self.by_learners) / len(self.frames)) * count)
