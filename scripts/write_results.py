@@ -28,6 +28,7 @@ COMPARED = {
     "data-scale": "sit-chair-data-scale",
     "learners": "sit-chair-learners",
     "clone-switches": "sit-chair-switches",
+    "vision": "sit-chair-vision",
     "tracker-parts": "lift-box-parts",
 }
 """Folder in `runs/` of each comparison whose table is in the orderings."""

@@ -41,8 +41,20 @@ def test_who_stands_is_where_the_rule_says():
     assert (more.motions[0].root_pos_w == more.motions[0].root_pos_w[0]).all(), "it stands"
 
 
+def test_who_stands_may_stand_as_people_do():
+    objects, pose = clip_set().objects, np.array(H1.rest_pose)
+    straight = 0.5 * pose
+    (motion,) = standing(SIT_CHAIR, H1, objects, 1, 0, [straight]).motions
+    np.testing.assert_array_equal(motion.joint_pos[0], straight)
+    (at_rest,) = standing(SIT_CHAIR, H1, objects, 1, 0, [pose]).motions
+    assert motion.root_pos_w[0, 2] > at_rest.root_pos_w[0, 2] + 0.01, "its soles are on the floor"
+    np.testing.assert_array_equal(motion.root_pos_w[0, :2], at_rest.root_pos_w[0, :2])
+    drawn = standing(SIT_CHAIR, H1, objects, 20, 0, [straight, pose]).motions
+    assert {float(one.joint_pos[0, 3]) for one in drawn} == {straight[3], pose[3]}
+
+
 def test_where_demonstrations_start():
-    with pytest.raises(BadSetting, match=r"demos\.starts is 'anywhere'; give clips or rule"):
+    with pytest.raises(BadSetting, match=r"demos\.starts is 'anywhere'; give clips, rule or poses"):
         DemosConfig(starts="anywhere", expert="planner")
     with pytest.raises(BadSetting, match="no clip for a tracker; name a policy"):
         DemosConfig(starts="rule")

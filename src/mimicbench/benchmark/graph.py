@@ -211,7 +211,7 @@ def make_demo_stage(run: Run) -> Stage:
 def demonstrated(run: Run) -> ClipSet:
     """The clips in whose first frames the recipe's demonstrations begin, and which trackers follow."""
     from mimicbench.envs.rule_starts import standing
-    from mimicbench.imitate.demos import CLIPS
+    from mimicbench.imitate.demos import CLIPS, POSES
 
     config, published = run.part("demos"), published_clips(run)
     if published is not None:
@@ -219,7 +219,9 @@ def demonstrated(run: Run) -> ClipSet:
     if config.starts == CLIPS:
         return retargeted(run).set
     objects = training_objects(make_object_stage(run))
-    return standing(run.task, run.robot, objects, config.clips, run.recipe.seed)
+    people = retargeted(run).set.split("train").motions if config.starts == POSES else ()
+    poses = [motion.joint_pos[0] for motion in people]
+    return standing(run.task, run.robot, objects, config.clips, run.recipe.seed, poses)
 
 
 def make_perception_stage(run: Run) -> Stage:

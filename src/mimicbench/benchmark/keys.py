@@ -201,15 +201,15 @@ def expert_folder(run: Run, tracker: Path) -> Path:
 
 def demo_key(run: Run, tracker: Path) -> StageKey:
     """Demonstrations by the tracker in a folder, or by the expert that the recipe names."""
-    from mimicbench.imitate.demos import CLIPS
+    from mimicbench.imitate.demos import CLIPS, RULE
 
     settings, expert = identity(run.part("demos")), expert_folder(run, tracker)
     del settings["source"], settings["expert"]
-    if settings.pop("starts") == CLIPS:
-        key = retarget_key(run)
-        begin = {"retarget": (key.fingerprint, run.folder(key))}
-    else:
-        begin = {"objects": objects_of(run)}
+    starts, begin = settings.pop("starts"), dict[str, tuple[str, Path]]()
+    if starts != RULE:
+        begin["retarget"] = retarget_key(run).fingerprint, run.folder(retarget_key(run))
+    if starts != CLIPS:
+        begin["objects"] = objects_of(run)
     used = used_by(expert, (TRACKER, PERCEPTION))
     by = {TRACKER: expert} if expert == tracker else {f"expert_{name}": folder for name, folder in used.items()}
     if not settings["images"]:

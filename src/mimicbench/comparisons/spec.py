@@ -95,10 +95,10 @@ def _with_share(recipe: Recipe, share: float, where: str) -> Recipe:
     """The same with that share of what demonstrations begin from: human clips, or starts drawn by rule. Raises
     BadSetting.
     """
-    from mimicbench.imitate.demos import RULE
+    from mimicbench.imitate.demos import CLIPS
 
     demos, references = (getattr(recipe, name) or stage_type(name)() for name in ("demos", "references"))
-    if demos.starts == RULE:
+    if demos.starts != CLIPS:
         return replace(recipe, demos=replace(demos, clips=max(1, round(share * demos.clips))))
     if references.source != MADE:
         raise BadSetting(

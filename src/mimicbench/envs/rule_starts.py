@@ -48,16 +48,16 @@ class Stance:
     """A robot at rest, with its soles just above the floor."""
 
     joint_pos: np.ndarray
-    """(J,) its rest pose [rad]."""
+    """(J,) its rest pose, or another in which it stands [rad]."""
     height: float
     """Of the root [m]."""
     ankles_r: np.ndarray
     """(3,) the middle of its ankles in the root frame [m]."""
 
     @staticmethod
-    def of(robot: Robot) -> "Stance":
-        """The stance of a robot."""
-        joints = np.array(robot.rest_pose, float)
+    def of(robot: Robot, joint_pos: np.ndarray | None = None) -> "Stance":
+        """The stance of a robot in its rest pose, or with joints (J,) [rad]."""
+        joints = np.array(robot.rest_pose if joint_pos is None else joint_pos, float)
         links = robot.forward_kinematics(np.zeros(3), rot.IDENTITY, joints)
         soles, ankles = (
             np.array([robot.keypoint_pos(f"{side}_{name}", *links) for side in ("left", "right")])
@@ -108,15 +108,25 @@ def _around(obj: SceneObject, limit: float, random: np.random.Generator) -> tupl
     raise BadObject(f"object {obj.id} leaves no room to stand within {limit:g} m of its middle; scale it down")
 
 
-def standing(task: Task, robot: Robot, objects: Mapping[str, SceneObject], count: int, seed: int) -> ClipSet:
+def standing(
+    task: Task,
+    robot: Robot,
+    objects: Mapping[str, SceneObject],
+    count: int,
+    seed: int,
+    poses: Sequence[np.ndarray] = (),
+) -> ClipSet:
     """`count` clips for whoever begins where clips do and follows none: robots that stand where `draw_start` puts them,
-    beside objects drawn from these, for STANDS of the task's time.
+    beside objects drawn from these, for STANDS of the task's time; at rest, or with joints drawn from `poses` (J,).
     """
-    stance, ids, motions = Stance.of(robot), sorted(objects), []
+    stances = [Stance.of(robot, pose) for pose in poses] or [Stance.of(robot)]
+    ids, motions = sorted(objects), []
     frames = round(STANDS * task.time_limit / CONTROL_DT)
     for number in range(count):
         random = rng(seed, "start of a demonstration", task.name, number)
-        start = draw_start(task, objects[ids[int(random.integers(len(ids)))]], stance, random)
+        obj = objects[ids[int(random.integers(len(ids)))]]
+        stance = stances[int(random.integers(len(stances)))] if poses else stances[0]
+        start = draw_start(task, obj, stance, random)
         pos, quat, joints = (
             np.broadcast_to(values, (frames, len(values)))
             for values in (start.root_pos_w, start.root_quat_w, start.joint_pos)

@@ -34,7 +34,7 @@ from mimicbench.track.driven import DrivenConfig, drive_clips
 from mimicbench.track.experts import Expert
 from mimicbench.track.rollout import Rollout, RolloutConfig, roll_out
 
-TRACKER, CLIPS, RULE = "tracker", "clips", "rule"
+TRACKER, CLIPS, RULE, POSES = "tracker", "clips", "rule", "poses"
 """The expert that follows clips; where demonstrations start."""
 
 
@@ -51,9 +51,11 @@ class DemosConfig:
     comes next, and who learns from it has to guess that; a policy acts on nothing that cannot be seen."""
     starts: str = CLIPS
     """Where a policy that demonstrates begins: `clips`, in their first frames; `rule`, at rest around training objects,
-    drawn by the rule of the environments. For that no clip has to be made, so there can be thousands."""
+    drawn by the rule of the environments: for that no clip has to be made, so there can be thousands; `poses`, there
+    as well, but in the poses in which clips begin. People stand straighter than a robot at rest, evaluations begin like
+    people, and who learned only from the other way to stand squats and tips over before the first step."""
     clips: Positive = 1500
-    """Training clips to track, or to begin from, at most; how many starts are drawn by rule."""
+    """Training clips to track, or to begin from, at most; how many starts are drawn by rule, or in poses."""
     action_noise: float = 0.05
     """Standard deviation of what is added to the executed joint targets [rad]; the recorded targets stay clean."""
     push: float = 0.1
@@ -67,11 +69,11 @@ class DemosConfig:
     their maps from the states. Some milliseconds and 2 kB a frame."""
 
     def __post_init__(self) -> None:
-        if self.starts not in (CLIPS, RULE):
-            raise BadSetting(f"demos.starts is {self.starts!r}; give clips or rule")
-        if self.starts == RULE and self.expert == TRACKER:
+        if self.starts not in (CLIPS, RULE, POSES):
+            raise BadSetting(f"demos.starts is {self.starts!r}; give clips, rule or poses")
+        if self.starts != CLIPS and self.expert == TRACKER:
             raise BadSetting(
-                "demos.starts is 'rule', where there is no clip for a tracker; name a policy, demos.expert"
+                f"demos.starts is {self.starts!r}, where there is no clip for a tracker; name a policy, demos.expert"
             )
 
 
