@@ -159,7 +159,7 @@ def test_all_of_them_run_through_everything(installed, tmp_path):
     page = Path(told["report"])
     assert told["task"] == "stand-by" and "Stand by a pillar" in page.read_text()
     assert "Time to success" in page.read_text() and (page.parent / "tables" / "time-to-success.csv").is_file()
-    assert {one["policy"] for one in told["results"]} == {"tracker", "still"}
+    assert {one["policy"] for one in told["results"]} == {"follow", "still"}
     headers = [json.loads(path.read_text()) for path in (tmp_path / "stand-by").glob("*/*/header.json")]
     assert {"objects", "references", "retarget", "track", "perception", "imitate"} <= {one["stage"] for one in headers}
     policy = next((tmp_path / "stand-by" / "imitate").glob("still-*/policy/config.json"))
