@@ -132,6 +132,14 @@ def test_what_somebody_else_did_in_a_trackers_own_words(name):
         replace(spec, action=None).aimed(H1, following, target, last, settings)
 
 
+def test_who_takes_over_goes_on_from_what_the_expert_did():
+    taking_over = Remembers()
+    kept = drive_clips(expert(), taking_over, clip_set(*SITS), DrivenConfig(WIDE, settle=0.4), 3, ONE_THREAD)
+    told = torch.stack(taking_over.done).numpy()
+    for episode, driven in enumerate(kept.applied):
+        np.testing.assert_array_equal(told[: len(driven), episode], driven)
+
+
 class Counts(Wriggles):
     """Wriggles more with every batch of episodes that it has begun."""
 

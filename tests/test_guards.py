@@ -16,7 +16,8 @@ from mimicbench.benchmark.graph import _tell_tracker, retargeted, start, tracker
 from mimicbench.benchmark.judging import _of_split, judge
 from mimicbench.benchmark.recipe import EvaluateConfig, stage_type
 from mimicbench.benchmark.who import who_of
-from mimicbench.core.errors import BadFile, UnknownName
+from mimicbench.commands.judge import _each_once
+from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
 from mimicbench.core.run import RunContext
 from mimicbench.core.training import STATE
 from mimicbench.envs.metrics import Verdict
@@ -95,6 +96,23 @@ def test_a_tracker_is_judged_by_its_kind_not_by_its_name(run, tmp_path, monkeypa
     shutil.copytree(shipped.parent / "hst", tmp_path / "tracker")
     other = judge(with_evaluation(run, tracked=1), str(tmp_path / "tracker"))
     assert [row.policy for row in other] == ["hst"], "another design is another method, whatever its folder is called"
+
+
+def test_a_checkpoint_is_named_from_within(run, monkeypatch):
+    shipped = shipped_there.shipped("h1", "sit-chair", "bc")
+    monkeypatch.chdir(shipped)
+    assert who_of(run, ".") == who_of(run, "../bc") == who_of(run, str(shipped))
+    assert who_of(run, "./..//bc/").name == "bc"
+
+
+def test_a_run_has_each_policy_once(run, tmp_path):
+    named = lambda *names: run.changed(evaluate=EvaluateConfig(policy=names))  # noqa: E731
+    best = who_of(run, "best").name
+    assert _each_once(named("best", "bc", best), False).recipe.evaluate.policy == ("best", "bc")
+    assert _each_once(named("bc", "tracker", "bc"), True).recipe.evaluate.policy == ("bc", "tracker")
+    shutil.copytree(who_of(run, "bc").folder, tmp_path / "bc")
+    with pytest.raises(MimicbenchError, match="two of --evaluate.policy are called 'bc'"):
+        _each_once(named("bc", str(tmp_path / "bc")), False)
 
 
 @pytest.mark.parametrize("task", TASKS)

@@ -149,6 +149,21 @@ def test_learning_goes_on_from_another_planner(clips, tmp_path):
         train_planner(tmp_path / "no", tracker(SHAPE), clips, replace(SMALL, hidden=(8,)), 1, ONE, begin_from=there)
 
 
+def test_who_goes_on_from_another_planner_tells_styles_as_it_does(clips):
+    clock = replace(SMALL, clock=True)
+    there = _Run(tracker(SHAPE), clips, clock, 0, ONE).network.state_dict()
+    there["style_mean"] = there["style_mean"] + 0.25
+    run = _Run(tracker(SHAPE), clips, clock, 0, ONE)
+    before = run.episodes.styles
+    run.begin_from(there)
+    assert before.shape[1] > 0
+    torch.testing.assert_close(run.episodes.styles, before - 0.25 / run.network.style_std)
+
+
+def test_a_planner_may_drive_from_the_first_round_on(clips, tmp_path):
+    train_planner(tmp_path, tracker(SHAPE), clips, replace(SMALL, teacher_share=0.0), 0, ONE)
+
+
 class Killed(Exception):
     """As by a signal, between two rounds."""
 

@@ -229,6 +229,8 @@ def test_files_that_make_no_policy(tmp_path):
     assert "make_policy()" in told("x = 1")
     assert "SyntaxError" in told("def make_policy(:")
     assert "ZeroDivisionError" in told("def make_policy():\n    return 1 / 0")
+    assert "SystemExit" in told("import sys\n\nsys.exit(0)"), "it does not end the command as if all were done"
+    assert "SystemExit" in told("def make_policy():\n    raise SystemExit")
     assert "without observations and gains" in told("def make_policy():\n    return 1")
     assert "give a tuple" in told(POLICY.replace('("proprio",)', '"proprio"'))
     assert "no robot can sense" in told(POLICY.replace("proprio", "root_pose"))

@@ -80,6 +80,12 @@ def test_encoders_that_do_not_fit_together_are_told():
         read_recipe({"imitate": {"learner": "bc", "network": {"encoder": {"patch": 0}}}})
 
 
+@pytest.mark.parametrize("tree", [{"train": {"schedule": "cosin"}}, {"network": {"encoder": {"norm": "layer"}}}])
+def test_a_misspelt_choice_is_not_another_choice(tree):
+    with pytest.raises(BadSetting, match="cannot be"):
+        read_recipe({"imitate": {"learner": "bc", **tree}})
+
+
 def test_trees_are_read_strictly():
     assert read(Outer, {"samples": 3, "inner": {"sizes": [1], "rate": 1}}) == Outer(3, inner=Inner(1.0, (1,)))
     assert merge({"a": {"b": 1, "c": 2}}, {"a": {"b": 3}}, {"d": 4}) == {"a": {"b": 3, "c": 2}, "d": 4}

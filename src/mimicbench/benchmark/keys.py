@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from mimicbench.benchmark.recipe import Recipe, stage_type
-from mimicbench.benchmark.shipped import PERCEPTION, TRACKER, shipped, shipped_trackers
-from mimicbench.core.checkpoint import CONFIG, checkpoint_digest, used_by
+from mimicbench.benchmark.shipped import PERCEPTION, TRACKER, expert_named, shipped_trackers
+from mimicbench.core.checkpoint import checkpoint_digest, used_by
 from mimicbench.core.errors import BadFile
 from mimicbench.core.files import digest_of_json
 from mimicbench.core.run import RunContext
@@ -190,13 +190,7 @@ def expert_folder(run: Run, tracker: Path) -> Path:
     config = run.part("demos")
     if (name := config.expert) == TRACKER or config.source != MADE:
         return tracker
-    folder = Path(name) if "/" in name else shipped(run.robot.name, run.recipe.task, name)
-    if folder is None or not (folder / CONFIG).is_file():
-        raise BadFile(
-            f"demos.expert is {name!r}, where no policy is; give `tracker`, the name of a policy that is shipped for "
-            f"{run.recipe.task}, or the folder of a checkpoint"
-        )
-    return folder
+    return expert_named(run.robot.name, run.recipe.task, name)
 
 
 def demo_key(run: Run, tracker: Path) -> StageKey:

@@ -77,6 +77,17 @@ def poses_are_shown(recipe: Recipe) -> None:
         )
 
 
+def expert_is_there(recipe: Recipe) -> None:
+    """A policy that demonstrates is found before clips, or a tracker, are made for it. Raises BadFile."""
+    if recipe.demos is None or recipe.demos.source != MADE:
+        return
+    from mimicbench.benchmark.shipped import expert_named
+    from mimicbench.imitate.demos import TRACKER
+
+    if recipe.demos.expert != TRACKER:
+        expert_named(recipe.robot, recipe.task, recipe.demos.expert)
+
+
 def gains_agree(recipe: Recipe) -> None:
     """A policy drives the gains of the tracker that it learns from; who learns from none drives any of the robot's."""
     if recipe.imitate is None:
@@ -86,9 +97,17 @@ def gains_agree(recipe: Recipe) -> None:
         if recipe.imitate.gains not in known:
             raise UnknownName("gains", str(recipe.imitate.gains), known)
         return
+    from mimicbench.imitate.demos import TRACKER
     from mimicbench.track.registry import TRACKERS
     from mimicbench.track.train import TrackConfig
 
+    if recipe.imitate.clones and recipe.demos is not None and recipe.demos.expert != TRACKER:
+        if recipe.imitate.gains is not None:
+            raise BadSetting(
+                f"imitate.gains is {recipe.imitate.gains!r}, but a clone drives those of the policy that demonstrates; "
+                "leave imitate.gains out"
+            )
+        return
     gains = TRACKERS.get((recipe.track or TrackConfig()).tracker).gains
     if recipe.imitate.gains not in (None, gains):
         raise BadSetting(
@@ -147,6 +166,7 @@ RULES: tuple[Callable[[Recipe], None], ...] = (
     method_has_variant,
     learner_has_its_tracker,
     poses_are_shown,
+    expert_is_there,
     gains_agree,
     tracked_together,
     learner_finds_policies,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from mimicbench.core.checkpoint import CONFIG, checkpoint_kind, checkpoint_robot
+from mimicbench.core.errors import BadFile
 from mimicbench.core.files import read_json
 
 SHIPPED = Path(__file__).parents[1] / "checkpoints"
@@ -19,6 +20,17 @@ def shipped(robot: str, task: str, name: str) -> Path | None:
     """The checkpoint of that name which comes with the package for a task and a robot, if there is one."""
     folder = SHIPPED / task / name
     return folder if (folder / CONFIG).exists() and checkpoint_robot(folder) == robot else None
+
+
+def expert_named(robot: str, task: str, name: str) -> Path:
+    """The checkpoint of a policy that demonstrates: its folder, or what is shipped. Raises BadFile without one."""
+    folder = Path(name) if "/" in name else shipped(robot, task, name)
+    if folder is None or not (folder / CONFIG).is_file():
+        raise BadFile(
+            f"demos.expert is {name!r}, where no policy is; give `tracker`, the name of a policy that is shipped for "
+            f"{task}, or the folder of a checkpoint"
+        )
+    return folder
 
 
 def best_shipped(robot: str, task: str) -> str | None:

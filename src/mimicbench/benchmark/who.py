@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -70,9 +71,10 @@ def who_of(run: Run, name: str) -> Who:
             raise BadFile(f"{name} does not exist; give the path of {FILES[Path(name).suffix]}")
         return Who(Path(name).stem, Path(name))
     if "/" in name or name.startswith("."):
-        if not (Path(name) / CONFIG).exists():
+        folder = Path(os.path.abspath(name))  # `.` has no name, and nothing beside it
+        if not (folder / CONFIG).exists():
             raise BadFile(f"{Path(name) / CONFIG} does not exist; give the folder of a checkpoint")
-        return Who(Path(name).name, Path(name))
+        return Who(folder.name, folder)
     tracker = keys.tracker_folder(run)
     if name == keys.TRACKER:
         if tracker is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -25,7 +26,8 @@ def export_policy(
     from mimicbench.robots.registry import ROBOTS
     from mimicbench.tasks.registry import TASKS
 
-    path = out or Path(f"{policy.resolve().name}.onnx")
+    policy = Path(os.path.abspath(policy))  # `.` has no name, and nothing beside it
+    path = out or Path(f"{policy.name}.onnx")
     if path.suffix != ".onnx":
         raise MimicbenchError(f"--out is {str(path)!r}; give a name that ends in .onnx")
     robot, at = ROBOTS.get(checkpoint_robot(policy)), task or checkpoint_task(policy) or DEFAULT_TASK

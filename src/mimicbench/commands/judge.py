@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -61,8 +61,9 @@ def run(argv: Sequence[str]) -> None:
     from mimicbench.report.tables.spec import Episodes
 
     runs = [start(recipe, call.options.workdir, call.options.context()) for recipe in call.recipes]
+    runs = [_each_once(one, train) for one in runs]
     for one in runs:
-        _ready(one, train)
+        _shown(one, train)
     found = []
     for one in runs:
         if train:
@@ -80,17 +81,28 @@ def run(argv: Sequence[str]) -> None:
         tell(found, True, "")
 
 
-def _ready(one: Run, train: bool) -> None:
-    """Find out before any work whether all of it can be done."""
+def _each_once(one: Run, train: bool) -> Run:
+    """The same with each policy once, as two names may mean one. Found out before any work: whether all are there, or
+    can be learned.
+
+    Raises MimicbenchError if the rows of two of them would bear one name.
+    """
     from mimicbench.benchmark.recipe import stage_type
     from mimicbench.benchmark.who import who_of
 
-    _shown(one, train)
-    for name in one.recipe.evaluate.policy:
-        if not train:
-            who_of(one, name)
-        elif name != "tracker":
-            stage_type("imitate", {"learner": name})
+    config = one.recipe.evaluate
+    if train:
+        for name in config.policy:
+            if name != "tracker":
+                stage_type("imitate", {"learner": name})
+        return one.changed(evaluate=replace(config, policy=tuple(dict.fromkeys(config.policy))))
+    wanted: dict[Path, str] = {}
+    for name in config.policy:
+        wanted.setdefault(who_of(one, name).folder, name)
+    called = [who_of(one, name).name for name in wanted.values()]
+    if twice := next((name for name in called if called.count(name) > 1), None):
+        raise MimicbenchError(f"two of --evaluate.policy are called {twice!r} in a report; rename one of the folders")
+    return one.changed(evaluate=replace(config, policy=tuple(wanted.values())))
 
 
 def _shown(one: Run, train: bool) -> str:

@@ -51,6 +51,10 @@ class Episodes:
         self._jump = torch.zeros(env.num_envs, dtype=torch.long, device=device)
         self.begin(torch.arange(env.num_envs, device=device))
 
+    def tell_styles(self, styles: Tensor) -> None:
+        """The clips' styles (C, S), normalized in another way."""
+        self._styles = styles
+
     def begin(self, ids: Tensor) -> None:
         """Robots `ids` begin anew: each perceives its goal once an episode, and has another clock."""
         clip = self._env.env.clip[ids]

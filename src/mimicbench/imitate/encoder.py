@@ -5,7 +5,7 @@ No pretrained weights: height maps are not photographs.
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 import torch
 from torch import Tensor, nn
@@ -33,7 +33,7 @@ class EncoderConfig:
     """Residual blocks per stage."""
     strides: Sizes = (1, 2, 2, 2)
     """By what each stage divides the side, after the stem has divided it by 4."""
-    norm: str = "group"
+    norm: Literal["group", "batch"] = "group"
     """`group` (16 channels a group, the same in training and use) or `batch`."""
     coordinates: bool = False
     """Append two channels that hold each cell's place, from -1 to 1."""

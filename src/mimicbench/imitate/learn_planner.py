@@ -111,8 +111,8 @@ class _Run:
         self.network.set_styles(styles)
         self.network.to(device)
         tracker.network.to(device)
-        styles = self.network.normalized_style(styles.to(device))
-        self.episodes = Episodes(self.env, styles, seed, config.clock)
+        self.raw_styles = styles.to(device)
+        self.episodes = Episodes(self.env, self.network.normalized_style(self.raw_styles), seed, config.clock)
         self.optimizer = torch.optim.Adam(self.network.parameters(), lr=config.learning_rate)
         self.sensed_widths = [*self.own_widths, self.follower.history.past.shape[1]]
         widths = [self.network.sizes.inputs, sum(self.sensed_widths), self.layout.size]
@@ -129,6 +129,8 @@ class _Run:
                 "from one learned with the same --imitate.planner.hidden, clock and tracker, or from nothing"
             )
         self.network.load_state_dict(dict(tensors))
+        # it goes on telling styles by the mean and deviation of the clips that it learned from first
+        self.episodes.tell_styles(self.network.normalized_style(self.raw_styles))
 
     def parts(self) -> dict[str, Resumable]:
         """Everything with a state, by name."""
@@ -146,7 +148,7 @@ class _Run:
     def round(self, part: float, first: bool) -> dict[str, float]:
         """Collect and learn, `part` of the training being over; what to tell of it."""
         config = self.config
-        share = max(0.0, 1.0 - part / config.teacher_share)
+        share = max(0.0, 1.0 - part / config.teacher_share) if config.teacher_share else 0.0
         failures, endings = self.collect(share)
         if first:
             self.replay.statistics(self.network)

@@ -49,7 +49,8 @@ class PerceptionConfig:
     maps: Positive = 8000
     """Maps to learn from, before turning and mirroring."""
     seen: float = 0.7
-    """Share of them that show what the cameras see; the others are complete, or hide only what is behind something."""
+    """Share of them that show what the cameras see, rounded up to 64 maps of a batch; the others are complete, or hide
+    only what is behind something."""
     distance: tuple[float, float] = (0.5, 2.3)
     """[m] From the object's middle to the robot in the training maps; from large objects farther, outside of them."""
     root_height: tuple[float, float] = (0.85, 1.1)

@@ -51,7 +51,7 @@ class TrainConfig:
     first step as it has to be taken slowly sinks and tips over, whatever it knows of later ones."""
     learning_rate: float = 1e-3
     """The highest."""
-    schedule: str = "cosine"
+    schedule: Literal["cosine", "constant"] = "cosine"
     """`cosine`: falls to 0 over all batches; `constant`."""
     warmup: float = 0.02
     """Share of the batches over which the learning rate rises from 0."""

@@ -52,7 +52,7 @@ def _of_file(path: Path, robot: Robot, task: Task) -> Policy:
         policy = module.make_policy()
     except MimicbenchError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise MimicbenchError(
             f"{path} makes no policy ({type(error).__name__}: {error}); mend its make_policy()"
         ) from error

@@ -15,7 +15,7 @@ from mimicbench.envs.policy import Policy
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.sim.threads import one_torch_thread
-from mimicbench.track.experts import Expert
+from mimicbench.track.experts import Corrigible, Expert
 from mimicbench.track.rollout import Recording, at_their_beginning
 from mimicbench.track.tracking import EndConfig
 
@@ -70,6 +70,8 @@ def drive_clips(
             policy.reset(torch.arange(n, device=env.device), obs)
         wanted, _ = expert.says(env, obs)
         chosen = torch.where((step < begins)[:, None], wanted, policy.act(obs))
+        if isinstance(policy, Corrigible):
+            policy.drove(chosen)
         before = [array.astype(np.float32) for array in (env.physics.qpos(), env.physics.qvel())]
         env.step(chosen, expert.drove(env, chosen), running)
         rows.append((*before, wanted.cpu().numpy(), chosen.cpu().numpy()))

@@ -24,7 +24,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from mimicbench.core.settings import Positive
+from mimicbench.core.settings import Positive, Share
 from mimicbench.imitate.cloning import CloneImitation, cloner
 from mimicbench.imitate.encoder import Encoder, EncoderConfig, sine_positions_2d
 from mimicbench.imitate.inputs import Batch, InputConfig, Learner, NetworkConfig, Window, check_heads
@@ -56,7 +56,7 @@ class ACTConfig(NetworkConfig):
     """Of the policy's transformer decoder. All are used."""
     latent: Positive = 32
     """Numbers in z."""
-    dropout: float = 0.1
+    dropout: Share = 0.1
     """Share of activations that are dropped in training."""
     kl_weight: float = 10.0
     """Weight of the divergence in the loss."""

@@ -30,7 +30,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from mimicbench.core.checkpoint import beside
-from mimicbench.core.settings import Positive
+from mimicbench.core.settings import Positive, Share
 from mimicbench.envs.clips import ClipSet
 from mimicbench.imitate.cloning import CloneImitation, clone
 from mimicbench.imitate.encoder import Encoder, EncoderConfig, sine_positions_2d
@@ -69,7 +69,7 @@ class HITConfig(NetworkConfig):
     """Attention heads."""
     blocks: Positive = 6
     """Of the transformer."""
-    dropout: float = 0.1
+    dropout: Share = 0.1
     """Share of activations that are dropped in training."""
     feature_weight: float = 0.005
     """Weight of the map's features in the loss."""
