@@ -121,7 +121,7 @@ def pages() -> dict[Path, str]:
             (hands, ("touch-points", "lift-box")),
         )
         for task in tasks
-        for split, words in (("learn", "learned from"), ("judge", "never met"))
+        for split, words in (("learn", "learned from"), ("judge", "held out"))
     }
     results = with_table(results, "real-people", recorded(followed))
     orderings = ORDERINGS.read_text()
