@@ -1,5 +1,6 @@
 """Writes the tables of results into README.md, docs/results.md and docs/orderings.md, from the episode rows in `runs/`,
-and which policies are the best of those that are shipped.
+and which policies are the best of those that are shipped; and those tables of docs/senses.md, docs/robot.md and
+docs/tracker.md that follow from the code.
 
 `runs/<task>` holds the best of a task, whose rows are in the README's table; other folders are of several tasks, or of
 what came before. A test fails where a page says something else than the rows.
@@ -10,6 +11,10 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from doc_pages.methods import inputs_table
+from doc_pages.robots import gains_table, joints_table
+from doc_pages.settings import own_settings, settings_table
+from doc_pages.tasks import terms_table
 from mimicbench.benchmark.shipped import BEST, SHIPPED
 from mimicbench.comparisons.comparing import Compared
 from mimicbench.comparisons.registry import COMPARISONS
@@ -19,7 +24,10 @@ from mimicbench.report.tables.best import best_policy
 from mimicbench.report.tables.comparison import comparison_table
 from mimicbench.report.tables.registry import TABLES
 from mimicbench.report.tables.spec import Episodes
+from mimicbench.robots.registry import DEFAULT_ROBOT, ROBOTS
 from mimicbench.tasks.registry import TASKS
+from mimicbench.track.ppo_config import PPOConfig
+from mimicbench.track.tracking import TrackingConfig
 
 ROOT = Path(__file__).parents[1]
 README, RESULTS, ORDERINGS = ROOT / "README.md", ROOT / "docs" / "results.md", ROOT / "docs" / "orderings.md"
@@ -128,7 +136,29 @@ def pages() -> dict[Path, str]:
     for name, folder in COMPARED.items():
         orderings = with_table(orderings, name, compared(name, ROOT / "runs" / folder))
     readme = with_table(README.read_text(), "results", best())
-    return {README: readme, RESULTS: results, ORDERINGS: orderings, SHIPPED / BEST: best_policies()}
+    return {README: readme, RESULTS: results, ORDERINGS: orderings, SHIPPED / BEST: best_policies(), **from_code()}
+
+
+def from_code() -> dict[Path, str]:
+    """Pages with tables that follow from the code, as they ought to be."""
+    robot = ROBOTS.get(DEFAULT_ROBOT)
+    tables = {
+        "senses": {"terms": terms_table(robot)},
+        "robot": {"joints": joints_table(robot), "gains": gains_table(robot)},
+        "tracker": {
+            "inputs": inputs_table(robot),
+            **{f"reward-{name}": own_settings("track", "tracker", name) for name in ("residual", "hst")},
+            "tracking": settings_table(TrackingConfig, "track.tracking", set()),
+            "ppo": settings_table(PPOConfig, "track.ppo", set()),
+        },
+    }
+    found = {}
+    for name, written in tables.items():
+        path = ROOT / "docs" / f"{name}.md"
+        found[path] = path.read_text()
+        for mark, table in written.items():
+            found[path] = with_table(found[path], mark, f"\n{table}\n\n")
+    return found
 
 
 def main() -> None:

@@ -54,6 +54,22 @@ def trackers_page(robot: Robot) -> str:
     )
 
 
+def inputs_table(robot: Robot) -> str:
+    """What each tracker observes at sit-chair, and which gains it drives."""
+    return table(
+        ("tracker", "gains", "inputs", "terms"),
+        (
+            (
+                f"`{t.name}`",
+                f"`{t.gains}`",
+                Layout.of(t, robot, [TASKS.get("sit-chair")]).size,
+                ", ".join(f"`{o.name if isinstance(o, Term) else o}`" for o in t.observations),
+            )
+            for t in TRACKERS.all()
+        ),
+    )
+
+
 def _source_of(config: type[ImitateConfig]) -> str:
     """What a learner learns from, in words."""
     if not config.references:

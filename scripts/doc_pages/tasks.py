@@ -68,18 +68,23 @@ def observations(task: Task, robot: Robot) -> str:
 
 def observations_page(robot: Robot) -> str:
     """All terms, with the tasks that have them."""
+    return (
+        "# Observation terms\n\nPolicies, trackers and environments ask for them by name. Shapes are those of the "
+        f"robot `{robot.name}`; `height` and `width` are chosen. How the senses work: [senses](../senses.md).\n\n"
+        + terms_table(robot)
+    )
+
+
+def terms_table(robot: Robot) -> str:
+    """All terms, those that any policy may use first."""
     tasks = TASKS.all()
     rows = []
-    for term in TERMS.values():
+    for term in sorted(TERMS.values(), key=lambda term: term.privileged):
         having = [task for task in tasks if term.exists(task)]
         where = "all" if len(having) == len(tasks) else ", ".join(task.name for task in having)
         shapes = dict.fromkeys(shape(term, robot, task) for task in having)
         rows.append((f"`{term.name}`", WORDS[term.name], " or ".join(shapes), privileged(term), where))
-    return (
-        "# Observation terms\n\nPolicies, trackers and environments ask for them by name. Shapes are those of the "
-        f"robot `{robot.name}`; `height` and `width` are chosen. How the senses work: [senses](../senses.md).\n\n"
-        + table(("term", "what", "shape", "who may use it", "tasks"), rows)
-    )
+    return table(("term", "what", "shape", "who may use it", "tasks"), rows)
 
 
 def environment(task: Task) -> str:

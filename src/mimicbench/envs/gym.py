@@ -19,7 +19,7 @@ Observation = dict[str, Any]
 
 
 class TaskEnv(gymnasium.Env[Observation, np.ndarray]):
-    """A Unitree H1 beside an object that it has not met before, and a household task to do with it.
+    """A Unitree H1 beside a piece of furniture, and a household task to do with it.
 
     ## Description
 
@@ -67,8 +67,10 @@ class TaskEnv(gymnasium.Env[Observation, np.ndarray]):
     - `labels` (C, height, width), uint8: of what they see (mimicbench.sensors.render): 0 nothing, 1 floor, 2 object,
       3 + i link i of the robot. Needs OpenGL.
     - `targets` (2, 3), for TouchPoints only and always: where left and right wrist are to go, in the root frame [m].
+    - `hands` (2), for TouchPoints: which of the two have a target, 1 or 0.
 
-    Nothing else is known of the object. The box to be lifted is seen through `elevation` and the cameras alone.
+    All other terms are in docs/senses.md; privileged ones, which no robot can measure, are said to be so there. By
+    default nothing else is known of the object. The box to be lifted is seen through `elevation` and the cameras alone.
 
     ## Rewards
 

@@ -48,12 +48,13 @@ WORDS: Mapping[str, str] = {
     "root_ang_vel": "how fast the root turns, in its own frame [rad/s]",
     "joint_offset": "joint angles from those of the rest pose [rad]",
     "joint_target+1": "joint angles of the reference one control step ahead [rad]",
-    "bears+1": "which of feet, hands and pelvis bear in the reference one control step ahead, 1 or 0",
+    "bears+1": "which of feet, hands and pelvis are in contact in the reference one control step ahead, 1 or 0",
     "walk+1": "how the reference goes one control step ahead: forward and left [m/s], turning [rad/s]",
     "joint_pos": "joint angles [rad]",
     "joint_vel": "joint velocities [rad/s]",
-    "proprio": "what a robot measures of itself: gravity, root height, root velocities in its own frame, joint angles "
-    "and velocities",
+    "proprio": "what a robot measures of itself: direction of gravity in the root frame (3), root height (1) [m], "
+    "linear (3) [m/s] and angular velocity (3) [rad/s] of the root in its own frame, joint angles [rad] and velocities "
+    "[rad/s]",
     "body": f"{_LINKS} (the paper's F.1)",
     "state": "S_current of the paper (G.1): the body, the last targets, and the direction of gravity",
     "last_action": "the action before; zeros at the start",
@@ -67,7 +68,7 @@ WORDS: Mapping[str, str] = {
     "scene": "the box around the object: center [m] and orientation (6 numbers) in the root frame, half its size [m]",
     "target_elevation": "a map with nothing on the floor but the two targets of the wrists [m]",
     "targets": "where left and right wrist are to go, in the root frame [m]",
-    "hands": "which of left and right wrist are to go anywhere, 1 or 0",
+    "hands": "which of left and right wrist have a target, 1 or 0",
     "views": "color, 0 to 1, and depth, as a share of 6 m, of all cameras side by side, in small, without the robot",
     "depth": "along the axis of each camera, at most 50 m [m]",
     "color": "what each camera sees, 0 to 255",

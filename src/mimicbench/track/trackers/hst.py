@@ -31,13 +31,13 @@ class HSTConfig(AgreementConfig):
     """Coefficients of the whole reward (F.3)."""
 
     action: float = 1e-3
-    """Price of the squared change of the action."""
+    """Penalty on the squared change of the action."""
     velocity: float = 2e-3
-    """Price of squared joint velocity errors [s^2/rad^2]."""
+    """Penalty on squared joint velocity errors [s^2/rad^2]."""
     acceleration: float = 5e-7
-    """Price of squared joint acceleration errors [s^4/rad^2]."""
+    """Penalty on squared joint acceleration errors [s^4/rad^2]."""
     energy: float = 1e-6
-    """Price of the squared mechanical power [1/W^2]."""
+    """Penalty on the squared mechanical power [1/W^2]."""
 
 
 def target(robot: Robot, next_joint_pos: Tensor, action: Tensor, settings: AgreementConfig) -> Tensor:

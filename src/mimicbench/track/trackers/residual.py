@@ -14,13 +14,14 @@ GAINS = "improved"
 
 @dataclass(frozen=True)
 class ResidualConfig:
-    """Weights of the reward: of agreement with the reference, in parts of at most 1, and of what it costs."""
+    """Weights of the reward: of agreement with the reference, in parts of at most 1, and of the penalties."""
 
     position: float = 0.35
     """Of exp(-10 d^2), d being the root's distance from its reference [m]."""
     orientation: float = 0.20
-    """Of 1 / (1 + 5 a^2), a being the angle between the root and its reference [rad]. Who swings the
-    legs up to lie and does not turn with them is a radian off, where exp(-5 a^2), the same near 0, says nothing."""
+    """Of 1 / (1 + 5 a^2), a being the angle between the root and its reference [rad]. A robot
+    that swings the legs up to lie and does not turn with them is a radian off, where exp(-5 a^2), the same near 0, has
+    no gradient."""
     joints: float = 0.25
     """Of 1 / (1 + sum dq^2) over the joints [rad]."""
     velocity: float = 0.10
@@ -31,14 +32,15 @@ class ResidualConfig:
     """Of exp(-10 d), d being a wrist's distance from its reference [m], in the mean of both."""
     ankles: float = 0.20
     """Of exp(-5 d), d being an ankle's distance from its reference [m], in the mean of both. Lying down, legs in the
-    air are half a meter off: a kernel that is nothing there would teach nothing."""
+    air are half a meter off, where a narrower kernel would have no gradient."""
     action_rate: float = 0.005
-    """Price of the squared change of the action."""
+    """Penalty on the squared change of the action."""
     smoothing: float = 0.0
     """Share of the action before in the one that is carried out. Peaks of power come from jerks: with 0.4 a
     tracker that learned without it had K as often, and K and P in 84 instead of 74 % of 40 clips."""
     power: float = 0.0
-    """Price of log(1 + e / 1e6 W^2), e being what P limits: peaks of power are few frames in an episode, and dear."""
+    """Penalty on log(1 + e / 1e6 W^2), e being what P limits: peaks of power are few frames in an episode, and
+    costly."""
     object: float = 0.5
     """Share of the whole that exp(-10 d) of the object's distance d [m] from its reference has, where it moves."""
 
@@ -61,7 +63,7 @@ def next_joint_pos(robot: Robot, terms: Terms) -> Tensor:
 
 
 def reward(context: StepContext, step: Transition, settings: ResidualConfig) -> Tensor:
-    """(N,) agreement with the reference, at most the sum of its weights, less a price on changing the action."""
+    """(N,) agreement with the reference, at most the sum of its weights, less the penalties."""
     state, ref = context.state, context.reference(0)
     position = ((state.root_pos_w - ref.root_pos_w) ** 2).sum(-1)
     joints = ((state.joint_pos - ref.joint_pos) ** 2).sum(-1)

@@ -1,5 +1,5 @@
-"""Our tracker, told what bears: it also knows on which of feet, hands and pelvis the reference rests, and is rewarded
-for resting on the same.
+"""Our tracker, told contacts: it also knows which of feet, hands and pelvis are in contact in the reference, and is
+rewarded for the same contacts.
 """
 
 from dataclasses import dataclass, replace
@@ -13,16 +13,16 @@ from mimicbench.track.trackers import residual
 
 @dataclass(frozen=True)
 class ResidualContactConfig(residual.ResidualConfig):
-    """Weights of the reward: those of our tracker, and of what bears."""
+    """Weights of the reward: those of our tracker, and of contacts."""
 
     contact: float = 0.2
-    """Of the share of feet, hands and pelvis that bear where the reference's do, and do not where they do not."""
+    """Of the share of feet, hands and pelvis whose contact is that of the reference."""
     least_force: float = 1.0
-    """What a part must bear to be counted [N]."""
+    """Force on a part from which on it counts as in contact [N]."""
 
 
 def reward(context: StepContext, step: Transition, settings: ResidualContactConfig) -> Tensor:
-    """(N,) that of our tracker, and agreement about what bears."""
+    """(N,) that of our tracker, and agreement about contacts."""
     agrees = bears(context, settings.least_force) == (told_to_bear(context.reference(0)) > 0.5)
     return residual.reward(context, step, settings) + settings.contact * agrees.float().mean(-1)
 
