@@ -21,6 +21,7 @@ from mimicbench.imitate.stored.demo_writer import Demonstration, DemoWriter
 from mimicbench.imitate.train import TrainConfig
 from mimicbench.policies.loading import load_policy
 from mimicbench.sensors.proprioception import s_current_names
+from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.track.checkpoint import build_tracker
 from mimicbench.track.driven import DrivenConfig, drive_clips
 from mimicbench.track.experts import ClipExpert, SensingExpert
@@ -96,6 +97,9 @@ class Remembers(Wriggles):
         return self  # looked at from outside
 
 
+LIMIT = round(SIT_CHAIR.time_limit / CONTROL_DT)
+
+
 def test_a_policy_says_what_was_right_where_another_drives():
     asked, narrow = Remembers(), DrivenConfig(EndConfig(max_pos_error=0.0, max_drop=0.0), settle=0.4)
     by = SensingExpert(asked)
@@ -110,11 +114,23 @@ def test_a_policy_says_what_was_right_where_another_drives():
         assert own[own.argmax() :].all()
         told = np.stack([target[episode] for target in asked.done[: len(driven)]])
         np.testing.assert_array_equal(told, driven, "it is told what was done")
-    fallen = [len(qpos) for qpos in kept.qpos if len(qpos) < 60]
+    fallen = [len(qpos) for qpos in kept.qpos if len(qpos) < LIMIT]
     by.late = 0.2
     again = drive_clips(by, Rests(), clip_set(*SITS), narrow, 3, ONE_THREAD)
-    late = [len(qpos) for qpos in again.qpos if len(qpos) < 60]
+    late = [len(qpos) for qpos in again.qpos if len(qpos) < LIMIT]
     assert fallen and all(short in (0, long - 10) for short, long in zip(late, fallen, strict=True))
+
+
+class Holds(Wriggles):
+    """Stays as it sits."""
+
+    def act(self, obs):
+        return torch.tensor(SITS[0].joint_pos[0]).float().expand(len(obs["proprio"]), -1)
+
+
+def test_beside_who_follows_no_clip_it_goes_on_to_the_time_limit():
+    kept = drive_clips(SensingExpert(Holds()), Holds(), clip_set(*SITS), DrivenConfig(settle=0.4), 3, ONE_THREAD)
+    assert [len(qpos) for qpos in kept.qpos] == [LIMIT] * 3, "the clips are 40 frames"
 
 
 @pytest.mark.parametrize("name", list(TRACKERS))

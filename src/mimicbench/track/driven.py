@@ -29,7 +29,7 @@ class DrivenConfig:
     enough to outweigh all others. A policy that is learned from follows no clip: with it, an episode is over when the
     robot has fallen."""
     settle: float = 2.0
-    """[s] that episodes go on after their clip."""
+    """[s] that episodes go on after their clip. Beside an expert that follows none they go on to the time limit."""
     at_once: Share = 0.0
     """Part of the episodes in which the policy drives from the first frame on, as it will in use."""
 
@@ -60,7 +60,9 @@ def drive_clips(
     if config.at_once:
         begins = torch.where((torch.rand(n, generator=random) < config.at_once).to(env.device), 0, begins)
     limit = round(clips.task.time_limit / CONTROL_DT)
-    lengths = (env.bank.lengths + round(config.settle / CONTROL_DT)).clamp(max=limit)
+    # who follows no clip has until the time limit, and so it goes on to where it may come to rest half way
+    settle = round(config.settle / CONTROL_DT) if expert.follows else limit
+    lengths = (env.bank.lengths + settle).clamp(max=limit)
     running, steps = torch.ones(n, dtype=torch.bool, device=env.device), torch.zeros_like(lengths)
     names = tuple(dict.fromkeys((*expert.observations, *policy.observations)))
     rows: list[tuple[np.ndarray, ...]] = []
