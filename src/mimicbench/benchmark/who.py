@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from mimicbench.benchmark import keys
 from mimicbench.benchmark.keys import Run
@@ -21,6 +22,11 @@ FILES = {".py": "a Python file with a function make_policy()", ".onnx": "an ONNX
 """What policies of other people are, by the suffix of their files."""
 ELSEWHERE = b"\x0a\x08location"
 """Of a tensor in an ONNX file: the name of the entry that says in which file it is."""
+
+PROGRAM = "program"
+"""What the digest of such a file is called."""
+BESIDE = (keys.TRACKER, keys.PERCEPTION)
+"""Folders of networks that a policy may run on, beside its own."""
 
 
 @dataclass(frozen=True)
@@ -51,9 +57,16 @@ class Who:
     def digests(self) -> dict[str, str]:
         """Digests of the networks that it runs on: its own, and those in the folders beside it that it may use."""
         if self.folder.suffix in FILES:
-            return {"program": digest_of(self.folder)}
-        used = used_by(self.folder, (keys.TRACKER, keys.PERCEPTION))
+            return {PROGRAM: digest_of(self.folder)}
+        used = used_by(self.folder, BESIDE)
         return {name: digest_of(folder / MODEL) + digest_of(folder / CONFIG) for name, folder in used.items()}
+
+
+def networks_of(made_from: Mapping[str, Any]) -> dict[str, Any]:
+    """Of what rows say that they are made from: the digests of whom they are of, as Who has them. Empty if they do not
+    say.
+    """
+    return {name: digest for name, digest in made_from.items() if name in (PROGRAM, keys.CHECKPOINT, *BESIDE)}
 
 
 def who_of(run: Run, name: str) -> Who:

@@ -161,9 +161,10 @@ def read_rows(path: Path) -> list[EpisodeRow]:
 def rows_made_from(path: Path) -> dict[str, Any]:
     """What the rows of a file depend on; empty if it does not say, or cannot be read."""
     try:
-        return json.loads((pq.read_schema(path).metadata or {})[METADATA])["made_from"]
+        found = json.loads((pq.read_schema(path).metadata or {})[METADATA])["made_from"]
     except (pa.ArrowException, OSError, KeyError, TypeError, ValueError, RecursionError):
         return {}
+    return found if isinstance(found, dict) else {}
 
 
 def _checked_header(path: Path, schema: pa.Schema) -> dict[str, Any]:

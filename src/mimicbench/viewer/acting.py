@@ -9,7 +9,7 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.sim.scene import CONTROL_DT
-from mimicbench.viewer.live import Episode, methods
+from mimicbench.viewer.live import Episode, methods, whose
 from mimicbench.viewer.playing import PlayPanel
 from mimicbench.viewer.session import Session
 
@@ -103,5 +103,5 @@ class ActPanel:
             before = str(box.value)
             box.options = names
             box.value = before if before in names else NOBODY
-        if opened.policy in names:
-            self.who["robot"].value = str(opened.policy)
+        if (acted := whose(self.folders, opened)) is not None:
+            self.who["robot"].value = acted

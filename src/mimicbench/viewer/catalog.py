@@ -74,6 +74,13 @@ class ItemSet:
         return read_rows(self.path)
 
     @cached_property
+    def made_from(self) -> dict[str, Any]:
+        """Of episodes: what their rows depend on, networks and clips by their digests; empty if they do not say."""
+        from mimicbench.evaluate.rows import rows_made_from
+
+        return rows_made_from(self.path)
+
+    @cached_property
     def failures(self) -> dict[str, str]:
         """Of episodes: the items that failed, and how. Raises BadFile."""
         from mimicbench.evaluate.failures import failure

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 import torch
 
+from mimicbench.benchmark import keys
 from mimicbench.benchmark.shipped import SHIPPED, shipped_trackers
+from mimicbench.benchmark.who import Who, networks_of
 from mimicbench.core.checkpoint import CONFIG, checkpoint_kind, checkpoint_robot
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.envs.clip_starts import ClipStarts
@@ -35,6 +37,8 @@ from mimicbench.viewer.tracks import Curves, Pose, State, first_fulfilled, torqu
 
 TRACKER = "tracker"
 """The kind of checkpoint that follows clips; all others are policies."""
+LEARNED = {"track": keys.CHECKPOINT, "imitate": keys.POLICY}
+"""Stage -> the folder in it that has what was learned."""
 Act = Callable[[], "tuple[torch.Tensor, torch.Tensor | None] | None"]
 """Targets (1, J) for the next step and the action that they were made of; None if there are none to be had."""
 
@@ -222,8 +226,8 @@ def methods(task: str, robot: str, workdir: Path) -> dict[str, Path]:
     for path in sorted(SHIPPED.glob(f"{task}/*/{CONFIG}")):
         name = path.parent.name
         found[f"{name} ({task})" if name in found else name] = path.parent
-    for stage in ("track", "imitate"):
-        for path in sorted(workdir.glob(f"{task}/{stage}/*/*/{CONFIG}")):
+    for stage, learned in LEARNED.items():  # beside a policy are copies of what it runs on, which nobody learned there
+        for path in sorted(workdir.glob(f"{task}/{stage}/*/{learned}/{CONFIG}")):
             found[f"{path.parents[1].name} (workdir)"] = path.parent
     kinds = (TRACKER, *LOADERS)
     return {
@@ -231,3 +235,14 @@ def methods(task: str, robot: str, workdir: Path) -> dict[str, Path]:
         for name, folder in found.items()
         if checkpoint_robot(folder) == robot and checkpoint_kind(folder) in kinds
     }
+
+
+def whose(found: Mapping[str, Path], opened: Opened) -> str | None:
+    """Who of these acted in an episode, if it is one: whose networks it was judged with.
+
+    Where its rows do not say that, who is called as they say. None if it is nobody of these.
+    """
+    told = networks_of(opened.made_from)
+    if not told:
+        return opened.policy if opened.policy in found else None
+    return next((name for name, folder in found.items() if Who(name, folder).digests == told), None)

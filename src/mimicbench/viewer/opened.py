@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -39,6 +40,8 @@ class Opened:
     """What a tracker can follow, and in whose first frame a policy can begin."""
     policy: str | None = None
     """Whose episode it is: to be acted out again, for its states are not stored."""
+    made_from: Mapping[str, Any] = field(default_factory=dict)
+    """Of an episode: what its row depends on, as far as the file says."""
 
 
 def open_item(catalog: Catalog, one: ItemSet, item: str) -> Opened:
@@ -94,11 +97,11 @@ def _open_episode(catalog: Catalog, one: ItemSet, item: str) -> Opened:
     told = f"as judged: {outcome(row)}; largest e {row.max_energy:.3g} W²"
     # of some episodes the motion was kept; a row comes from a file, and could name one anywhere
     file = one.path.with_suffix("") / f"{row.id}.npz"
-    if row.task != one.task or not file.is_file():
-        return _with(found, {}, told, row.policy)
-    done = RobotMotion.load(file, found.robot.name)
-    track = robot_track(found.task, done, found.obj, found.robot, f"{row.policy}, as judged")
-    return _with(found, {"robot": track}, told, row.policy)
+    tracks = {}
+    if row.task == one.task and file.is_file():
+        done = RobotMotion.load(file, found.robot.name)
+        tracks["robot"] = robot_track(found.task, done, found.obj, found.robot, f"{row.policy}, as judged")
+    return replace(_with(found, tracks, told), policy=row.policy, made_from=one.made_from)
 
 
 _OPENERS = {
@@ -110,8 +113,8 @@ _OPENERS = {
 }
 
 
-def _with(found: Opened, tracks: dict[str, StoredTrack], fact: str, policy: str | None = None) -> Opened:
-    return replace(found, tracks={**found.tracks, **tracks}, facts=(fact, *found.facts), policy=policy)
+def _with(found: Opened, tracks: dict[str, StoredTrack], fact: str) -> Opened:
+    return replace(found, tracks={**found.tracks, **tracks}, facts=(fact, *found.facts))
 
 
 def _clip(
