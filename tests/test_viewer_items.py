@@ -10,9 +10,12 @@ from making import make, small
 from mimicbench.benchmark.shipped import SHIPPED
 from mimicbench.benchmark.who import Who
 from mimicbench.core.checkpoint import load_checkpoint, save_checkpoint
+from mimicbench.core.errors import BadFile
 from mimicbench.core.motion import RobotMotion
+from mimicbench.core.stage import read_stage
 from mimicbench.evaluate.rows import write_rows
 from mimicbench.references.make import ReferencesConfig
+from mimicbench.retarget.make import RetargetConfig
 from mimicbench.robots.registry import DEFAULT_ROBOT, ROBOTS
 from mimicbench.tasks.registry import TASKS
 from mimicbench.viewer.catalog import Catalog
@@ -88,3 +91,26 @@ def test_an_episode_is_acted_out_again_by_whose_it_is(workdir, learned):
     assert whose(found, gone) is None, "whoever acted is no longer here"
     silent = judged(workdir, "silent", row_of(motion, policy="bc"))
     assert whose(found, silent) == "bc", "who is called so, where the rows do not say more"
+
+
+def test_an_episode_is_opened_beside_its_own_object(workdir):
+    (first, one), (second, other) = clips(workdir)
+    assert one.id == other.id and one.object_id != other.object_id, "else there is nothing to mix up"
+    for place, (made, motion) in enumerate(((first, one), (second, other))):
+        digest = read_stage(made.path).digest
+        found = judged(workdir, f"told-{place}", row_of(motion), clips=digest)
+        assert found.obj.id == motion.object_id and np.array_equal(found.clip.root_pos_w, motion.root_pos_w)
+        found = judged(workdir, f"silent-{place}", row_of(motion))
+        assert found.obj.id == motion.object_id, "where rows do not say of which clips they are"
+    with pytest.raises(BadFile, match="no clip .* beside no-such is left .* `mimicbench evaluate` again"):
+        judged(workdir, "gone", row_of(replace(one, object_id="no-such")), clips=read_stage(first.path).digest)
+
+
+def test_an_episode_begins_in_the_clip_that_it_was_judged_on(workdir, tmp_path_factory):
+    """Two methods made clips of one name on one object."""
+    folder = tmp_path_factory.mktemp("methods")
+    for method in ("interaction", "optimization"):
+        make("retarget", folder, small(clips=2, retarget=RetargetConfig(method)))
+    for made, motion in clips(folder):
+        found = judged(folder, made.name, row_of(motion), clips=read_stage(made.path).digest)
+        assert np.array_equal(found.clip.joint_pos, motion.joint_pos)

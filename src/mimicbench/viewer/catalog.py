@@ -168,10 +168,6 @@ class Catalog:
         folder = str(one.header.get("reads", {}).get(kind, ""))
         return self.named(one.task, kind, folder.rpartition("/")[2])
 
-    def having(self, task: str, kind: str, item: str) -> ItemSet | None:
-        """A set that has an item, if there is one."""
-        return next((one for one in self.sets(task, kind) if item in one.places), None)
-
     def _set(self, task: str, kind: str, path: Path) -> ItemSet:
         changed = path.stat().st_mtime_ns
         if self._known.get(path, (0, None))[0] != changed:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from mimicbench.tasks.registry import TASKS
 from mimicbench.tasks.task import Task
 from mimicbench.viewer.catalog import Catalog, ItemSet, outcome
 from mimicbench.viewer.tracks import Recording, StoredTrack, human_track, recorded_track, robot_track
+
+if TYPE_CHECKING:
+    from mimicbench.evaluate.rows import EpisodeRow
 
 
 @dataclass(frozen=True)
@@ -89,10 +92,7 @@ def _open_episode(catalog: Catalog, one: ItemSet, item: str) -> Opened:
     if item not in one.places:
         raise BadFile(f"{one.path} has no {item!r}; open the page anew if it was just made")
     row = one.rows[one.places[item]]
-    clips = catalog.having(one.task, "retarget", row.reference_id)
-    if clips is None:
-        raise BadFile(f"no clip {row.reference_id} is left to begin {row.id} from; run `mimicbench evaluate` again")
-    motion = RobotMotion.load(clips.file(row.reference_id))
+    clips, motion = _beginning(catalog, one, row)
     found = _clip(catalog, clips, _human_of(catalog, clips, motion), motion, item)
     told = f"as judged: {outcome(row)}; largest e {row.max_energy:.3g} W²"
     # of some episodes the motion was kept; a row comes from a file, and could name one anywhere
@@ -102,6 +102,24 @@ def _open_episode(catalog: Catalog, one: ItemSet, item: str) -> Opened:
         done = RobotMotion.load(file, found.robot.name)
         tracks["robot"] = robot_track(found.task, done, found.obj, found.robot, f"{row.policy}, as judged")
     return replace(_with(found, tracks, told), policy=row.policy, made_from=one.made_from)
+
+
+def _beginning(catalog: Catalog, one: ItemSet, row: EpisodeRow) -> tuple[ItemSet, RobotMotion]:
+    """The clip in whose first frame an episode began, and its set. Raises BadFile if it is gone.
+
+    Clips to learn from, to be judged on, and of every method have the same names, and not the same objects. Rows say by
+    digest which clips they are of, and a stage's folder ends in its own; where none does, it is one with that object.
+    """
+    digest = f"-{one.made_from.get('clips')}"
+    having = [made for made in catalog.sets(one.task, "retarget") if row.reference_id in made.places]
+    for made in sorted(having, key=lambda made: not made.name.endswith(digest)):
+        motion = RobotMotion.load(made.file(row.reference_id))
+        if (motion.object_id, motion.robot) == (row.object_id, row.robot):
+            return made, motion
+    raise BadFile(
+        f"no clip {row.reference_id} beside {row.object_id} is left to begin {row.id} from; run `mimicbench evaluate` "
+        "again"
+    )
 
 
 _OPENERS = {
