@@ -32,7 +32,8 @@ for name in ("viser", "mjviser"):
 from mimicbench.viewer.catalog import Catalog, ItemSet  # noqa: E402
 from mimicbench.viewer.coloring import ColorCameras, Look  # noqa: E402
 from mimicbench.viewer.figures import object_meshes, robot_meshes  # noqa: E402
-from mimicbench.viewer.live import Episode, methods  # noqa: E402
+from mimicbench.viewer.live import Episode  # noqa: E402
+from mimicbench.viewer.methods import methods  # noqa: E402
 from mimicbench.viewer.opened import open_item  # noqa: E402
 from mimicbench.viewer.sensing import (  # noqa: E402
     CAMERA_PIXELS,

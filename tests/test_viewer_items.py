@@ -1,25 +1,34 @@
 """Which methods the viewer offers, and beside what it opens episodes and demonstrations. No page is drawn."""
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from episodes import EPISODE
-from making import make, small
+from making import QUIET, by_hand, make, small
+from mimicbench.benchmark.graph import demonstrated
+from mimicbench.benchmark.keys import Run
+from mimicbench.benchmark.published import published_clips
 from mimicbench.benchmark.shipped import SHIPPED
 from mimicbench.benchmark.who import Who
-from mimicbench.core.checkpoint import load_checkpoint, save_checkpoint
+from mimicbench.core.checkpoint import checkpoint_digest, load_checkpoint, save_checkpoint
 from mimicbench.core.errors import BadFile
+from mimicbench.core.files import read_record, write_record
 from mimicbench.core.motion import RobotMotion
-from mimicbench.core.stage import read_stage
+from mimicbench.core.stage import HEADER, read_stage
 from mimicbench.evaluate.rows import write_rows
+from mimicbench.imitate.demos import DemosConfig
+from mimicbench.imitate.lerobot import DATASET, episode_rows, load_episode
+from mimicbench.imitate.stored.demo_writer import Demonstration, DemoWriter
 from mimicbench.references.make import ReferencesConfig
 from mimicbench.retarget.make import RetargetConfig
 from mimicbench.robots.registry import DEFAULT_ROBOT, ROBOTS
 from mimicbench.tasks.registry import TASKS
+from mimicbench.track.registry import TRACKERS
 from mimicbench.viewer.catalog import Catalog
-from mimicbench.viewer.live import methods, whose
+from mimicbench.viewer.methods import methods, whose
 from mimicbench.viewer.opened import open_item
 
 TASK, ROBOT = TASKS.get("sit-chair"), ROBOTS.get(DEFAULT_ROBOT)
@@ -114,3 +123,79 @@ def test_an_episode_begins_in_the_clip_that_it_was_judged_on(workdir, tmp_path_f
     for made, motion in clips(folder):
         found = judged(folder, made.name, row_of(motion), clips=read_stage(made.path).digest)
         assert np.array_equal(found.clip.joint_pos, motion.joint_pos)
+
+
+@pytest.fixture(scope="module")
+def drawn(workdir):
+    """Demonstrations of who followed no clip, made by hand: `rule` at rest, `poses` in those of people."""
+    first = clips(workdir)[0][0]
+    reads = {"objects": Catalog(workdir).sets(TASK.name, "objects")[0].path, "retarget": first.path}
+    for kind, read in (("rule", ["objects"]), ("poses", ["objects", "retarget"])):
+        config = DemosConfig(expert="bc", starts=kind, clips=3)
+        recipe = small(objects=6, references=ReferencesConfig(count=2), demos=config)
+        by = {"expert_checkpoint": checkpoint_digest(SHIPPED / TASK.name / "bc")}
+        folder = workdir / TASK.name / "demos" / kind
+        more = {"settings": {"clips": 3}, "made_from": by, "reads": {name: reads[name] for name in read}}
+        with by_hand(folder, "demos", **more) as stage:
+            writer = DemoWriter(folder / DATASET, ROBOT.name, TASK.name, ROBOT.joint_names)
+            for motion in demonstrated(Run(recipe, workdir, QUIET)).motions:
+                writer.add(standing_still(motion))
+            writer.finish()
+            stage.finish()
+    return workdir
+
+
+def standing_still(motion):
+    """A demonstration of who stands where a start was drawn."""
+    start = np.r_[motion.root_pos_w[0], motion.root_quat_w[0], motion.joint_pos[0]]
+    qpos, qvel = np.tile(start, (4, 1)), np.zeros((4, 6 + len(ROBOT.joints)))
+    targets = qpos[:, 7:]
+    return Demonstration(np.zeros((4, 3)), targets, targets, qpos, qvel, motion.object_id, motion.id, True)
+
+
+@pytest.mark.parametrize("kind", ["rule", "poses"])
+def test_who_followed_no_clip_is_seen_beside_its_object(drawn, kind):
+    catalog = Catalog(drawn)
+    one = catalog.named(TASK.name, "demos", kind)
+    rows = episode_rows(one.path / DATASET)
+    assert len(one.items) == 3
+    for item, row in zip(one.items, rows, strict=True):
+        found = open_item(catalog, one, item)
+        assert list(found.tracks) == ["robot"] and found.clip is None
+        assert found.obj.id == row["object_id"] and found.facts[0].startswith("demonstration ")
+        assert "is not here" not in " ".join(found.facts)
+        assert found.tracks["robot"].curves() is not None
+
+
+@pytest.mark.parametrize("kind", ["rule", "poses"])
+def test_starts_of_published_demonstrations_are_drawn_again(drawn, kind):
+    published = published_clips(Run(small(demos=DemosConfig(source=kind)), drawn, QUIET))
+    rows = episode_rows(drawn / TASK.name / "demos" / kind / DATASET)
+    assert [(one.id, one.object_id) for one in published.motions] == [
+        (row["reference_id"], row["object_id"]) for row in rows
+    ]
+    first, _ = load_episode(drawn / TASK.name / "demos" / kind / DATASET, 0)
+    assert np.allclose(first["qpos"][0, 7:], published.motions[0].joint_pos[0])
+    rest = np.allclose(published.motions[0].joint_pos[0], ROBOT.rest_pose)
+    assert rest == (kind == "rule"), "people stand straighter than a robot at rest"
+
+
+def test_torques_are_by_the_gains_of_who_demonstrated(drawn, tmp_path):
+    catalog = Catalog(drawn)
+    header = read_record(catalog.named(TASK.name, "demos", "rule").path / HEADER)
+
+    def opened(name, made_from, tracker="residual"):
+        folder = drawn / TASK.name / "demos" / name
+        shutil.copytree(folder.with_name("rule"), folder)
+        write_record(folder / HEADER, {**header, "made_from": made_from, "recipe": {"track": {"tracker": tracker}}})
+        one = catalog.named(TASK.name, "demos", name)
+        found = open_item(catalog, one, one.items[0])
+        return found.tracks["robot"].state(0).gains, found.facts
+
+    bc, hst = (checkpoint_digest(SHIPPED / TASK.name / name) for name in ("bc", "hst"))
+    assert TRACKERS.get("hst").gains != TRACKERS.get("residual").gains, "else nothing is told apart"
+    assert opened("policy", {"expert_checkpoint": bc}, "hst")[0] == TRACKERS.get("residual").gains
+    assert opened("tracker", {"tracker": hst})[0] == TRACKERS.get("hst").gains, "another's than the recipe's"
+    gains, facts = opened("gone", {"expert_checkpoint": "0"}, "hst")
+    assert gains == TRACKERS.get("hst").gains
+    assert facts[1] == "who demonstrated is not here: torques are by the gains of tracker hst"

@@ -9,7 +9,8 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.sim.scene import CONTROL_DT
-from mimicbench.viewer.live import Episode, methods, whose
+from mimicbench.viewer.live import Episode
+from mimicbench.viewer.methods import methods, whose
 from mimicbench.viewer.playing import PlayPanel
 from mimicbench.viewer.session import Session
 

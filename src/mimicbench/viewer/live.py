@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,10 +10,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from mimicbench.benchmark import keys
-from mimicbench.benchmark.shipped import SHIPPED, shipped_trackers
-from mimicbench.benchmark.who import Who, networks_of
-from mimicbench.core.checkpoint import CONFIG, checkpoint_kind, checkpoint_robot
+from mimicbench.core.checkpoint import checkpoint_kind
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.envs.clip_starts import ClipStarts
 from mimicbench.envs.initial_states import stacked, start_of
@@ -23,7 +20,6 @@ from mimicbench.envs.vec_env import EnvConfig, VecEnv
 from mimicbench.evaluate.guard import Guard
 from mimicbench.evaluate.rollout import phase_in_words
 from mimicbench.policies.loading import load_policy
-from mimicbench.policies.registry import LOADERS
 from mimicbench.robots.description import Robot
 from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.rows import Rows
@@ -32,13 +28,10 @@ from mimicbench.sim.threads import one_torch_thread
 from mimicbench.tasks.task import BodyPoints
 from mimicbench.track.checkpoint import load_tracker
 from mimicbench.track.history import Follower
+from mimicbench.viewer.methods import TRACKER
 from mimicbench.viewer.opened import Opened
 from mimicbench.viewer.tracks import Curves, Pose, State, first_fulfilled, torques
 
-TRACKER = "tracker"
-"""The kind of checkpoint that follows clips; all others are policies."""
-LEARNED = {"track": keys.CHECKPOINT, "imitate": keys.POLICY}
-"""Stage -> the folder in it that has what was learned."""
 Act = Callable[[], "tuple[torch.Tensor, torch.Tensor | None] | None"]
 """Targets (1, J) for the next step and the action that they were made of; None if there are none to be had."""
 
@@ -212,37 +205,3 @@ def _acting(folder: Path, opened: Opened) -> Any:
         return None if target is None else (target, None)
 
     return env, act, policy.gains, guard
-
-
-def methods(task: str, robot: str, workdir: Path) -> dict[str, Path]:
-    """Checkpoints that can act on a task, by what they are called on the page.
-
-    What comes with the package, and what a workdir has learned.
-    """
-    found: dict[str, Path] = {}
-    tracker = shipped_trackers(robot).get(task)
-    if tracker is not None:
-        found[TRACKER] = tracker
-    for path in sorted(SHIPPED.glob(f"{task}/*/{CONFIG}")):
-        name = path.parent.name
-        found[f"{name} ({task})" if name in found else name] = path.parent
-    for stage, learned in LEARNED.items():  # beside a policy are copies of what it runs on, which nobody learned there
-        for path in sorted(workdir.glob(f"{task}/{stage}/*/{learned}/{CONFIG}")):
-            found[f"{path.parents[1].name} (workdir)"] = path.parent
-    kinds = (TRACKER, *LOADERS)
-    return {
-        name: folder
-        for name, folder in found.items()
-        if checkpoint_robot(folder) == robot and checkpoint_kind(folder) in kinds
-    }
-
-
-def whose(found: Mapping[str, Path], opened: Opened) -> str | None:
-    """Who of these acted in an episode, if it is one: whose networks it was judged with.
-
-    Where its rows do not say that, who is called as they say. None if it is nobody of these.
-    """
-    told = networks_of(opened.made_from)
-    if not told:
-        return opened.policy if opened.policy in found else None
-    return next((name for name, folder in found.items() if Who(name, folder).digests == told), None)

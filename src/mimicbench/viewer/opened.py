@@ -17,10 +17,14 @@ from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.tasks.registry import TASKS
 from mimicbench.tasks.task import Task
 from mimicbench.viewer.catalog import Catalog, ItemSet, outcome
+from mimicbench.viewer.methods import TRACKER, gains_of
 from mimicbench.viewer.tracks import Recording, StoredTrack, human_track, recorded_track, robot_track
 
 if TYPE_CHECKING:
     from mimicbench.evaluate.rows import EpisodeRow
+
+EXPERT = "expert_checkpoint"
+"""What demonstrations call the policy that made them, if none of the recipe's trackers did."""
 
 
 @dataclass(frozen=True)
@@ -53,10 +57,14 @@ def open_item(catalog: Catalog, one: ItemSet, item: str) -> Opened:
 
 
 def _open_object(catalog: Catalog, one: ItemSet, item: str) -> Opened:
-    one.file(item)
-    obj = load_object(one.path, item)
-    facts = object_facts(obj)
-    return Opened(item, TASKS.get(one.task), ROBOTS.get(DEFAULT_ROBOT), obj, facts, (), {}, np.zeros((0, 3)))
+    return _object(one, item, item, ROBOTS.get(DEFAULT_ROBOT))
+
+
+def _object(one: ItemSet, object_id: str, name: str, robot: Robot) -> Opened:
+    """One of a set of objects, beside which there is no clip."""
+    one.file(object_id)  # the name may come from a file: it must be one of those that there are
+    obj = load_object(one.path, object_id)
+    return Opened(name, TASKS.get(one.task), robot, obj, object_facts(obj), (), {}, np.zeros((0, 3)))
 
 
 def _open_reference(catalog: Catalog, one: ItemSet, item: str) -> Opened:
@@ -75,17 +83,23 @@ def _open_retargeted(catalog: Catalog, one: ItemSet, item: str) -> Opened:
 def _open_demonstration(catalog: Catalog, one: ItemSet, item: str) -> Opened:
     from mimicbench.imitate.lerobot import DATASET, load_episode
 
-    clips = catalog.read_by(one, "retarget")
     number = one.places.get(item)
     if number is None:
         raise BadFile(f"{one.path} has no {item!r}; open the page anew if it was just made")
     demo, row = load_episode(one.path / DATASET, number)
-    motion = RobotMotion.load(clips.file(row["reference_id"]))
-    found = _clip(catalog, clips, _human_of(catalog, clips, motion), motion, item)
-    recording = Recording(demo["qpos"], demo["qvel"], demo["executed_action"], _gains_of(one))
+    if "objects" in one.header.get("reads", {}):  # a start was drawn beside one of them, for who follows no clip
+        robot = ROBOTS.get(one.header.get("recipe", {}).get("robot", DEFAULT_ROBOT))
+        found = _object(catalog.read_by(one, "objects"), row["object_id"], item, robot)
+    else:
+        clips = catalog.read_by(one, "retarget")
+        motion = RobotMotion.load(clips.file(row["reference_id"]))
+        found = _clip(catalog, clips, _human_of(catalog, clips, motion), motion, item)
+    gains, told_gains = _gains_of(catalog, one, found)
+    recording = Recording(demo["qpos"], demo["qvel"], demo["executed_action"], gains)
     track = recorded_track("demonstration", found.task, found.obj, found.robot, recording)
     told = "fulfills K" if row["success"] else "does not fulfill K"
-    return _with(found, {"robot": track}, f"demonstration {number}: {told}, {row['length'] * CONTROL_DT:.1f} s")
+    told = f"demonstration {number}: {told}, {row['length'] * CONTROL_DT:.1f} s"
+    return _with(found, {"robot": track}, told, *told_gains)
 
 
 def _open_episode(catalog: Catalog, one: ItemSet, item: str) -> Opened:
@@ -131,8 +145,8 @@ _OPENERS = {
 }
 
 
-def _with(found: Opened, tracks: dict[str, StoredTrack], fact: str) -> Opened:
-    return replace(found, tracks={**found.tracks, **tracks}, facts=(fact, *found.facts))
+def _with(found: Opened, tracks: dict[str, StoredTrack], *facts: str) -> Opened:
+    return replace(found, tracks={**found.tracks, **tracks}, facts=(*facts, *found.facts))
 
 
 def _clip(
@@ -166,12 +180,21 @@ def _human_of(catalog: Catalog, one: ItemSet, motion: RobotMotion) -> HumanMotio
         return None
 
 
-def _gains_of(one: ItemSet) -> str:
-    """Gains that demonstrations were made with: those of their tracker."""
+def _gains_of(catalog: Catalog, one: ItemSet, found: Opened) -> tuple[str, tuple[str, ...]]:
+    """Gains that demonstrations were made with, those of who demonstrated, and what has to be told of that.
+
+    Where it is not here, those of the design of the recipe's tracker, which a policy need not have.
+    """
     from mimicbench.track.registry import TRACKERS
 
+    made_from = one.header.get("made_from", {})
+    policy = made_from.get(EXPERT)
+    gains = gains_of(policy or made_from.get(TRACKER, ""), found.task, found.robot, catalog.workdir)
+    if gains is not None:
+        return gains, ()
     name = one.header.get("recipe", {}).get("track", {}).get("tracker", next(iter(TRACKERS)))
-    return TRACKERS.get(name).gains
+    told = () if policy is None else (f"who demonstrated is not here: torques are by the gains of tracker {name}",)
+    return TRACKERS.get(name).gains, told
 
 
 def object_facts(obj: SceneObject) -> tuple[str, ...]:
