@@ -20,7 +20,11 @@ import numpy as np
 import pytest
 
 from episodes import EPISODE
+from making import by_hand, small
+from mimicbench.benchmark.keys import Run
+from mimicbench.benchmark.shipped import SHIPPED
 from mimicbench.core import rotations as rot
+from mimicbench.core.checkpoint import copy_checkpoint
 from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError
 from mimicbench.core.files import remove_unfinished
 from mimicbench.core.motion import HumanMotion, RobotMotion
@@ -49,6 +53,7 @@ from mimicbench.report.render import (
     robot_frames,
     with_object,
 )
+from mimicbench.report.stage import _curves
 from mimicbench.report.table import Reported, Table, text, to_csv, to_latex, to_markdown, to_terminal
 from mimicbench.report.tables.beside_paper import beside_paper_table, counterpart
 from mimicbench.report.tables.registry import TABLES
@@ -341,6 +346,41 @@ def test_curves(tmp_path):
         read_curve(path, "tracker")
     with pytest.raises(BadFile, match="train first"):
         read_curve(tmp_path / "none", "tracker")
+
+
+def test_what_a_training_says_of_unseen_episodes_is_drawn(tmp_path):
+    path = tmp_path / "metrics.jsonl"
+    lines = [{"step": step, "loss": 1 / step} for step in (50, 100, 150)]
+    path.write_text("".join(json.dumps(line) + "\n" for line in [*lines, {"step": 150, "validation_error": 0.04}]))
+    curve = read_curve(path, "bc")
+    assert [title for title, _, _ in plots.shown(curve)] == ["Loss", "Error on unseen episodes [rad]"]
+    assert "Error on unseen episodes" in plots.curve_plot("c", curve), "on an axis of its own, for it is no loss"
+
+
+def test_the_training_of_eyes_is_found_where_they_were_trained(tmp_path):
+    place = tmp_path / "sit-chair"
+    with by_hand(place / "perception" / "abc", "perception") as eyes:
+        (eyes.folder / "metrics.jsonl").write_text(json.dumps({"step": 50, "loss": 0.5}) + "\n")
+        eyes.finish()
+    with by_hand(place / "imitate" / "planner-0", "imitate", reads={"perception": eyes.folder}) as stage:
+        policy = stage.folder / "policy"
+        for name in ("policy", "perception"):
+            copy_checkpoint(SHIPPED / "sit-chair" / ("planner" if name == "policy" else name), stage.folder / name)
+        (policy / "metrics.jsonl").write_text(json.dumps({"step": 50, "loss": 0.25}) + "\n")
+        stage.finish()
+    found = {curve.name: curve.series["loss"] for curve in _curves(Run(small(), tmp_path), str(policy))[1:]}
+    assert found == {"eyes": ((50.0, 0.5),), str(policy): ((50.0, 0.25),)}
+
+
+def test_every_way_to_fail_has_a_color_of_its_own():
+    assert len(set(plots.SERIES)) == len(plots.SERIES) >= len(FAILURES)
+    style = (Path(plots.__file__).parent / "page.css").read_text()
+    for number in range(len(plots.SERIES)):
+        light, dark = re.findall(rf"--series-{number}: (#[0-9a-f]{{6}});", style)
+        assert light == plots.SERIES[number] and light != dark
+    shares = {kind: Rate(1 + number, 100) for number, kind in enumerate(FAILURES)}
+    drawn = plots.inline(plots.failures_plot("f", {"ours": shares}))
+    assert all(f"var(--series-{number})" in drawn for number in range(len(FAILURES)))
 
 
 def test_plots_take_the_colors_of_the_page_and_keep_their_ids_apart():

@@ -20,7 +20,7 @@ from mimicbench.report.curves import Curve
 from mimicbench.report.grouping import Breakdown
 
 INK, MUTED, LINE = "#1c2126", "#68727d", "#d9dee3"
-SERIES = ("#0b7285", "#c2410c", "#6741d9", "#2b8a3e", "#a61e4d", "#5c940d", "#795548")
+SERIES = ("#0b7285", "#c2410c", "#6741d9", "#2b8a3e", "#a61e4d", "#5c940d", "#795548", "#1864ab")
 """Told apart by people who do not see all colors, and on light and dark ground."""
 VARIABLES = {
     INK: "--ink",
@@ -215,7 +215,9 @@ _PANELS = (
     ),
     ("Reward", {"reward": "reward"}, 1.0),
     ("Training episodes that fail", {"failed": "failed"}, 100.0),
-    ("Loss", {"loss": "training", "validation_loss": "unseen episodes"}, 1.0),
+    ("Loss", {"loss": "loss"}, 1.0),
+    # in the units of targets, so no matter of a loss that has parts besides
+    ("Error on unseen episodes [rad]", {"validation_error": "error"}, 1.0),
 )
 """Title, series that a training may record and what they are called, factor."""
 
@@ -230,7 +232,7 @@ def shown(curve: Curve) -> list[tuple[str, dict[str, str], float]]:
 
 
 def curve_plot(name: str, curve: Curve, narrow: bool = False) -> str:
-    """A learning curve: success, reward, failures or loss, the first two that the training recorded."""
+    """A learning curve: success, reward, failures, loss or error, the first two that the training recorded."""
     told = shown(curve)
     if not told:
         raise MimicbenchError(

@@ -77,14 +77,24 @@ def _provenance(run: Run, clips: Clips) -> Provenance:
 def _curves(run: Run, policy: str) -> tuple[Curve, ...]:
     """Learning curves of what was learned here, or of what is shipped: of its last training."""
     tracker, learned = keys.tracker_folder(run), who_of(run, policy).folder
-    places = {"tracker": tracker, "eyes": beside(learned, keys.PERCEPTION), policy: learned}
+    places = {"eyes": _trained_eyes(run, learned), policy: learned}
+    if tracker is not None:
+        places = {"tracker": tracker if SHIPPED in tracker.parents else tracker.parent, **places}
     found = []
     for name, folder in places.items():
-        is_shipped = folder is not None and SHIPPED in folder.parents
-        file = None if folder is None else (folder if is_shipped or name == policy else folder.parent) / METRICS
-        if file is not None and file.exists():
-            found.append(read_curve(file, f"{name} (shipped): its last training" if is_shipped else name))
+        if (folder / METRICS).exists():
+            is_shipped = SHIPPED in folder.parents
+            found.append(read_curve(folder / METRICS, f"{name} (shipped): its last training" if is_shipped else name))
     return tuple(found)
+
+
+def _trained_eyes(run: Run, learned: Path) -> Path:
+    """Where the perception of a policy was trained: in a stage of its own, of which the policy's has a copy alone."""
+    eyes, stage = beside(learned, keys.PERCEPTION), learned.parent
+    shared = eyes.parent == stage and keys.is_complete(stage)  # not the policy's alone, which it learned by itself
+    trained = read_stage(stage).header["reads"].get(keys.PERCEPTION) if shared else None
+    place = run.workdir / run.recipe.task / keys.PERCEPTION / Path(str(trained)).name
+    return place if (place / METRICS).exists() else eyes
 
 
 def _judged(run: Run, rows: Sequence[EpisodeRow]) -> dict[str, list[EpisodeRow]]:
