@@ -19,6 +19,7 @@ from mimicbench.benchmark.shipped import SHIPPED
 from mimicbench.commands.parsing import read_call
 from mimicbench.core.checkpoint import CONFIG
 from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
+from mimicbench.core.motion import RobotMotion
 from mimicbench.core.settings import Amount, BadSetting, Within, amounts, check, identity, merge, read
 from mimicbench.core.stage import read_stage
 from mimicbench.evaluate.rows import read_rows, rows_made_from
@@ -369,6 +370,47 @@ def test_fewer_episodes_do_not_replace_more_and_more_do(judged):
     asked = lambda count: replace(judged, recipe=replace(judged.recipe, evaluate=EvaluateConfig(tracked=count)))  # noqa: E731
     assert len(judge(asked(1), "tracker")) == 1 and len(read_rows(path)) == 2
     assert len(judge(asked(3), "tracker")) == 3 and len(read_rows(path)) == 3
+
+
+ODD = """
+from pathlib import Path
+import torch
+
+class Odd:
+    observations, gains = ("proprio",), "improved"
+
+    def to(self, device):
+        self.left = int(Path(__file__).with_suffix(".txt").read_text())
+
+    def reset(self, ids, obs):
+        pass
+
+    def act(self, obs):
+        self.left -= 1
+        assert self.left >= 0, "tired"
+        return torch.zeros(obs.num_envs, 19)
+
+make_policy = Odd
+"""
+
+
+def test_motions_of_an_earlier_run_are_not_beside_new_rows(judged, tmp_path):
+    policy = tmp_path / "odd.py"
+    policy.write_text(ODD)
+
+    def after(steps):
+        policy.with_suffix(".txt").write_text(str(steps))
+        rows = judge(judged, str(policy))
+        (folder,) = judged.workdir.glob("sit-chair/evaluate/odd-*.parquet")
+        motions = {path.stem: RobotMotion.load(path) for path in folder.with_suffix("").glob("*.npz")}
+        assert [row.steps for row in rows] == [steps, steps] and motions.keys() <= {row.id for row in rows}
+        return [motion.frames for motion in motions.values()]
+
+    first = after(4)
+    assert len(first) == 2
+    again = after(2)
+    assert len(again) == 2 and max(again) < min(first)
+    assert after(0) == [], "who gives up at once leaves nothing to be seen, and nothing of before either"
 
 
 def test_rows_of_another_network_or_other_clips_are_others(judged, tmp_path):

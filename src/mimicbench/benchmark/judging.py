@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from mimicbench.benchmark import keys
 from mimicbench.benchmark.graph import Clips, env_config, retargeted
-from mimicbench.benchmark.kept import keep, kept
+from mimicbench.benchmark.kept import forget, keep, kept
 from mimicbench.benchmark.keys import Run
 from mimicbench.benchmark.who import Who, who_of
 from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError
@@ -84,6 +84,7 @@ def judge(run: Run, name: str) -> list[EpisodeRow]:
     else:
         rows, positions = judge_policy(run, who, clips.set, _first_batch(count), policy)
     if there < count or who.is_program:  # the last, smaller batch of fewer may round differently, and is not kept
+        forget(path.with_suffix(""))
         write_rows(path, rows, {**source, "episodes": count})
         if positions:
             keep(path.with_suffix(""), rows, positions, clips.set)

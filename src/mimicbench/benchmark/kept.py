@@ -45,6 +45,15 @@ def keep(folder: Path, rows: Sequence[EpisodeRow], positions: Mapping[int, np.nd
         as_motion(row, positions[row.episode], clips).save(folder / f"{row.id}.npz")
 
 
+def forget(folder: Path) -> None:
+    """Remove what is kept beside rows that are about to be made anew: their motions would be taken for those of the new
+    ones, for episodes are called the same, and not all of both are kept. Who dies in between has rows without motions,
+    and those can be made again.
+    """
+    for path in folder.glob("*.npz"):
+        path.unlink(missing_ok=True)
+
+
 def kept(folder: Path, rows: Sequence[EpisodeRow]) -> list[tuple[EpisodeRow, RobotMotion]]:
     """What `keep` has written of these rows. Raises BadFile or BadMotion if something of it is missing."""
     return [(row, RobotMotion.load(folder / f"{row.id}.npz")) for row in worth_keeping(rows)]
