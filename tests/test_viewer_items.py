@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from episodes import EPISODE
+from learning import clip_of
 from making import QUIET, by_hand, make, small
 from mimicbench.benchmark.graph import demonstrated
 from mimicbench.benchmark.keys import Run
@@ -30,6 +31,7 @@ from mimicbench.track.registry import TRACKERS
 from mimicbench.viewer.catalog import Catalog
 from mimicbench.viewer.methods import methods, whose
 from mimicbench.viewer.opened import open_item
+from mimicbench.viewer.tracks import Recording, recorded_track, robot_track
 
 TASK, ROBOT = TASKS.get("sit-chair"), ROBOTS.get(DEFAULT_ROBOT)
 """Of all items here."""
@@ -199,3 +201,16 @@ def test_torques_are_by_the_gains_of_who_demonstrated(drawn, tmp_path):
     gains, facts = opened("gone", {"expert_checkpoint": "0"}, "hst")
     assert gains == TRACKERS.get("hst").gains
     assert facts[1] == "who demonstrated is not here: torques are by the gains of tracker hst"
+
+
+def test_a_recorded_reach_fulfills_k_where_its_clip_does():
+    """Its targets are told: without them there would be nothing to reach, and nothing lacking."""
+    clips = clip_of(TASKS.get("touch-points"))
+    motion, (obj,) = clips.motions[0], clips.objects.values()
+    qpos = np.concatenate([motion.root_pos_w, motion.root_quat_w, motion.joint_pos], 1)
+    recording = Recording(qpos, np.zeros((len(qpos), 25)), motion.joint_pos, "improved")
+    track = recorded_track("demonstration", clips.task, obj, ROBOT, recording, motion.wrist_goal_w)
+    np.testing.assert_array_equal(track.info.wrist_goal_w, np.tile(motion.wrist_goal_w, (len(qpos), 1, 1)))
+    shown = robot_track(clips.task, motion, obj, ROBOT, "clip")
+    assert [track.lacks(frame) for frame in range(len(qpos))] == [shown.lacks(frame) for frame in range(len(qpos))]
+    assert "" in {track.lacks(frame) for frame in range(len(qpos))}

@@ -96,7 +96,7 @@ def _open_demonstration(catalog: Catalog, one: ItemSet, item: str) -> Opened:
         found = _clip(catalog, clips, _human_of(catalog, clips, motion), motion, item)
     gains, told_gains = _gains_of(catalog, one, found)
     recording = Recording(demo["qpos"], demo["qvel"], demo["executed_action"], gains)
-    track = recorded_track("demonstration", found.task, found.obj, found.robot, recording)
+    track = recorded_track("demonstration", found.task, found.obj, found.robot, recording, found.wrist_goal_w)
     told = "fulfills K" if row["success"] else "does not fulfill K"
     told = f"demonstration {number}: {told}, {row['length'] * CONTROL_DT:.1f} s"
     return _with(found, {"robot": track}, told, *told_gains)

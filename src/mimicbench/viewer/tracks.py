@@ -192,11 +192,16 @@ def robot_track(
     return StoredTrack(title, motion.fps, robot, task, pos_w, quat_w, points, info)
 
 
-def recorded_track(title: str, task: Task, obj: SceneObject, robot: Robot, recording: Recording) -> StoredTrack:
-    """A stored episode. Its e is worked out of the states at the control steps, not of the substeps as P's is."""
+def recorded_track(
+    title: str, task: Task, obj: SceneObject, robot: Robot, recording: Recording, wrist_goal_w: np.ndarray
+) -> StoredTrack:
+    """A stored episode, with targets (2, 3) for the wrists or none (0, 3).
+
+    Its e is worked out of the states at the control steps, not of the substeps as P's is.
+    """
     qpos, joints = recording.qpos, len(robot.joints)
     pos_w, quat_w = robot.forward_kinematics(qpos[:, :3], rot.normalize(qpos[:, 3:7]), qpos[:, 7 : 7 + joints])
-    info = ObjectInfo.of([obj]).repeated(len(qpos))
+    info = ObjectInfo.of([obj], [wrist_goal_w]).repeated(len(qpos))
     if obj.movable:
         info = info.moved(qpos[:, -7:-4], qpos[:, -4:])
     velocity = recording.qvel[:, 6 : 6 + joints]
