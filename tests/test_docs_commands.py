@@ -16,7 +16,7 @@ from mimicbench.commands.parsing import Options, read_call, read_compared
 from mimicbench.comparisons.registry import COMPARISONS
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 BLOCK = re.compile(r"^```(?:sh)?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 LINE = re.compile(r"^(?:\.venv/bin/)?mimicbench (.+)$", re.MULTILINE)
 INLINE = re.compile(r"`mimicbench ([^`]+)`")

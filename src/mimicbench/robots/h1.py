@@ -98,7 +98,7 @@ GAINS = {
         kp=_per_joint(100, 100, 100, 100, 100), kd=_per_joint(5, 5, 5, 5, 5), action_scale=_per_joint(1, 1, 1, 1, 1)
     ),
     # human2humanoid's gains but for the ankle (40/2 there), with the same torque limits: with its reference alone the
-    # robot then stays up for 136 control steps instead of 74 (docs/training-notes-0.1.md), so there is less to learn.
+    # robot then stays up for 136 control steps instead of 74 (docs/notes/first-version.md), so there is less to learn.
     # An action is added to the reference joint angle; its scale is about half of the torque limit over kp.
     "improved": Gains(
         kp=_per_joint(200, 300, 200, 300, 100),
