@@ -78,8 +78,10 @@ def test_a_clone_of_a_planner_without_any_clip(tmp_path):
     kept = load_demos(folder / DATASET, "h1")
     assert 1 <= kept.episodes <= 4 and set(kept.reference_ids) <= {f"start-0-00000{i}" for i in range(4)}
     assert {motion.id for motion in demonstrated(run).motions} >= set(kept.reference_ids)
-    assert verify_demos(run)["fulfilled"] == kept.episodes, "found again in the states"
+    verified = verify_demos(run)
+    assert verified["fulfilled"] == kept.episodes, "found again in the states"
     driven = load_demos(stage.folder / "rounds" / "0" / DATASET, "h1", only_success=False)
+    assert kept.gains == driven.gains == verified["gains"] == "improved", "those of the planner's tracker"
     assert driven.episodes and stage.summary["demonstrations"] == kept.episodes + driven.episodes
     _hit_says_what_they_did(replace(recipe, imitate=_small_hit()), tmp_path)
 

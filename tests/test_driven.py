@@ -20,7 +20,6 @@ from mimicbench.imitate.spec import Given
 from mimicbench.imitate.stored.demo_writer import Demonstration, DemoWriter
 from mimicbench.imitate.train import TrainConfig
 from mimicbench.policies.loading import load_policy
-from mimicbench.sensors.proprioception import s_current_names
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.track.checkpoint import build_tracker
 from mimicbench.track.driven import DrivenConfig, drive_clips
@@ -180,7 +179,7 @@ def test_a_policy_that_demonstrates_does_not_know_how_many_batches_there_were():
 def given(tmp_path, clips):
     """Demonstrations of robots that sit, and the tracker that made them."""
     dataset = tmp_path / "dataset"
-    writer = DemoWriter(dataset, "h1", SIT_CHAIR.title, H1.joint_names, 50.0, 64, s_current_names(H1))
+    writer = DemoWriter(dataset, "h1", SIT_CHAIR.title, H1.joint_names, gains="improved")
     qpos = np.tile(np.r_[clips.motions[0].root_pos_w[0], 1, 0, 0, 0, clips.motions[0].joint_pos[0]], (30, 1))
     qvel, target = np.zeros((30, 25)), np.tile(clips.motions[0].joint_pos[0], (30, 1)).astype(np.float32)
     state = observed_states(H1, qpos, qvel, target)

@@ -10,7 +10,7 @@ import pytest
 
 from mimicbench.core.errors import BadFile, MimicbenchError
 from mimicbench.core.files import digest_of, write_record
-from mimicbench.imitate.lerobot import load_demos
+from mimicbench.imitate.lerobot import load_demos, recorded_gains
 from mimicbench.imitate.stored.demo_writer import Demonstration, DemoWriter
 from mimicbench.imitate.stored.tables import read_table, read_tasks, write_table
 
@@ -64,7 +64,7 @@ def test_layout(tmp_path):
 
 def test_entries_of_the_state_have_names(tmp_path):
     names = [f"entry {number}" for number in range(300)]
-    named = writer(tmp_path, state_names=names)
+    named = writer(tmp_path, names={"observation.state": names})
     named.add(demo(0, 5))
     named.finish()
     assert json.loads((tmp_path / "meta/info.json").read_text())["features"]["observation.state"]["names"] == names
@@ -112,7 +112,7 @@ def test_statistics(tmp_path):
 def test_what_lerobots_policies_see(tmp_path):
     """The object in numbers, by name, and pictures, whose statistics are of pixels from 0 to 1."""
     names, random = [f"n{i}" for i in range(12)], np.random.default_rng(0)
-    out, all_pictures, all_scenes = writer(tmp_path, scene_names=names), [], []
+    out, all_pictures, all_scenes = writer(tmp_path, names={"observation.environment_state": names}), [], []
     for number in range(3):
         frames = 4 + number
         picture = random.integers(0, 256, (frames, 16, 20)).astype(np.uint8)
@@ -226,6 +226,23 @@ def test_wrong_use(tmp_path):
         writer(tmp_path, task="lift-box")
     with pytest.raises(MimicbenchError, match="clip-00000 is not usable: qvel"):
         writer(tmp_path / "new").add(replace(demo(0), qvel=np.full((7, 25), np.nan)))
+
+
+def test_the_gains_that_they_were_made_with(tmp_path):
+    unsaid = load_demos(fill(tmp_path / "unsaid"))
+    assert unsaid.gains is None, "as of before they were recorded"
+    found = {None: unsaid}
+    for gains in ("paper", "improved"):
+        out = writer(tmp_path / gains, gains=gains)
+        out.add(demo(0))
+        out.finish()
+        found[gains] = load_demos(tmp_path / gains)
+        assert found[gains].gains == recorded_gains(tmp_path / gains) == gains
+    with pytest.raises(MimicbenchError, match="or by other gains; write these to another folder"):
+        writer(tmp_path / "paper", gains="improved")
+    assert unsaid.joined(found["paper"], found["paper"]).gains == "paper"
+    with pytest.raises(MimicbenchError, match="by the gains improved and paper cannot be learned from together"):
+        unsaid.joined(found["paper"], found["improved"])
 
 
 @pytest.mark.parametrize(

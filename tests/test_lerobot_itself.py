@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from mimicbench.imitate.stored.demo_writer import SCENE
 from mimicbench.robots.registry import ROBOTS
 from mimicbench.sensors.heightmap import CELLS
 from test_lerobot import demo, writer
@@ -40,7 +41,7 @@ def folder(request, tmp_path_factory):
     """A data set, with images or without."""
     random, out = np.random.default_rng(0), tmp_path_factory.mktemp("demos")
     joints = ROBOTS.get("h1").joint_names
-    made = writer(out, joint_names=joints, scene_names=[f"n{i}" for i in range(12)])
+    made = writer(out, joint_names=joints, names={SCENE: [f"n{i}" for i in range(12)]}, gains="paper")
     for number in range(3):
         scene = random.normal(size=(20, 12)).astype(np.float32)
         picture = random.integers(0, 256, (20, CELLS, CELLS)).astype(np.uint8) if request.param else None

@@ -6,6 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mimicbench.benchmark.keys import Run, expert_folder
+from mimicbench.core.errors import UnknownName
+from mimicbench.core.settings import BadSetting
+from mimicbench.core.stage import Stage
+from mimicbench.objects.make import MADE
 
 if TYPE_CHECKING:
     from mimicbench.track.experts import Expert
@@ -21,3 +25,34 @@ def expert_of(run: Run, tracker: Path) -> Expert:
     if folder == tracker:
         return ClipExpert(load_tracker(tracker, run.robot), run.robot)
     return SensingExpert(load_policy(folder, run.robot, run.task))
+
+
+def demonstrated_gains(run: Run, demos: Stage, tracker: Path) -> str:
+    """Which of the robot's gains demonstrations were made with, as their data set says.
+
+    Those of before that was recorded were made by whom the recipe names, as their key says. Published ones, of which
+    examples/sample is one, were made by the tracker of their own recipe: of the sample that is `residual`, which drives
+    `improved`. Raises UnknownName if the robot has no such gains.
+    """
+    from mimicbench.imitate.lerobot import DATASET, recorded_gains
+    from mimicbench.track.registry import TRACKERS
+
+    gains = recorded_gains(demos.folder / DATASET)
+    if gains is None and run.part("demos").source != MADE:
+        name = demos.header.get("recipe", {}).get("track", {}).get("tracker")
+        gains = TRACKERS.get(name).gains if name and "tracker" in demos.header["made_from"] else None
+    if gains is None:
+        gains = expert_of(run, tracker).gains
+    if gains not in run.robot.gains:
+        raise UnknownName("gains", gains, list(run.robot.gains))
+    return gains
+
+
+def cloned_gains(run: Run, demos: Stage, tracker: Path) -> str:
+    """Which gains a clone of demonstrations drives: theirs. Raises BadSetting if the recipe wants others."""
+    gains, wanted = demonstrated_gains(run, demos, tracker), run.part("imitate").gains
+    if wanted not in (None, gains):
+        raise BadSetting(
+            f"imitate.gains is {wanted!r}, but the demonstrations were made with {gains!r}; leave imitate.gains out"
+        )
+    return gains

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mimicbench.benchmark import keys
-from mimicbench.benchmark.experts import expert_of
+from mimicbench.benchmark.experts import cloned_gains, expert_of
 from mimicbench.benchmark.finding import objects_of_split, training_objects
 from mimicbench.benchmark.keys import Run
 from mimicbench.benchmark.published import published_clips
@@ -265,10 +265,12 @@ def make_imitate_stage(run: Run) -> Stage:
         if stage.complete:
             return stage
         gains, expert = config.gains or "", None
+        if tracker is not None and demos is not None:
+            gains, expert = cloned_gains(run, demos, tracker), expert_of(run, tracker)
+        elif tracker is not None:
+            gains = gains or load_tracker(tracker, run.robot).spec.gains
         if tracker is not None:
             copy_checkpoint(tracker, stage.folder / keys.TRACKER)
-            expert = expert_of(run, tracker) if config.clones else None
-            gains = gains or (expert.gains if expert else load_tracker(tracker, run.robot).spec.gains)
         if eyes is not None:
             copy_checkpoint(eyes.folder, stage.folder / keys.PERCEPTION)
         dataset = None if demos is None else demos.folder / DATASET

@@ -75,6 +75,7 @@ def clone(folder: Path, given: Given, config: CloneImitation) -> dict[str, Any]:
     network: NetworkConfig = config.network.of(clips.robot, clips.task)
     state = network.inputs.body == "state"
     demos = load_demos(given.demonstrations, clips.robot.name, state, disk=folder)
+    _check_gains(demos, given, config.dagger)
     demos = demos.joined(*_rounds_of_others(config.dagger, clips, state, folder))
     course = Course.of(config.train, given.seed, tensor_device(given.context.device))
     notes = {"seed": given.seed, "task": clips.task.name, "gains": given.gains}
@@ -91,6 +92,23 @@ def clone(folder: Path, given: Given, config: CloneImitation) -> dict[str, Any]:
     told = {"demonstrations": demos.episodes, "batches": course.steps * (config.dagger.rounds + 1)}
     save_learner(folder, trained, clips.robot.name, {**notes, **told})
     return told
+
+
+def _check_gains(demos: Demos, given: Given, config: DaggerConfig) -> None:
+    """Raise BadFile if demonstrations, or who demonstrates in rounds of DAgger, have other gains than the policy is to
+    drive: the same joint targets would mean other torques.
+    """
+    if demos.gains not in (None, given.gains):
+        raise BadFile(
+            f"{given.demonstrations} was made with the gains {demos.gains!r}, and the policy is to drive "
+            f"{given.gains!r}; clone it with its own, or make demonstrations with the others"
+        )
+    if config.rounds and given.expert is not None and given.expert.gains != given.gains:
+        raise BadFile(
+            f"the demonstrations were made with the gains {given.gains!r}, and who demonstrates in the rounds of "
+            f"imitate.dagger drives {given.expert.gains!r}; leave the rounds out, or choose a tracker with the "
+            "same gains"
+        )
 
 
 def _rounds_of_others(config: DaggerConfig, clips: ClipSet, state: bool, disk: Path) -> list[Demos]:

@@ -20,7 +20,8 @@ from mimicbench.envs.disturbance import Disturbance
 from mimicbench.envs.policy import Policy
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.imitate.lerobot import DATASET
-from mimicbench.imitate.stored.demo_writer import Demonstration, DemoWriter
+from mimicbench.imitate.stored.demo_writer import SCENE as SCENE_NUMBERS
+from mimicbench.imitate.stored.demo_writer import STATE, Demonstration, DemoWriter
 from mimicbench.objects.make import MADE
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.observations import chosen_terms
@@ -94,10 +95,8 @@ def make_demos(
         return stage
     robot, task, seed = clips.robot, clips.task, stage.header["seed"]
     dataset = stage.folder / DATASET
-    names = robot.joint_names, s_current_names(robot)
-    writer = DemoWriter(
-        dataset, robot.name, task.title, names[0], 1 / CONTROL_DT, config.batch, names[1], scene_names(task)
-    )
+    names, rate = {STATE: s_current_names(robot), SCENE_NUMBERS: scene_names(task)}, 1 / CONTROL_DT
+    writer = DemoWriter(dataset, robot.name, task.title, robot.joint_names, rate, config.batch, names, expert.gains)
     written = set(writer.written)
     shown = (*scene_terms(task), *([PICTURE] if config.images else []))
     clips = clips.first(config.clips)
@@ -218,8 +217,10 @@ def make_driven(
     random = np.random.default_rng(digest(seed, "driven"))
     order = random.permutation(len(clips))[: config.clips].tolist()
     robot = clips.robot
-    names = robot.joint_names, s_current_names(robot)
-    writer = DemoWriter(folder, robot.name, clips.task.title, names[0], 1 / CONTROL_DT, config.batch, names[1])
+    names, rate = {STATE: s_current_names(robot)}, 1 / CONTROL_DT
+    writer = DemoWriter(
+        folder, robot.name, clips.task.title, robot.joint_names, rate, config.batch, names, expert.gains
+    )
     written = set(writer.written)
     firsts = range(0, len(order), config.batch)
     for first in progress(firsts, len(firsts), "driving", quiet):

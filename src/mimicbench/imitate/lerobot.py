@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from mimicbench.core.errors import BadFile
+from mimicbench.core.errors import BadFile, MimicbenchError
 from mimicbench.core.files import read_json
 from mimicbench.imitate.stored.digests import check_digests
 from mimicbench.imitate.stored.scratch import joined, scratch
@@ -27,6 +27,9 @@ from mimicbench.imitate.stored.tables import matrix, read_table, read_tasks, sch
 DATASET = "dataset"
 """The folder of them in a stage of demonstrations."""
 VERSION = "v3.0"
+GAINS = "gains"
+"""What info.json says, beside what LeRobot wants to know: which of the robot's gains turned joint targets into torques.
+Data sets of before this was recorded lack it."""
 FILES_PER_CHUNK = 1000
 DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 EPISODES_PATH = "meta/episodes/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
@@ -73,6 +76,8 @@ class Demos:
     reference_ids: tuple[str, ...]
     success: np.ndarray
     """(E,)"""
+    gains: str | None = None
+    """Which of the robot's gains turned joint targets into torques, where that was recorded."""
     disk: Path | None = None
     """Folder of the files that large arrays are in (stored.scratch); None: they are in memory."""
 
@@ -87,10 +92,19 @@ class Demos:
         return int(self.starts[-1])
 
     def joined(self, *others: "Demos") -> "Demos":
-        """These episodes and others of the same robot and task, all with S_current or none."""
+        """These episodes and others of the same robot and task, all with S_current or none.
+
+        Raises MimicbenchError if they were made with different gains.
+        """
         every = (self, *others)
         if len(every) == 1:
             return self
+        gains = sorted({demos.gains for demos in every if demos.gains is not None})
+        if len(gains) > 1:
+            raise MimicbenchError(
+                f"demonstrations by the gains {' and '.join(gains)} cannot be learned from together, for their joint "
+                "targets mean different torques; leave one of them out"
+            )
 
         def rows(name: str) -> Any:
             return joined([getattr(demos, name) for demos in every], self.disk)
@@ -107,6 +121,7 @@ class Demos:
             object_ids=sum((demos.object_ids for demos in every), ()),
             reference_ids=sum((demos.reference_ids for demos in every), ()),
             success=rows("success"),
+            gains=gains[0] if gains else None,
         )
 
 
@@ -126,7 +141,7 @@ def load_demos(
         only_success: Leave out the episodes that failed the task.
         disk: Folder for arrays that are too large for memory, see stored.scratch; None: they are in memory.
     """
-    found_robot, fps, joint_names = _described(folder, robot)
+    found_robot, fps, joint_names, gains = _described(folder, robot)
     check_digests(folder)
     wanted = {"action": "action", "executed_action": "executed_action", "qpos": "sim.qpos", "qvel": "sim.qvel"}
     if state:
@@ -158,6 +173,7 @@ def load_demos(
         object_ids=tuple(row["object_id"] for row in rows),
         reference_ids=tuple(row["reference_id"] for row in rows),
         success=np.array([row["success"] for row in rows]),
+        gains=gains,
         disk=disk,
     )
 
@@ -180,15 +196,20 @@ def load_episode(folder: Path, number: int) -> tuple[dict[str, np.ndarray], dict
     raise BadFile(f"{folder} has no episode {number}; run `mimicbench demos` again")
 
 
-def _described(folder: Path, robot: str | None) -> tuple[str, float, tuple[str, ...]]:
-    """Robot, rate and joint names of a dataset of ours."""
+def recorded_gains(folder: Path) -> str | None:
+    """Which gains a dataset was made with; None if it does not say. No frame is read. Raises BadFile."""
+    return _described(folder, None)[-1]
+
+
+def _described(folder: Path, robot: str | None) -> tuple[str, float, tuple[str, ...], str | None]:
+    """Robot, rate, joint names and gains of a dataset of ours."""
     path = folder / "meta" / "info.json"
     if not path.exists():
         raise BadFile(f"{folder} holds no demonstrations; run `mimicbench demos` first")
     info = read_json(path)
     try:
         version, found_robot, fps = info["codebase_version"], info["robot_type"], float(info["fps"])
-        joint_names = tuple(info["features"]["action"]["names"])
+        joint_names, gains = tuple(info["features"]["action"]["names"]), info.get(GAINS)
     except (KeyError, TypeError, ValueError):
         raise BadFile(
             f"{path} does not describe demonstrations of ours; make them again with `mimicbench demos`"
@@ -199,7 +220,7 @@ def _described(folder: Path, robot: str | None) -> tuple[str, float, tuple[str, 
         raise BadFile(
             f"{folder} holds demonstrations of robot {found_robot!r}, not of {robot!r}; make some with that robot"
         )
-    return found_robot, fps, joint_names
+    return found_robot, fps, joint_names, None if gains is None else str(gains)
 
 
 def _filled(

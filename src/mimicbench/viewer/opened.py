@@ -181,12 +181,17 @@ def _human_of(catalog: Catalog, one: ItemSet, motion: RobotMotion) -> HumanMotio
 
 
 def _gains_of(catalog: Catalog, one: ItemSet, found: Opened) -> tuple[str, tuple[str, ...]]:
-    """Gains that demonstrations were made with, those of who demonstrated, and what has to be told of that.
+    """Gains that demonstrations were made with, and what has to be told of that.
 
-    Where it is not here, those of the design of the recipe's tracker, which a policy need not have.
+    Where they do not say them: those of who demonstrated; where that is not here, of the design of the recipe's
+    tracker, which a policy need not have.
     """
+    from mimicbench.imitate.lerobot import DATASET, recorded_gains
     from mimicbench.track.registry import TRACKERS
 
+    recorded = recorded_gains(one.path / DATASET)
+    if recorded is not None and recorded in found.robot.gains:
+        return recorded, ()
     made_from = one.header.get("made_from", {})
     policy = made_from.get(EXPERT)
     gains = gains_of(policy or made_from.get(TRACKER, ""), found.task, found.robot, catalog.workdir)

@@ -43,7 +43,7 @@ class MimicbenchEnv(EnvConfig):
     images: bool = False
     """Show the elevation map as a picture, as demonstrations with `demos.images` have it."""
     gains: str = "improved"
-    """Which of the robot's gains drive its joints: those of the tracker that made the demonstrations."""
+    """Which of the robot's gains drive its joints: `gains` in info.json of the demonstrations."""
     max_steps: int | None = None
     """Control steps to an episode's end; None: the task's time limit."""
     features_map: dict[str, str] = field(default_factory=lambda: dict(_NAMES))

@@ -10,7 +10,7 @@ import pyarrow as pa
 
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.files import read_json, write_json
-from mimicbench.imitate.lerobot import DATA_PATH, EPISODES_PATH, FILES_PER_CHUNK, VERSION, episode_files
+from mimicbench.imitate.lerobot import DATA_PATH, EPISODES_PATH, FILES_PER_CHUNK, GAINS, VERSION, episode_files
 from mimicbench.imitate.stored.digests import write_digests
 from mimicbench.imitate.stored.tables import (
     column,
@@ -25,8 +25,8 @@ from mimicbench.imitate.stored.tables import (
     write_tasks,
 )
 
-SCENE, PICTURE = "observation.environment_state", "observation.images.elevation"
-"""LeRobot's names of what its policies see beside the robot's state."""
+STATE, SCENE, PICTURE = "observation.state", "observation.environment_state", "observation.images.elevation"
+"""LeRobot's names of the robot's state, and of what its policies see beside it."""
 Row = dict[str, Any]
 """Of the table of episodes."""
 Stats = dict[str, dict[str, np.ndarray]]
@@ -74,17 +74,20 @@ class DemoWriter:
         joint_names: Sequence[str],
         fps: float = 50.0,
         shard_episodes: int = 64,
-        state_names: Sequence[str] | None = None,
-        scene_names: Sequence[str] | None = None,
+        names: Mapping[str, Sequence[str]] | None = None,
+        gains: str | None = None,
     ) -> None:
+        """`names` are of the entries of STATE and SCENE; `gains` are those that turned joint targets into torques, and
+        None if nobody knows.
+        """
         self.folder = folder
         self._names = {
             **dict.fromkeys(("action", "executed_action"), list(joint_names)),
-            "observation.state": None if state_names is None else list(state_names),
-            SCENE: None if scene_names is None else list(scene_names),
+            **{column_name: list(entries) for column_name, entries in (names or {}).items()},
             PICTURE: ["height", "width", "channels"],
         }
         self.robot, self.task, self.joint_names, self.fps = robot, task, tuple(joint_names), fps
+        self.gains = gains
         self.shard_episodes = shard_episodes
         self._rows: list[Row] = []
         """The episodes that are on disk, without their statistics."""
@@ -101,9 +104,10 @@ class DemoWriter:
             features = found.get("features")
             expected = {"robot_type": robot, "fps": round(fps)}
             differs = [key for key, value in expected.items() if found.get(key) != value]
+            differs += [GAINS] if found.get(GAINS) not in (None, gains) else []
             if differs or found.get("codebase_version") != VERSION or read_tasks(folder) != [task]:
                 raise MimicbenchError(
-                    f"{folder} holds demonstrations of another robot, task or rate; write these to "
+                    f"{folder} holds demonstrations of another robot, task or rate, or by other gains; write these to "
                     "another folder, or delete it"
                 )
         for path in episode_files(folder):
@@ -177,6 +181,7 @@ class DemoWriter:
             {
                 "codebase_version": VERSION,
                 "robot_type": self.robot,
+                **({} if self.gains is None else {GAINS: self.gains}),
                 "fps": round(self.fps),  # LeRobot wants a whole number
                 "features": features,
                 "total_episodes": len(self._rows),
@@ -245,7 +250,7 @@ def _frame_arrays(demo: Demonstration, episode: int, first: int, fps: float) -> 
     if demo.picture is not None:
         more[PICTURE] = demo.picture
     return {
-        "observation.state": demo.state.astype(np.float32),
+        STATE: demo.state.astype(np.float32),
         **more,
         "action": demo.action.astype(np.float32),
         "executed_action": demo.executed_action.astype(np.float32),
