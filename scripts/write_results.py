@@ -1,6 +1,6 @@
-"""Writes the tables of results into README.md, docs/results.md and docs/orderings.md, from the episode rows in `runs/`,
-and which policies are the best of those that are shipped; and those tables of docs/senses.md, docs/robot.md and
-docs/tracker.md that follow from the code.
+"""Writes the tables of results into README.md, docs/results.md, docs/orderings.md and the page of
+`runs/retargeting-tracked`, from the episode rows in `runs/`, and which policies are the best of those that are shipped;
+and those tables of docs/senses.md, docs/robot.md and docs/tracker.md that follow from the code.
 
 `runs/<task>` holds the best of a task, whose rows are in the README's table; other folders are of several tasks, or of
 what came before. A test fails where a page says something else than the rows.
@@ -40,6 +40,8 @@ COMPARED = {
     "tracker-parts": "lift-box-parts",
 }
 """Folder in `runs/` of each comparison whose table is in the orderings."""
+TRACKED = ROOT / "runs" / "retargeting-tracked" / "README.md"
+"""The page of a comparison at several tasks, beside its rows."""
 
 
 def rows_of(folder: Path) -> list[EpisodeRow]:
@@ -91,10 +93,12 @@ def _recorded(title: str, people: str, rows: Sequence[EpisodeRow]) -> str:
     return f"| {title} | {people} | {found.kinematic} | {found.energy} | {found.stays} |"
 
 
-def compared(name: str, folder: Path) -> str:
-    """The table of a comparison, as far as there are rows: in files that are named by the variants' labels."""
+def compared(name: str, folder: Path, begin: str = "") -> str:
+    """The table of a comparison, as far as there are rows: in files whose names begin so, and go on with the variants'
+    labels.
+    """
     comparison = COMPARISONS.get(name)
-    paths = [(one, folder / "rows" / f"{file_of(one.label)}.parquet") for one in comparison.variants]
+    paths = [(one, folder / "rows" / f"{begin}{file_of(one.label)}.parquet") for one in comparison.variants]
     found = [Compared(one, None, read_rows(path)) for one, path in paths if path.exists()]
     return to_markdown(comparison_table(comparison, found))
 
@@ -135,8 +139,12 @@ def pages() -> dict[Path, str]:
     orderings = ORDERINGS.read_text()
     for name, folder in COMPARED.items():
         orderings = with_table(orderings, name, compared(name, ROOT / "runs" / folder))
+    tracked = TRACKED.read_text()
+    for task in ("sit-chair", "touch-points"):
+        tracked = with_table(tracked, task, compared("retargeting", TRACKED.parent, f"{task}-"))
     readme = with_table(README.read_text(), "results", best())
-    return {README: readme, RESULTS: results, ORDERINGS: orderings, SHIPPED / BEST: best_policies(), **from_code()}
+    of_rows = {README: readme, RESULTS: results, ORDERINGS: orderings, TRACKED: tracked}
+    return {**of_rows, SHIPPED / BEST: best_policies(), **from_code()}
 
 
 def from_code() -> dict[Path, str]:

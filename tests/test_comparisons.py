@@ -153,6 +153,32 @@ def test_the_table_has_the_papers_numbers_beside_ours():
     assert alone.columns == ("Variant", "K", "K and P", "Stays", "Fell")
 
 
+def test_variants_with_different_clips_are_compared_on_those_that_all_have():
+    """One has the clips 0 to 3, another 2 to 5; a third could not be judged, and takes no clip from the others."""
+
+    def on(clips, success):
+        return [replace(EPISODE, episode=i, reference_id=f"clip-{i}", success=success(i)) for i in clips]
+
+    variants = SHARED.variants
+    found = [
+        Compared(variants[0], Path(), on((0, 1, 2, 3), lambda i: i < 3)),
+        Compared(variants[1], Path(), on((5, 4, 3, 2), lambda i: i in (2, 3))),
+        Compared(variants[2], None, (), "there are no clips"),
+    ]
+    table = comparison_table(SHARED, found)
+    assert table.columns[5:7] == ("K, shared clips", "K and P, shared clips")
+    assert [(row[1].successes, row[1].episodes) for row in table.rows[:2]] == [(3, 4), (2, 4)]
+    assert [(row[5].successes, row[5].episodes) for row in table.rows[:2]] == [(1, 2), (2, 2)]
+    assert table.rows[1][6].successes == 2.0 and table.rows[2][5:7] == (None, None)
+    assert "on the 2 clips that all who were judged have" in table.note
+    assert "on the same people and objects" not in table.note
+    apart = [found[0], Compared(variants[1], Path(), on((7, 8), lambda i: True)), found[2]]
+    assert [row[5] for row in comparison_table(SHARED, apart).rows] == [None] * 3
+    other = [replace(row, object_id="chair-0-00002") for row in found[0].rows]
+    told = comparison_table(SHARED, [found[0], Compared(variants[1], Path(), other), found[2]]).note
+    assert "on the 0 clips" in told, "a clip of the same name beside another object is another clip"
+
+
 def test_a_variant_that_cannot_be_judged_is_told_and_the_others_are():
     failed = Compared(SHARED.variants[0], None, (), "there are no clips")
     found = [failed, *(Compared(one, Path(), [EPISODE]) for one in SHARED.variants[1:])]

@@ -33,6 +33,7 @@ def compare(argv: Sequence[str]) -> None:
     comparison = COMPARISONS.get(name)
     call = read_compared(comparison, argv[1:], CompareOptions)
     from mimicbench.comparisons.comparing import compare as carry_out
+    from mimicbench.comparisons.comparing import on_shared_clips
     from mimicbench.evaluate.rows import summarize
     from mimicbench.report.table import WRITERS
     from mimicbench.report.tables.comparison import comparison_table
@@ -47,8 +48,9 @@ def compare(argv: Sequence[str]) -> None:
                 **(
                     {"folder": str(one.folder), **summarize(one.rows).to_dict()} if one.rows else {"error": one.problem}
                 ),
+                **({"shared_clips": summarize(same.rows).to_dict()} if same is not one and same.rows else {}),
             }
-            for one in found
+            for one, same in zip(found, on_shared_clips(found) or found, strict=True)
         ]
         if not call.options.json:
             print(WRITERS[call.options.format](comparison_table(call.comparison, found)))

@@ -76,6 +76,22 @@ def compare(
     return found
 
 
+def on_shared_clips(found: Sequence[Compared]) -> list[Compared] | None:
+    """The same, with the rows of those clips alone that everybody who was judged has; None if all have the same.
+
+    Each way to retarget keeps other clips, so that rates of all clips are not of the same people and objects.
+    """
+    clips = [{_clip(row) for row in one.rows} for one in found if one.rows]
+    shared = set.intersection(*clips)
+    if all(some == shared for some in clips):
+        return None
+    return [replace(one, rows=[row for row in one.rows if _clip(row) in shared]) for one in found]
+
+
+def _clip(row: EpisodeRow) -> tuple[str, str]:
+    return row.reference_id, row.object_id
+
+
 def _judged(comparison: Comparison, variant: Variant, run: Run) -> Compared:
     if comparison.of == "track":
         # whoever learns does so here: a shipped tracker of the same recipe has learned for longer than its rivals

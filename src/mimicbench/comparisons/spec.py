@@ -34,7 +34,8 @@ class Variant:
 class Comparison:
     """A list of recipes, whose trackers or policies are learned and judged on the same episodes.
 
-    Where they differ in how clips are retargeted, it is on as many clips of the same people: each way loses others.
+    Where they differ in how clips are retargeted, it is on as many clips of the same people: each way loses others, so
+    that tables also have the rates of those clips that all variants have.
     """
 
     name: str
