@@ -13,11 +13,13 @@ import making
 from mimicbench.benchmark import keys
 from mimicbench.benchmark import shipped as shipped_there
 from mimicbench.benchmark.graph import _tell_tracker, retargeted, start, tracker_for_learning
-from mimicbench.benchmark.judging import _of_split, judge
+from mimicbench.benchmark.judging import _of_split, _warn_of_other_task, judge
 from mimicbench.benchmark.recipe import EvaluateConfig, stage_type
 from mimicbench.benchmark.who import who_of
 from mimicbench.commands.judge import _each_once
+from mimicbench.core.checkpoint import CONFIG
 from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
+from mimicbench.core.files import read_record, write_record
 from mimicbench.core.run import RunContext
 from mimicbench.core.training import STATE
 from mimicbench.envs.metrics import Verdict
@@ -96,6 +98,24 @@ def test_a_tracker_is_judged_by_its_kind_not_by_its_name(run, tmp_path, monkeypa
     shutil.copytree(shipped.parent / "hst", tmp_path / "tracker")
     other = judge(with_evaluation(run, tracked=1), str(tmp_path / "tracker"))
     assert [row.policy for row in other] == ["hst"], "another design is another method, whatever its folder is called"
+
+
+def test_who_was_learned_at_another_task_is_judged_with_a_warning(run, tmp_path):
+    said, folder = [], tmp_path / "tracker"
+    shutil.copytree(who_of(run, "tracker").folder, folder)
+    told = replace(with_evaluation(run, tracked=1), context=replace(making.QUIET, say=said.append))
+
+    def with_notes(**notes):
+        write_record(folder / CONFIG, {**read_record(folder / CONFIG), "notes": notes})
+
+    with_notes(tasks=["lie-bed", "lie-sofa"])
+    warning = "warning: tracker was learned at lie-bed and lie-sofa, and is judged at sit-chair"
+    assert len(judge(told, str(folder))) == 1 and said == [warning]
+    assert judge(told, str(folder)) and said == [warning] * 2, "also of rows that are there already"
+    for notes in ({"tasks": ["lie-bed", "sit-chair"]}, {"task": "sit-chair"}, {}, {"tasks": "lie-bed"}):
+        with_notes(**notes)
+        _warn_of_other_task(told, who_of(told, str(folder)))
+    assert len(said) == 2
 
 
 def test_a_checkpoint_is_named_from_within(run, monkeypatch):

@@ -69,6 +69,7 @@ def judge(run: Run, name: str) -> list[EpisodeRow]:
 
     who, config = who_of(run, name), run.recipe.evaluate
     count = config.tracked if who.is_tracker else config.episodes
+    _warn_of_other_task(run, who)
     policy = None if who.is_tracker else _loaded(run, who)  # which had better fail before clips are made for it
     clips = episodes_of(run, count)
     source = _source(run, who, clips)
@@ -161,13 +162,17 @@ def judge_tracker(run: Run, who: Who, clips: ClipSet) -> list[EpisodeRow]:
 
 
 def _loaded(run: Run, who: Who) -> Policy:
-    """The policy, to be judged at the recipe's task; it is told if it was learned at another."""
+    """The policy, to be judged at the recipe's task. Raises BadFile if it does not fit that."""
     from mimicbench.policies.loading import load_policy
 
-    policy, learned_at = load_policy(who.folder, run.robot, run.task), who.task
-    if learned_at not in ("", run.recipe.task):
-        run.context.say(f"{who.name} was learned at {learned_at}, and is judged at {run.recipe.task}")
-    return policy
+    return load_policy(who.folder, run.robot, run.task)
+
+
+def _warn_of_other_task(run: Run, who: Who) -> None:
+    """Say if a policy or tracker was learned at other tasks than it is judged at: it may well fit, and fail there."""
+    if who.tasks and run.recipe.task not in who.tasks:
+        learned = " and ".join(who.tasks)
+        run.context.say(f"warning: {who.name} was learned at {learned}, and is judged at {run.recipe.task}")
 
 
 def judge_policy(

@@ -12,7 +12,7 @@ from mimicbench.benchmark import keys
 from mimicbench.benchmark.keys import Run
 from mimicbench.benchmark.recipe import Recipe, stage_type
 from mimicbench.benchmark.shipped import best_shipped, shipped, shipped_for, shipped_names, shipped_trackers
-from mimicbench.core.checkpoint import CONFIG, MODEL, checkpoint_kind, checkpoint_task, used_by
+from mimicbench.core.checkpoint import CONFIG, MODEL, checkpoint_kind, checkpoint_tasks, used_by
 from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
 from mimicbench.core.files import digest_of
 from mimicbench.core.settings import identity
@@ -49,9 +49,9 @@ class Who:
         return self.folder.suffix not in FILES and checkpoint_kind(self.folder) == keys.TRACKER
 
     @property
-    def task(self) -> str:
-        """The task at which it was learned, as far as it tells; else empty."""
-        return "" if self.folder.suffix in FILES else checkpoint_task(self.folder)
+    def tasks(self) -> tuple[str, ...]:
+        """The tasks at which it was learned, as far as it tells; else none."""
+        return () if self.folder.suffix in FILES else checkpoint_tasks(self.folder)
 
     @property
     def digests(self) -> dict[str, str]:

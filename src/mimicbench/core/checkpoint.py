@@ -167,6 +167,15 @@ def checkpoint_task(folder: Path) -> str:
     return str(_read_header(folder)["notes"].get("task", ""))
 
 
+def checkpoint_tasks(folder: Path) -> tuple[str, ...]:
+    """Names of all tasks at which a folder's checkpoint was learned, if it tells: a tracker may have learned several.
+    Raises BadCheckpoint.
+    """
+    notes = _read_header(folder)["notes"]
+    tasks = notes.get("tasks", [notes["task"]] if notes.get("task") else [])
+    return tuple(dict.fromkeys(map(str, tasks))) if isinstance(tasks, list) else ()
+
+
 def checkpoint_digest(folder: Path) -> str:
     """Stands for all that decides what a checkpoint does: its arrays, and what the network is built from. Raises
     BadCheckpoint.
