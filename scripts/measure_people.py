@@ -21,7 +21,7 @@ from mimicbench.references.locomotion.straight import clip_of_walk, straight_way
 from mimicbench.references.paper import PAPER_SETS
 from mimicbench.references.recordings.real_clips import sitting_clips
 from mimicbench.references.synthesis.registry import synthesize
-from mimicbench.report.beside_real import judgement_table, measures_table, tells_table
+from mimicbench.report.beside_real import features_table, judgement_table, measures_table
 from mimicbench.report.table import Cell, Table, to_markdown
 from mimicbench.tasks.registry import TASKS
 
@@ -112,7 +112,7 @@ def main() -> None:
         people = {task: [person_of(motion) for motion in found[:JUDGED]] for task, found in clips.items()}
         judged = judge(real, [person for found in people.values() for person in found])
         ahead = {"5 m straight ahead": [person_of(motion) for motion in walks_ahead()]}
-        tables = judgement_table(judged), measures_table(real, ahead | people), tells_table(judged)
+        tables = judgement_table(judged), measures_table(real, ahead | people), features_table(judged)
         put("judge", "\n".join(map(to_markdown, tables)))
 
 

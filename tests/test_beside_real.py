@@ -3,6 +3,7 @@ were made so.
 """
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,7 +27,7 @@ from mimicbench.references.checks.signals import LEG, signals_of
 from mimicbench.references.locomotion.gait import Gait
 from mimicbench.references.locomotion.straight import clip_of_walk, straight_way
 from mimicbench.references.synthesis.registry import synthesize
-from mimicbench.report.beside_real import judgement_table, measures_table, tells_table
+from mimicbench.report.beside_real import features_table, judgement_table, measures_table
 from mimicbench.tasks.registry import TASKS
 
 DATA = Path(__file__).parents[1].parent / "shared" / "data"
@@ -159,7 +160,7 @@ def test_who_is_alike_is_not_told_apart(sitters: list[HumanMotion]):
     apart = {row.phase: row for row in judge(people[::2], odd)}
     for phase in ("walk", "turn"):
         assert apart[phase].area > 0.95
-        assert any(tell.feature == "upper arm out, mean" and tell.area > 0.9 for tell in apart[phase].tells)
+        assert any(one.name == "upper arm out, mean" and one.area > 0.9 for one in apart[phase].features)
 
 
 def test_statues_are_frozen(sitters: list[HumanMotion]):
@@ -184,10 +185,19 @@ def test_tables_have_a_row_for_everything(sitters: list[HumanMotion]):
     people = [person_of(motion) for motion in sitters]
     found = judge(people[::2], people[1::2])
     assert [row[0] for row in judgement_table(found).rows] == [row.phase for row in found]
-    assert len(tells_table(found).rows) == sum(len(row.tells) for row in found)
+    assert len(features_table(found).rows) == sum(len(row.features) for row in found)
     table = measures_table(people[::2], {"sit-chair": people[1::2]})
     assert table.columns == ("", "real", "sit-chair")
     assert any("straighter knee" in str(row[0]) for row in table.rows)
+
+
+def test_the_page_has_the_words_of_the_tables():
+    """Its numbers take recordings to make; what they are called does not."""
+    page = (Path(__file__).parents[1] / "docs" / "people-judged.md").read_text()
+    headings = [re.split(r" *\| *", line)[1:-1] for line in page.splitlines() if line.startswith("| Phase")]
+    tables = judgement_table(()), features_table(())
+    assert headings == [list(table.columns) for table in tables]
+    assert all(f"**{table.title}**" in page and table.note in page for table in tables)
 
 
 def test_no_recording_is_said(tmp_path: Path):

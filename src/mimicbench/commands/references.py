@@ -145,7 +145,7 @@ def stats(
 def _stats_beside_real(stages: Mapping[str, Stage], folders: tuple[Path, ...], as_json: bool) -> None:
     from mimicbench.core.motion import HumanMotion
     from mimicbench.references.checks.beside_real import judge, person_of, read_recordings
-    from mimicbench.report.beside_real import judgement_table, measures_table, tells_table
+    from mimicbench.report.beside_real import features_table, judgement_table, measures_table
     from mimicbench.report.table import to_terminal
 
     real = [person_of(motion) for folder in folders for motion in read_recordings(folder, to_stderr)]
@@ -154,7 +154,7 @@ def _stats_beside_real(stages: Mapping[str, Stage], folders: tuple[Path, ...], a
         for slug, stage in stages.items()
     }
     found = judge(real, [person for of_task in people.values() for person in of_task])
-    tables = (measures_table(real, people), tells_table(found), judgement_table(found))
+    tables = (measures_table(real, people), features_table(found), judgement_table(found))
     words = "\n".join(to_terminal(table) for table in tables)
     tell([{"phases": [asdict(row) for row in found]}], as_json, words)
 

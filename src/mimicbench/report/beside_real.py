@@ -17,12 +17,12 @@ def judgement_table(found: Sequence[Judgement]) -> Table:
     return Table(
         "judgement",
         "Synthetic people told from real ones",
-        ("Phase", "AUC", "Plain tells [%]", "Recordings", "Real windows", "Clips", "Synthetic windows"),
+        ("Phase", "AUC", "Discriminative features [%]", "Recordings", "Real windows", "Clips", "Synthetic windows"),
         tuple(
             (
                 row.phase,
                 None if np.isnan(row.area) else f"{row.area:.3f}",
-                f"{100 * row.plain:.0f}",
+                f"{100 * row.discriminative:.0f}",
                 row.recordings,
                 row.real_windows,
                 row.clips,
@@ -31,20 +31,20 @@ def judgement_table(found: Sequence[Judgement]) -> Table:
             for row in found
         ),
         "AUC: of boosted stumps on windows of 1 s, over recordings and clips that they were not fitted to; 0.5 cannot "
-        "be told apart. Plain tells: features that alone have more than 0.8.",
+        "be told apart. Discriminative features: those that alone have an AUC above 0.8 or below 0.2.",
     )
 
 
-def tells_table(found: Sequence[Judgement]) -> Table:
-    """What gives the synthetic away, per phase."""
+def features_table(found: Sequence[Judgement]) -> Table:
+    """The features that best tell synthetic from real, per phase."""
     return Table(
-        "tells",
-        "What gives the synthetic away",
+        "features",
+        "Most discriminative features",
         ("Phase", "Feature", "AUC alone", "Real", "Synthetic"),
         tuple(
-            (row.phase if i == 0 else "", tell.feature, f"{tell.area:.2f}", _spread(tell.real), _spread(tell.synthetic))
+            (row.phase if i == 0 else "", one.name, f"{one.area:.2f}", _spread(one.real), _spread(one.synthetic))
             for row in found
-            for i, tell in enumerate(row.tells)
+            for i, one in enumerate(row.features)
         ),
         "AUC alone: 1 if larger in every synthetic window, 0 if smaller. Rates per second, changes of rate per second "
         "squared; degrees and meters of a body of standard size.",

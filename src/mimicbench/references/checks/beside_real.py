@@ -20,10 +20,10 @@ ENDINGS = (".npy", ".npz", ".pt", ".pth", ".bvh", ".pkl", ".txt")
 FOLDS = 5
 MOST = 1500
 """Synthetic windows of a phase that are looked at, evenly spread."""
-TELLS = 8
+NAMED = 8
 """Features that are named, one of each signal."""
-PLAIN = 0.8
-"""A feature whose own area under the curve is larger, or smaller than what is left to 1, tells by itself."""
+DISCRIMINATIVE = 0.8
+"""A feature is called discriminative if its own area under the curve is larger, or smaller than what is left to 1."""
 
 
 @dataclass(frozen=True)
@@ -37,10 +37,10 @@ class Person:
 
 
 @dataclass(frozen=True)
-class Tell:
-    """A feature that gives the synthetic away."""
+class Feature:
+    """A feature, and how well it alone tells synthetic from real."""
 
-    feature: str
+    name: str
     area: float
     """Under its own curve: 1 if it is larger in every synthetic window, 0 if it is smaller."""
     real: tuple[float, float]
@@ -60,9 +60,10 @@ class Judgement:
     area: float
     """Under the curve, cross-validated: 0.5 where nothing can be told, 1 where everything can; NaN where a kind has
     fewer than two recordings or clips."""
-    plain: float
-    """Share of the features that tell by themselves."""
-    tells: tuple[Tell, ...]
+    discriminative: float
+    """Share of the features that are discriminative by themselves."""
+    features: tuple[Feature, ...]
+    """The most discriminative ones."""
 
 
 def person_of(motion: HumanMotion) -> Person:
@@ -140,22 +141,24 @@ def _judged(phase: str, real: _Rows, synthetic: _Rows) -> Judgement:
         people[1],
         count,
         unseen_area(rows, kind, group, FOLDS),
-        float((np.abs(areas - 0.5) > PLAIN - 0.5).mean()),
-        _tells(real.names, rows, kind, areas),
+        float((np.abs(areas - 0.5) > DISCRIMINATIVE - 0.5).mean()),
+        _most_discriminative(real.names, rows, kind, areas),
     )
 
 
-def _tells(names: tuple[str, ...], rows: np.ndarray, kind: np.ndarray, areas: np.ndarray) -> tuple[Tell, ...]:
-    """The features that tell most by themselves; of those that tell as much, the ones that are farthest off."""
+def _most_discriminative(
+    names: tuple[str, ...], rows: np.ndarray, kind: np.ndarray, areas: np.ndarray
+) -> tuple[Feature, ...]:
+    """The features with the most extreme areas; of those with equal ones, whose means are farthest apart."""
     real, synthetic = rows[kind == 0], rows[kind == 1]
     apart = np.abs(synthetic.mean(0) - real.mean(0)) / (real.std(0) + synthetic.std(0) + 1e-9)
-    found: dict[str, Tell] = {}
+    found: dict[str, Feature] = {}
     for i in np.lexsort((-apart, -np.round(np.abs(areas - 0.5), 2))):
-        tell = Tell(
+        feature = Feature(
             names[i],
             float(areas[i]),
             (float(real[:, i].mean()), float(real[:, i].std())),
             (float(synthetic[:, i].mean()), float(synthetic[:, i].std())),
         )
-        found.setdefault(names[i].split(",")[0], tell)
-    return tuple(found.values())[:TELLS]
+        found.setdefault(names[i].split(",")[0], feature)
+    return tuple(found.values())[:NAMED]
