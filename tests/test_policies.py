@@ -13,7 +13,7 @@ import torch
 import mimicbench
 from mimicbench.commands.telling import tell_rates
 from mimicbench.core import rotations as rot
-from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
+from mimicbench.core.errors import BadFile, MimicbenchError
 from mimicbench.core.motion import RobotMotion
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.vec_env import EnvConfig
@@ -233,6 +233,8 @@ def test_files_that_make_no_policy(tmp_path):
     assert "SystemExit" in told("def make_policy():\n    raise SystemExit")
     assert "without observations and gains" in told("def make_policy():\n    return 1")
     assert "give a tuple" in told(POLICY.replace('("proprio",)', '"proprio"'))
+    assert "is a NoneType; give a tuple" in told(POLICY.replace('("proprio",)', "None"))
+    assert "are a list; give their name" in told(POLICY.replace('"improved"', '["improved"]'))
     assert "no robot can sense" in told(POLICY.replace("proprio", "root_pose"))
     assert "smell" in told(POLICY.replace("proprio", "smell"))
     assert "unknown gains 'none'" in told(POLICY.replace("improved", "none"))
@@ -242,7 +244,9 @@ def test_kinds_of_checkpoints_are_a_registry(tmp_path):
     assert LOADERS.names() == ("act", "bc", "diffusion", "hit", "online", "planner", "ppo")
     for kind in LOADERS:
         assert LOADERS.get(kind).name == kind
-    with pytest.raises(UnknownName, match="kind of policy 'tracker'"):
+    with pytest.raises(
+        BadFile, match="'tracker', which is no policy; give the folder of one of these kinds: act"
+    ):
         load_policy(SHIPPED / "tracker", H1, SIT_CHAIR)
     with pytest.raises(BadFile):
         load_policy(tmp_path, H1, SIT_CHAIR)

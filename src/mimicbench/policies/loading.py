@@ -23,15 +23,20 @@ def load_policy(path: Path, robot: Robot, task: Task) -> Policy:
     """The policy in a checkpoint's folder, or of a Python or ONNX file.
 
     Raises:
-        BadFile: There is neither, or the checkpoint cannot be read.
-        UnknownName: Nobody reads checkpoints of that kind, or the policy observes what does not exist.
+        BadFile: There is neither, the checkpoint cannot be read, or nobody reads checkpoints of that kind.
+        UnknownName: The policy observes what does not exist.
         MimicbenchError: The Python file fails, or makes something else than a policy; the ONNX file has other inputs.
     """
     if path.suffix == ".py":
         return _of_file(path, robot, task)
     if path.suffix == ".onnx":
         return load_onnx(path, robot, task)
-    loader = LOADERS.get(checkpoint_kind(path))
+    if (kind := checkpoint_kind(path)) not in LOADERS:
+        raise BadFile(
+            f"{path} holds a checkpoint of kind {kind!r}, which is no policy; give the folder of one of these kinds: "
+            + ", ".join(LOADERS)
+        )
+    loader = LOADERS.get(kind)
     try:
         return loader.load(path, robot, task)
     except BadCheckpoint:
@@ -62,13 +67,23 @@ def _of_file(path: Path, robot: Robot, task: Task) -> Policy:
             f"make_policy() of {path} returns {type(policy).__name__} without {' and '.join(lacking)}; a policy has "
             "observations, gains, to(device), reset(ids, obs) and act(obs)"
         )
-    if isinstance(policy.observations, str):
-        raise MimicbenchError(f"the policy of {path} observes a string; give a tuple of names")
+    _check_words(path, policy)
     refuse_privileged(policy.observations, f"the policy of {path}")
     chosen_terms(policy.observations, task)
     if policy.gains not in robot.gains:
         raise UnknownName("gains", policy.gains, list(robot.gains))
     return policy
+
+
+def _check_words(path: Path, policy: Policy) -> None:
+    """Raises MimicbenchError if what a Python file's policy observes and drives are no names."""
+    if isinstance(policy.observations, str):
+        raise MimicbenchError(f"the policy of {path} observes a string; give a tuple of names")
+    if not isinstance(policy.observations, tuple | list):
+        given = type(policy.observations).__name__
+        raise MimicbenchError(f"what the policy of {path} observes is a {given}; give a tuple of names")
+    if not isinstance(policy.gains, str):
+        raise MimicbenchError(f"the gains of the policy of {path} are a {type(policy.gains).__name__}; give their name")
 
 
 def _module(path: Path) -> ModuleType:
