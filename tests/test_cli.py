@@ -268,3 +268,12 @@ def test_help_names_what_there_is(capsys):
     for names in (TASKS, ROBOTS, PRESETS, METHODS):
         assert ", ".join(names) in said
     assert "--imitate.learner" not in said
+
+
+def test_json_has_no_nan(capsys):
+    tell([{"area": float("nan"), "spread": (1.0, float("inf")), "of": {"clips": 3, "fell": True}}], True, "")
+    assert json.loads(capsys.readouterr().out, parse_constant=pytest.fail) == {
+        "area": None,
+        "spread": [1.0, None],
+        "of": {"clips": 3, "fell": True},
+    }

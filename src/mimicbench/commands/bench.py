@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Annotated
 import tyro
 
 from mimicbench.commands.options import Device, Json, Seed, Task, Workdir, Workers
+from mimicbench.commands.telling import one_line
 from mimicbench.core.run import to_stderr as say
 from mimicbench.core.settings import Amount, Count, Within
 from mimicbench.robots.registry import DEFAULT_ROBOT
@@ -173,4 +173,4 @@ def _measured(found: Mapping[str, object], as_json: bool) -> None:
     from mimicbench.report.provenance import this_machine
 
     if as_json:
-        print(json.dumps({**found, "machine": this_machine()}))
+        print(one_line({**found, "machine": this_machine()}))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from mimicbench.core.names import printable
@@ -18,7 +19,20 @@ def tell(found: Sequence[Mapping[str, Any]], as_json: bool, words: str) -> None:
 
     Names of folders are among the words, and are not to steer the terminal.
     """
-    print(json.dumps(found[0] if len(found) == 1 else list(found)) if as_json else printable(words, lines=True))
+    print(one_line(found[0] if len(found) == 1 else found) if as_json else printable(words, lines=True))
+
+
+def one_line(found: Any) -> str:
+    """Plain values as one line of JSON, which has no NaN and no infinity: what was not measured is null."""
+    return json.dumps(_finite(found), allow_nan=False)
+
+
+def _finite(found: Any) -> Any:
+    if isinstance(found, Mapping):
+        return {name: _finite(value) for name, value in found.items()}
+    if isinstance(found, list | tuple):
+        return [_finite(value) for value in found]
+    return None if isinstance(found, float) and not isfinite(found) else found
 
 
 def stage_summary(stage: Stage) -> dict[str, Any]:
