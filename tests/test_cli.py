@@ -115,6 +115,10 @@ def test_what_is_refused_is_told_in_one_sentence(words, said, tmp_path, monkeypa
         ("references remake nope", "'nope' is no clip's id such as sit-chair-0-00042, nor is 'nope' a task"),
         ("run --task all --policy planner", "no planner is shipped for sit-sofa (only for sit-chair, touch-points)"),
         ("run --policy tracker", "a report shows a policy"),
+        ("run --profile smok", "--profile is 'smok'; give one of smoke, default, full"),
+        ("references stats --task sit-lamp", "unknown task 'sit-lamp'; known are: lie-bed"),
+        ("bench robust --clips 1 --tasks sit-chair sit-lamp", "unknown task 'sit-lamp'"),
+        ("bench robust --clips 1 --tasks sit-chair --tracker planner", "'planner' is a policy, and follows no clips"),
     ],
 )
 def test_what_learns_is_refused_before_any_work(words, said, tmp_path, monkeypatch, capsys):

@@ -11,6 +11,7 @@ import tyro
 
 from mimicbench.commands.options import Device, Json, Seed, Task, Workdir, Workers
 from mimicbench.commands.telling import one_line
+from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.run import to_stderr as say
 from mimicbench.core.settings import Amount, Count, Within
 from mimicbench.robots.registry import DEFAULT_ROBOT
@@ -132,12 +133,16 @@ def robust(
     from mimicbench.tasks.registry import TASKS
     from mimicbench.track.checkpoint import load_tracker
 
+    context = RunContext(workers=workers, device=device)
+    runs = [start(Recipe(task=task, seed=seed), workdir, context) for task in tasks or TASKS]
+    # who there is, before any work
+    who = [who_of(run, tracker or "tracker") for run in runs]
+    if other := next((one for one in who if not one.is_tracker), None):
+        raise MimicbenchError(f"{other.name!r} is a policy, and follows no clips; give the folder of a tracker")
     found = {}
-    for task in tasks or TASKS:
-        run = start(Recipe(task=task, seed=seed), workdir, RunContext(workers=workers, device=device))
-        folder = who_of(run, tracker or "tracker").folder
+    for run, one in zip(runs, who, strict=True):
         set_of = episodes_of(run, clips).set
-        found[task] = bench_robustness(load_tracker(folder, run.robot), set_of, env_config(run), say)
+        found[run.task.name] = bench_robustness(load_tracker(one.folder, run.robot), set_of, env_config(run), say)
     _measured(found, as_json)
     if not as_json:
         print(to_terminal(robustness_table(found)))

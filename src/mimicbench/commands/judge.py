@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, get_args
 
 from mimicbench.commands.parsing import Options, read_call, said
 from mimicbench.commands.telling import tell, tell_rates
@@ -33,6 +33,9 @@ def evaluate(argv: Sequence[str]) -> None:
     tell_rates([judge(runs[at], name) for (at, _), name in wanted.items()], call.options.json)
 
 
+Profile = Literal["smoke", "default", "full"]
+
+
 @dataclass(frozen=True)
 class RunOptions(Options):
     """How and where to run, and how much of it."""
@@ -40,7 +43,7 @@ class RunOptions(Options):
     train: bool = False
     """Learn everything from nothing (hours; minutes of `smoke`, which learns next to nothing) instead of using the
     shipped checkpoints (minutes)."""
-    profile: Literal["smoke", "default", "full"] | None = None
+    profile: Profile | None = None
     """How much; by default `default`, with --train `full`."""
 
 
@@ -51,6 +54,8 @@ def run(argv: Sequence[str]) -> None:
     """
     train = "--train" in argv
     profile = said(argv, "profile") or ("full" if train else "default")
+    if profile not in get_args(Profile):
+        raise MimicbenchError(f"--profile is {profile!r}; give one of {', '.join(get_args(Profile))}")
     besides = "new-objects" if not train else "brief" if profile == "smoke" else "ours"
     call = read_call("evaluate", argv, RunOptions, [profile, besides], "run")
     from mimicbench.benchmark.graph import start

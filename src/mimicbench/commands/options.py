@@ -99,4 +99,4 @@ def recipes(task: str, seed: int = 0, source: str = "made", count: int | None = 
     from mimicbench.references.make import ReferencesConfig
 
     config = ReferencesConfig(source) if count is None else ReferencesConfig(source, count)
-    return [Recipe(name, seed=seed, references=config) for name in (TASKS if task == "all" else [task])]
+    return [Recipe(name, seed=seed, references=config) for name in (TASKS if task == "all" else [TASKS.get(task).name])]
