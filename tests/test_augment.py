@@ -1,6 +1,8 @@
 """Variants of clips: what must be the same, what must be mirrored, and that feet and hands stay where they bear."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,8 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import making
+from mimicbench import cli
+from mimicbench.commands.options import recipes
 from mimicbench.core import rotations as rot
-from mimicbench.core.errors import BadMotion
+from mimicbench.core.errors import BadMotion, MimicbenchError
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.skeleton import Skeleton
 from mimicbench.core.stage import read_stage
@@ -245,6 +249,33 @@ def test_a_stage_of_variants(tmp_path):
     assert read_stage(folders[0]).complete
     again = make_augmented(*arguments)
     assert again.header["summary"] == summary
+    with pytest.raises(MimicbenchError, match="the variants of 'more' need a name of their own"):
+        make_augmented(
+            tmp_path, "more", replace(source, references=stage), config, task.fulfilled_by_human, making.QUIET
+        )
+
+
+def test_all_tasks_are_those_that_have_the_set(tmp_path, capsys):
+    with making.by_hand(tmp_path / "lift-box" / "references" / "mine") as stage:
+        stage.finish()
+    assert [one.task for one in recipes("all", source="mine", workdir=tmp_path)] == ["lift-box"]
+    assert [one.task for one in recipes("sit-sofa", source="mine", workdir=tmp_path)] == ["sit-sofa"]
+    assert len(recipes("all", source="other", workdir=tmp_path)) == len(recipes("all", workdir=tmp_path)) == len(TASKS)
+    for source, words in (("mind", "called 'mind' of sit-chair"), ("made", "run `mimicbench references` first")):
+        with pytest.raises(SystemExit):
+            cli.main(["references", "stats", "--workdir", str(tmp_path / "sit-chair"), "--source", source])
+        assert words in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        cli.main(["references", "augment", "--workdir", str(tmp_path), "--source", "mind", "--task", "lie-bed"])
+    assert "`mimicbench import --task lie-bed --to mind` makes the set 'mind'" in capsys.readouterr().err
+
+
+def test_a_kind_that_is_named_twice_is_made_once(tmp_path, capsys):
+    words = "--count 4 --kinds size size --workers 1 --json --workdir"
+    making.make("references", tmp_path, making.small(objects=400))
+    cli.main(["references", "augment", *words.split(), str(tmp_path)])
+    told = json.loads(capsys.readouterr().out)
+    assert told["clips"] == len(list(Path(told["folder"]).glob("*.npz")))
 
 
 def test_a_recording_beyond_the_gate_has_variants_no_worse_than_itself(tmp_path):

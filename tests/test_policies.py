@@ -244,9 +244,7 @@ def test_kinds_of_checkpoints_are_a_registry(tmp_path):
     assert LOADERS.names() == ("act", "bc", "diffusion", "hit", "online", "planner", "ppo")
     for kind in LOADERS:
         assert LOADERS.get(kind).name == kind
-    with pytest.raises(
-        BadFile, match="'tracker', which is no policy; give the folder of one of these kinds: act"
-    ):
+    with pytest.raises(BadFile, match="'tracker', which is no policy; give the folder of one of these kinds: act"):
         load_policy(SHIPPED / "tracker", H1, SIT_CHAIR)
     with pytest.raises(BadFile):
         load_policy(tmp_path, H1, SIT_CHAIR)

@@ -48,7 +48,9 @@ def largest(workdir: Path, tasks: Sequence[str], stage: str, name: str | None) -
         if stages:
             found[task] = max(stages, key=lambda one: sum(1 for _ in one.folder.glob("*.npz")))
     if not found:
-        raise BadFile(f"{workdir} holds no {stage} of {', '.join(tasks)}; run `mimicbench {stage}` first")
+        which = "" if name is None else f" called {name!r}"
+        first = f"run `mimicbench {stage}` first" if name is None else "name a set that is there"
+        raise BadFile(f"{workdir} holds no {stage}{which} of {', '.join(tasks)}; {first}")
     return found
 
 

@@ -67,7 +67,8 @@ class Run:
             return read_stage(self.workdir / self.recipe.task / stage / name)
         except BadFile as error:
             how = {"objects": "objects import", "references": "import"}.get(stage)
-            advice = f"`mimicbench {how} --to {name}` makes" if how else "give the --workdir that has"
+            of = "" if self.recipe.task == Recipe.task else f" --task {self.recipe.task}"
+            advice = f"`mimicbench {how}{of} --to {name}` makes" if how else "give the --workdir that has"
             raise BadFile(f"{error}; {advice} the set {name!r}") from None
 
     def has_named(self, stage: str, name: str) -> bool:

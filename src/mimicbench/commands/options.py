@@ -93,10 +93,18 @@ def _check_option(name: str, value: Any, hint: Any) -> None:
         check_value(f"--{name.replace('_', '-')}", value, hint)
 
 
-def recipes(task: str, seed: int = 0, source: str = "made", count: int | None = None) -> list[Recipe]:
-    """A recipe for each task that the user means, `all` for all, with so many human clips."""
+def recipes(
+    task: str, seed: int = 0, source: str = "made", count: int | None = None, workdir: Path | None = None
+) -> list[Recipe]:
+    """A recipe for each task that the user means, with so many human clips; `all` are all tasks, or those that have
+    the set `source` in a workdir, if any has.
+    """
+    from mimicbench.benchmark.keys import is_complete
     from mimicbench.benchmark.recipe import Recipe
-    from mimicbench.references.make import ReferencesConfig
+    from mimicbench.references.make import MADE, ReferencesConfig
 
     config = ReferencesConfig(source) if count is None else ReferencesConfig(source, count)
-    return [Recipe(name, seed=seed, references=config) for name in (TASKS if task == "all" else [TASKS.get(task).name])]
+    named = [] if workdir is None or source == MADE else [workdir / name / "references" / source for name in TASKS]
+    having = [place.parts[-3] for place in named if is_complete(place)]
+    names = (having or TASKS) if task == "all" else [TASKS.get(task).name]
+    return [Recipe(name, seed=seed, references=config) for name in names]

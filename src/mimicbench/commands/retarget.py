@@ -82,7 +82,7 @@ def compare(
     from mimicbench.report.table import to_terminal
 
     folder = to or how.workdir / f"retarget-{variant}"
-    wanted = recipes(task, how.seed, source, clips)
+    wanted = recipes(task, how.seed, source, clips, how.workdir)
     found = compare_methods(wanted, variant, how.workdir, folder, pictures, how.context())
     words = "\n".join([*(to_terminal(table) for table in found.tables()), f"page: {folder / 'index.html'}"])
     tell([found.to_dict()], how.as_json, words)

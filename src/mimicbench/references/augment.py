@@ -16,7 +16,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.errors import BadMotion
+from mimicbench.core.errors import BadMotion, MimicbenchError
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.parallel import map_items
 from mimicbench.core.run import RunContext
@@ -195,10 +195,13 @@ def make_augmented(
 ) -> Stage:
     """The clips of a stage and good variants of them: the set `name` of objects and of references.
 
-    Killed and started again, it goes on with the clips whose originals are missing, for these are written last.
+    Killed and started again, it goes on with the clips whose originals are missing, for these are written last. Raises
+    MimicbenchError if that is the name of the set that they are made of.
     """
     header = source.references.header
     task, seed = header["task"], header["seed"]
+    if source.references.folder == workdir / task / "references" / name:
+        raise MimicbenchError(f"the variants of {name!r} need a name of their own; give one with --to")
     made_from = {"objects": source.objects.fingerprint, "references": source.references.fingerprint}
     key = StageKey("objects", task, seed, identity(config), made_from, reads={"objects": source.objects.folder})
     with opened(workdir / task / "objects" / name, key) as there:
