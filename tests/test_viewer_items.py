@@ -29,7 +29,7 @@ from mimicbench.robots.registry import DEFAULT_ROBOT, ROBOTS
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.registry import TRACKERS
 from mimicbench.viewer.catalog import Catalog
-from mimicbench.viewer.methods import methods, whose
+from mimicbench.viewer.methods import methods, named, whose
 from mimicbench.viewer.opened import open_item
 from mimicbench.viewer.tracks import Recording, recorded_track, robot_track
 
@@ -88,6 +88,22 @@ def test_a_workdirs_policy_is_not_the_tracker_beside_it(workdir, learned):
     assert found["bc-0 (workdir)"] == learned
     assert found["residual-0 (workdir)"] == workdir / TASK.name / "track" / "residual-0" / "checkpoint"
     assert found["bc"] == SHIPPED / TASK.name / "bc"
+
+
+def test_a_damaged_checkpoint_keeps_nobody_from_looking(workdir, learned):
+    damaged = workdir / TASK.name / "imitate" / "bc-damaged" / "policy"
+    learn(damaged, "bc")
+    (damaged / "config.json").write_text('{"format"')
+    assert "bc-damaged (workdir)" not in (found := methods(TASK.name, ROBOT.name, workdir))
+    assert "bc-0 (workdir)" in found
+
+
+def test_policies_that_are_called_alike_are_told_apart(tmp_path):
+    folders = [tmp_path / name / "policy" for name in ("a", "b.2", "b.2", "bc")] + [tmp_path / "bc", tmp_path / "my.py"]
+    (tmp_path / "my.py").touch()
+    found = named([str(folder) for folder in folders], {"bc": SHIPPED / TASK.name / "bc"})
+    told = {"policy": folders[0], "b.2/policy": folders[1], "bc/policy": folders[3], "my": tmp_path / "my.py"}
+    assert found == {**told, f"{tmp_path.name}/bc": tmp_path / "bc"}
 
 
 def test_an_episode_is_acted_out_again_by_whose_it_is(workdir, learned):

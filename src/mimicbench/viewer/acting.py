@@ -10,7 +10,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.viewer.live import Episode
-from mimicbench.viewer.methods import methods, whose
+from mimicbench.viewer.methods import methods, named, whose
 from mimicbench.viewer.playing import PlayPanel
 from mimicbench.viewer.session import Session
 
@@ -98,7 +98,7 @@ class ActPanel:
         self.folders = {}
         if opened.clip is not None:
             self.folders = methods(opened.task.name, opened.robot.name, self.workdir)
-            self.folders |= {Path(path).stem: Path(path) for path in self.policies}
+            self.folders |= named(self.policies, self.folders)
         names = (NOBODY, *self.folders)
         for box in self.who.values():
             before = str(box.value)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import os
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,7 @@ from mimicbench.benchmark import keys
 from mimicbench.benchmark.shipped import SHIPPED, shipped_trackers
 from mimicbench.benchmark.who import Who, networks_of
 from mimicbench.core.checkpoint import CONFIG, checkpoint_digest, checkpoint_kind, checkpoint_robot
+from mimicbench.core.errors import BadFile
 from mimicbench.policies.registry import LOADERS
 from mimicbench.robots.description import Robot
 from mimicbench.tasks.task import Task
@@ -26,7 +28,8 @@ LEARNED = {"track": keys.CHECKPOINT, "imitate": keys.POLICY}
 def methods(task: str, robot: str, workdir: Path) -> dict[str, Path]:
     """Checkpoints that can act on a task, by what they are called on the page.
 
-    What comes with the package, and what a workdir has learned.
+    What comes with the package, and what a workdir has learned; what is damaged there is no reason not to look at all
+    else.
     """
     found: dict[str, Path] = {}
     tracker = shipped_trackers(robot).get(task)
@@ -38,12 +41,27 @@ def methods(task: str, robot: str, workdir: Path) -> dict[str, Path]:
     for stage, learned in LEARNED.items():  # beside a policy are copies of what it runs on, which nobody learned there
         for path in sorted(workdir.glob(f"{task}/{stage}/*/{learned}/{CONFIG}")):
             found[f"{path.parents[1].name} (workdir)"] = path.parent
-    kinds = (TRACKER, *LOADERS)
-    return {
-        name: folder
-        for name, folder in found.items()
-        if checkpoint_robot(folder) == robot and checkpoint_kind(folder) in kinds
-    }
+    return {name: folder for name, folder in found.items() if _acts(folder, robot)}
+
+
+def _acts(folder: Path, robot: str) -> bool:
+    """Whether there is a checkpoint that can drive a robot."""
+    try:
+        return checkpoint_robot(folder) == robot and checkpoint_kind(folder) in (TRACKER, *LOADERS)
+    except BadFile:
+        return False
+
+
+def named(paths: Sequence[str], found: Mapping[str, Path]) -> dict[str, Path]:
+    """Those of a user, beside others that were found, by as much of the ends of their paths as tells them from all
+    others.
+    """
+    own: dict[str, Path] = {}
+    for path in dict.fromkeys(Path(os.path.abspath(path)) for path in paths):  # `.` has no name
+        parts = path.with_suffix("").parts if path.is_file() else path.parts
+        names = ["/".join(parts[-count:]) for count in range(1, len(parts))]
+        own[next((name for name in names if name not in found and name not in own), str(path))] = path
+    return own
 
 
 def whose(found: Mapping[str, Path], opened: Opened) -> str | None:
