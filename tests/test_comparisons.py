@@ -118,6 +118,7 @@ def test_some_variants_alone():
     assert [len(one) for one in call.recipes] == [2]
     with pytest.raises(BadSetting, match="shared has no variant 'nothing'; there are: as it is, relative, of a tenth"):
         read_compared(SHARED, ("--only", "nothing"), CompareOptions)
+    assert len(read_compared(SHARED, ("--only", "relative", "relative"), CompareOptions).comparison.variants) == 1
 
 
 def test_all_tasks():

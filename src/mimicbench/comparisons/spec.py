@@ -57,12 +57,12 @@ class Comparison:
             raise BadSetting(f"comparison {self.name!r} has two variants of one label; give each its own")
 
     def chosen(self, labels: tuple[str, ...]) -> Comparison:
-        """The same with these variants alone; with all of them if none is named. Raises BadSetting."""
+        """The same with these variants alone, each once; with all of them if none is named. Raises BadSetting."""
         known = {variant.label: variant for variant in self.variants}
         for label in labels:
             if label not in known:
                 raise BadSetting(f"{self.name} has no variant {label!r}; there are: {', '.join(known)}")
-        return replace(self, variants=tuple(known[label] for label in labels)) if labels else self
+        return replace(self, variants=tuple(known[label] for label in dict.fromkeys(labels))) if labels else self
 
 
 @dataclass(frozen=True)
