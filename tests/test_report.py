@@ -53,6 +53,7 @@ from mimicbench.report.render import (
     robot_frames,
     with_object,
 )
+from mimicbench.report.sections import _judging_html
 from mimicbench.report.stage import _curves
 from mimicbench.report.table import Reported, Table, text, to_csv, to_latex, to_markdown, to_terminal
 from mimicbench.report.tables.beside_paper import beside_paper_table, counterpart
@@ -62,6 +63,7 @@ from mimicbench.report.video import strip, write_video
 from mimicbench.report.write import ReportInputs, draw_plots, write_report
 from mimicbench.robots.registry import ROBOTS
 from mimicbench.sim.scene import build_model
+from mimicbench.tasks import registry as tasks
 
 SMALL = Picture(96, 64, shadow=0, samples=0)
 CAMERA = Camera((0.5, 0.0, 0.8), 4.0, 128.0)
@@ -381,6 +383,17 @@ def test_every_way_to_fail_has_a_color_of_its_own():
     shares = {kind: Rate(1 + number, 100) for number, kind in enumerate(FAILURES)}
     drawn = plots.inline(plots.failures_plot("f", {"ours": shares}))
     assert all(f"var(--series-{number})" in drawn for number in range(len(FAILURES)))
+
+
+@pytest.mark.parametrize(
+    ("task", "words"),
+    [
+        ("lift-box", "is done: at the end, none of this"),
+        ("sit-chair", "at some time, for 0.3 s without a break, none of"),
+    ],
+)
+def test_what_is_judged_is_told_in_words(task, words):
+    assert words in _judging_html(tasks.TASKS.get(task))
 
 
 def test_plots_take_the_colors_of_the_page_and_keep_their_ids_apart():

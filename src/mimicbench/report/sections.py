@@ -142,10 +142,10 @@ def _judging_html(task: Task) -> Markup:
     """K, P and stays, each in a sentence."""
     lacks = ", ".join(part.words.replace("{} ", "") for part in task.shortfalls)
     when = "at the end" if task.in_last_frame else "at some time"
+    when += f", for {task.hold_time:g} s without a break" if task.hold_time else ""
     limits = ", ".join(f"{limit / 1e6:.0f}e6" for limit in ENERGY_LIMITS)
     told = (
-        f"K, whether the task is done: {when}, for {task.hold_time:g} s without a break, none of this is so: {lacks}. "
-        f"The time limit is {task.time_limit:g} s.",
+        f"K, whether the task is done: {when}, none of this is so: {lacks}. The time limit is {task.time_limit:g} s.",
         "P, whether it is done gently: the effort e, which is the sum over the joints of (torque × velocity)², stays "
         f"below a limit λ in every control step until K; λ is one of {limits} W², and “K and P” is the mean over them.",
         "Stays: K's condition holds at the time limit, too, and the robot has not fallen by then. The paper looks at K "
