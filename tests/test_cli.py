@@ -71,6 +71,8 @@ def called(*words: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
         ("references augment --count 0", "--count is 0"),
         ("bench --seconds nan", "--seconds is nan; give a finite number"),
         ("bench world --sizes 0", "--sizes is (0,)"),
+        ("bench world --sizes", "--sizes has no numbers; give at least one"),
+        ("bench soak --threads", "--threads has no numbers; give at least one"),
         ("table", "give at least one file"),
         ("table --show bets", "did you mean 'best'?"),
         ("export motion .", ". is a folder; give a file in it"),

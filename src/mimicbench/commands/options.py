@@ -90,7 +90,10 @@ def _check_option(name: str, value: Any, hint: Any) -> None:
         for one in fields(value):
             _check_option(one.name, getattr(value, one.name), hints[one.name])
     else:
-        check_value(f"--{name.replace('_', '-')}", value, hint)
+        option = f"--{name.replace('_', '-')}"
+        check_value(option, value, hint)
+        if value == () and any(isinstance(bounds, Within) for bounds in getattr(hint, "__metadata__", ())):
+            raise BadSetting(f"{option} has no numbers; give at least one")
 
 
 def recipes(
