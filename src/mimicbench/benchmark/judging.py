@@ -46,9 +46,11 @@ def episodes_of(run: Run, count: int) -> Clips:
         found = _of_split(run, wanted)
     if len(found.set) >= count:
         return replace(found, set=found.set.first(count))
+    more = "make more clips (--references.count)" if run.set_name("references") is None else "import more"
+    other = "" if split == "all" else " take another split (--split all),"
     raise MimicbenchError(
         f"{found.stage.folder} has {len(found.set)} clips of the split {split!r} that fulfil K, not {count}; "
-        "ask for fewer (--episodes of policies, --tracked of trackers), or make more clips (--references.count)"
+        f"ask for fewer (--episodes of policies, --tracked of trackers),{other} or {more}"
     )
 
 
