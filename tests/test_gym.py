@@ -456,6 +456,15 @@ def test_spaces_know_nothing_of_the_time_limit():
 
 def test_one_observation_may_be_named_alone():
     assert list(make(observe="proprio").reset(seed=0)[0]) == ["proprio"]
+    with pytest.raises(MimicbenchError, match="nothing is observed; name at least one term"):
+        make(observe=())
+    with pytest.raises(MimicbenchError, match="cameras=90 is no size"):
+        make(observe="depth", cameras=90)
+
+
+def test_one_object_may_be_named_alone():
+    alone, one = (make(objects=given).reset(seed=0)[0]["state"] for given in ("chair-0-00004", ["chair-0-00004"]))
+    assert np.array_equal(alone, one)
 
 
 def test_vector_infos_are_numbers():

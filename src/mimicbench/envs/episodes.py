@@ -84,6 +84,8 @@ class GymConfig:
         check_device(self.device)
         if isinstance(self.observe, str):
             object.__setattr__(self, "observe", (self.observe,))
+        if isinstance(self.objects, str | SceneObject):
+            object.__setattr__(self, "objects", (self.objects,))
         for what, name, known in (("reward", self.reward, REWARDS), ("action", self.action, ACTIONS)):
             if name not in known:
                 raise UnknownName(what, name, list(known))
@@ -103,7 +105,7 @@ class GymConfig:
             )
         if not 1 <= self.pool <= 99999:
             raise MimicbenchError(f"a pool of {self.pool} objects is none; give a number from 1 to 99999")
-        if len(self.cameras) != 2:
+        if not hasattr(self.cameras, "__len__") or len(self.cameras) != 2:
             raise MimicbenchError(
                 f"cameras={self.cameras!r} is no size; give their height and width, such as (90, 120)"
             )
@@ -140,6 +142,8 @@ class Episodes:
         given = ("targets", "target_elevation") if "elevation" in config.observe else ("targets",)
         self.terms = chosen_terms(tuple(dict.fromkeys((*config.observe, *given))), task)
         """What is observed; targets always, where the task has some."""
+        if not self.terms:
+            raise MimicbenchError("nothing is observed; name at least one term, such as observe=('proprio',)")
         self._middle = np.array(self.robot.rest_pose if config.action == "residual" else 0.0, np.float32)
         self._starts = Starts(task, self.robot, config.split, config.objects, config.pool, config.starts)
         self.starts: list[InitialState] = []
