@@ -113,12 +113,30 @@ def test_a_file_of_somebody_else_is_judged(tmp_path):
         ({"terms": ("proprio",), "sizes": ((48,), (3,))}, "has 2 inputs and 1 outputs, but names 1 observations"),
         ({"joints": 17}, "'target' stands for the joint targets and is n x 17"),
         ({"gains": "none"}, "unknown gains 'none'"),
+        ({"gains": ""}, "put one of .*improved.* into its metadata `gains`"),
         ({"robot": "g1"}, "policy of robot 'g1', not of 'h1'"),
     ],
 )
 def test_files_that_are_no_policies_are_refused(change, told, tmp_path):
     with pytest.raises((MimicbenchError, UnknownName), match=told):
         load_policy(made(tmp_path / "odd.onnx", **change), H1, SIT_CHAIR)
+
+
+def test_inputs_of_one_robot_beside_inputs_of_many(tmp_path):
+    """Where any input is of one robot, robots are asked for one by one; what is carried has a fixed size."""
+    path = made(tmp_path / "mixed.onnx", ("proprio", "time"), ((48,), (1,)))
+    model = onnx.load(str(path))
+    model.graph.input[1].type.tensor_type.shape.dim[0].dim_value = 1
+    onnx.save(model, str(path))
+    (run,) = run_policy(load_policy(path, H1, SIT_CHAIR), clip_set(2, 0.1), env_config=EnvConfig(workers=1))
+    assert not run.errors
+    model.graph.input[1].type.tensor_type.shape.dim[1].dim_param = "k"
+    model.graph.node.append(onnx.helper.make_node("Identity", ["in1"], ["after"]))
+    model.graph.output.append(onnx.helper.make_tensor_value_info("after", onnx.TensorProto.FLOAT, [1, "k"]))
+    onnx.helper.set_model_props(model, {"observations": "proprio", "gains": "improved", "carried": "in1"})
+    onnx.save(model, str(path))
+    with pytest.raises(MimicbenchError, match="is 1 x k of .* has to be N x a fixed size of"):
+        load_policy(path, H1, SIT_CHAIR)
 
 
 def test_files_that_are_no_onnx(tmp_path):

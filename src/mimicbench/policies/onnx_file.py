@@ -40,7 +40,7 @@ class OnnxPolicy:
         self._names = [one.name for one in inputs]
         self._carries = inputs[len(inputs) - carried :]
         self._outputs = [one.name for one in session.get_outputs()[: 1 + carried]]
-        self._alone = inputs[0].shape[0] == 1
+        self._alone = any(one.shape[0] == 1 for one in inputs)
         self._carried: list[np.ndarray] = []
 
     def to(self, device: str) -> None:
@@ -99,6 +99,11 @@ def load_onnx(path: Path, robot: Robot, task: Task) -> OnnxPolicy:
             f"{path} observes {lacking[0]!r}, which {task.name} does not have; judge it on another task"
         )
     gains = notes.get("gains", "")
+    if not gains:
+        raise BadFile(
+            f"{path} does not say what gains its targets are meant for; put one of {', '.join(robot.gains)} into its "
+            "metadata `gains`"
+        )
     if gains not in robot.gains:
         raise UnknownName("gains", gains, list(robot.gains))
     inputs, outputs = session.get_inputs(), session.get_outputs()
@@ -145,7 +150,7 @@ def _check(
         not isinstance(has, int) or wants in (-1, has) for has, wants in zip(found[1:], shape, strict=True)
     )
     if not (free and same and one.type in types and all(isinstance(size, int) for size in shape)):
-        wanted = " x ".join(["N", *map(str, shape)])
+        wanted = " x ".join(["N", *(str(size) if isinstance(size, int) else "a fixed size" for size in shape)])
         given = " x ".join(map(str, found)) or "a single number"
         raise MimicbenchError(
             f"{path}: {one.name!r} stands for {what} and is {given} of {one.type}; it has to be {wanted} of "
