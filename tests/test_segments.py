@@ -1,10 +1,15 @@
 """Which parts of a recording are a task, and which only look like it, on hand-made tracks of pelvis, head and limbs."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from mimicbench.objects.registry import FAMILIES
 from mimicbench.references.body.body import unihsi_body
-from mimicbench.references.recordings.segments import find_clasps, find_lyings, find_sittings
+from mimicbench.references.recordings.cutting import HELD, settled
+from mimicbench.references.recordings.segments import find_clasps, find_lyings, find_sittings, stood_up
+from mimicbench.references.synthesis.registry import synthesize
 
 FPS = 30
 BODY = unihsi_body()
@@ -80,3 +85,26 @@ def test_a_jump_is_no_lift():
     step = ankles.copy()
     step[:, 0, 2] += 0.2 * flight
     assert len(find_clasps(wrists, step, FPS)) == 1, "who steps back with a box is on the floor"
+
+
+def test_a_lift_goes_on_until_the_person_stands():
+    time = np.arange(4 * FPS) / FPS
+    pelvis = 0.7 + 0.35 * np.clip((time - 1.0) / 1.0, 0, 1)
+    lifted = round(1.4 * FPS)
+    assert stood_up(pelvis, lifted, FPS) / FPS == pytest.approx(2.0, abs=0.1)
+    assert stood_up(0 * pelvis + 1.0, lifted, FPS) == lifted, "who stands already is not waited for"
+    assert stood_up(0.3 * time, lifted, FPS) / FPS == pytest.approx(2.9, abs=0.1), "nobody rises for ever"
+    assert stood_up(0.3 * time, len(time), FPS) == len(time)
+
+
+def test_what_is_held_comes_to_rest_with_who_holds_it():
+    motion = synthesize("lift-box", 1, FAMILIES.get("box").make(1, 0), 0)
+    lifted = int(np.argmax(motion.object_pos_w[:, 2] > 0.2))
+    parts = {n: getattr(motion, n)[:lifted] for n in ("root_pos_w", "local_quat", "object_pos_w", "object_quat_w")}
+    rising = replace(motion, contact_names=(), contacts=motion.contacts[:0, :0], **parts)
+    rest = settled(rising)
+    held = slice(-round(HELD * motion.fps), None)
+    for before, after in ((rising.object_pos_w, rest.object_pos_w), (rising.root_pos_w, rest.root_pos_w)):
+        assert after[:10] == pytest.approx(before[:10])
+        assert after[held] == pytest.approx(np.broadcast_to(before[-1], after[held].shape), abs=1e-9)
+    assert np.abs(np.linalg.norm(rest.object_quat_w, axis=-1) - 1).max() < 1e-9

@@ -22,8 +22,8 @@ JUMP, BRIDGE = 12.0, 0.17
 """A joint that turns faster than JUMP [rad/s] is taken for a fault of the recording and bridged over BRIDGE [s] before
 and after."""
 SLOWDOWN, HELD = 0.3, 1.1
-"""The last SLOWDOWN [s] of a reach are stretched to twice as long, in which it comes to rest; then it is held for HELD
-[s]."""
+"""The last SLOWDOWN [s] of a reach or a lift are stretched to twice as long, in which it comes to rest; then it is held
+for HELD [s]."""
 
 Clip = tuple[HumanMotion, SceneObject]
 
@@ -83,8 +83,8 @@ def with_contacts(motion: HumanMotion, obj: SceneObject) -> Clip:
 
 
 def settled(motion: HumanMotion) -> HumanMotion:
-    """The motion with its last part slowed down to a halt, and the last pose held: targets count as reached once
-    wrists stay there.
+    """The motion, and the object's, with its last part slowed down to a halt, and the last pose held: targets count as
+    reached once wrists stay there, and who lifts a box is to hold it.
     """
     slow = min(2 * SLOWDOWN, motion.duration)
     time = np.arange(0.0, slow, 1 / FPS)
@@ -92,15 +92,25 @@ def settled(motion: HumanMotion) -> HumanMotion:
     frames = FPS * np.concatenate(
         [np.arange(0.0, motion.duration - slow / 2, 1 / FPS), ending, np.full(round(HELD * FPS), motion.duration)]
     )
-    low = np.minimum(frames.astype(int), motion.frames - 2)
-    share = np.minimum(frames - low, 1.0)
-    root = motion.root_pos_w[low] + share[:, None] * (motion.root_pos_w[low + 1] - motion.root_pos_w[low])
-    quat = rot.slerp(
-        motion.local_quat[low],
-        motion.local_quat[low + 1],
-        np.broadcast_to(share[:, None], motion.local_quat[low].shape[:2]),
-    )
-    return replace(motion, root_pos_w=root, local_quat=rot.normalize(quat))
+    of_object = {}
+    if len(motion.object_pos_w):
+        of_object["object_pos_w"] = _at(motion.object_pos_w, frames)
+        of_object["object_quat_w"] = rot.normalize(_quat_at(motion.object_quat_w, frames))
+    root, quat = _at(motion.root_pos_w, frames), rot.normalize(_quat_at(motion.local_quat, frames))
+    return replace(motion, root_pos_w=root, local_quat=quat, **of_object)
+
+
+def _at(values: np.ndarray, frames: np.ndarray) -> np.ndarray:
+    """(T, 3) values between frames."""
+    low = np.minimum(frames.astype(int), len(values) - 2)
+    return values[low] + np.minimum(frames - low, 1.0)[:, None] * (values[low + 1] - values[low])
+
+
+def _quat_at(quat: np.ndarray, frames: np.ndarray) -> np.ndarray:
+    """(T, ..., 4) quaternions between frames, along the shortest way."""
+    low = np.minimum(frames.astype(int), len(quat) - 2)
+    share = np.minimum(frames - low, 1.0).reshape(-1, *[1] * (quat.ndim - 2))
+    return rot.slerp(quat[low], quat[low + 1], np.broadcast_to(share, quat[low].shape[:-1]))
 
 
 def moved(motion: HumanMotion, origin: np.ndarray, yaw: float) -> HumanMotion:

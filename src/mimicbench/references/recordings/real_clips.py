@@ -27,6 +27,7 @@ from mimicbench.references.recordings.segments import (
     find_lyings,
     find_reach,
     find_sittings,
+    stood_up,
 )
 
 DEEPEST = 0.15
@@ -93,7 +94,9 @@ def lifting_clips(recording: Recording) -> list[Clip]:
             f"{recording.name} has no part in which both hands lift something by "
             f"{HandlingRules().lift:.2f} m; leave it out"
         )
-    return each(recording, found, lambda part, number: _lifting_clip(recording, part, number, track, sides))
+    pelvis, fps = recording.root_pos_w[:, 2], recording.fps
+    whole = [replace(part, end=stood_up(pelvis, part.end, fps)) for part in found if part.end is not None]
+    return each(recording, whole, lambda part, number: _lifting_clip(recording, part, number, track, sides))
 
 
 def touching_clips(recording: Recording) -> list[Clip]:
@@ -140,7 +143,7 @@ def _lying_clip(recording: Recording, lying: Sitting, number: int, task: str) ->
 def _lifting_clip(
     recording: Recording, handling: Handling, number: int, whole: ObjectTrack | None, sides: np.ndarray | None
 ) -> Clip:
-    """From before the hands touch until the height is reached.
+    """From before the hands touch until the person has stood up and holds the box.
 
     The box is at the origin facing +x in the first frame.
     """
@@ -165,6 +168,7 @@ def _lifting_clip(
     else:
         box = box_between(motion.object_id, wrists, pelvis, clasp, track)
     motion, obj = _beside(motion, box)
+    motion = settled(motion)
     if (depth := body_depth(motion, obj)) > DEEPEST:
         raise BadMotion(
             f"{motion.id}: the box that would fit between the hands is {depth:.2f} m deep in the "

@@ -153,7 +153,11 @@ class HandlingRules:
     before_touch: float = 0.1
     """A clip of touching ends so long before the touch [s]."""
     lift: float = 0.25
-    """A clip of lifting ends when the object, or what the hands clasp, is that much higher [m]."""
+    """Something is lifted when it, or what the hands clasp, is that much higher [m]."""
+    rising: float = 0.15
+    """Then a clip goes on until the pelvis rises no faster than this [m/s]: who is still bent cannot hold anything."""
+    rises: float = 1.5
+    """But no longer than this [s]."""
     grip: float = 0.05
     """Most that the distance between the wrists changes while they lift something [m]."""
     apart: float = 0.12
@@ -205,6 +209,19 @@ def find_handling(
     return Handling(
         max(0, touch - round(rules.before * fps)), touch, touch + int(lifted[0]) + 1 if len(lifted) else None
     )
+
+
+def stood_up(pelvis: np.ndarray, lifted: int, fps: float, rules: HandlingRules | None = None) -> int:
+    """One past the frame in which who lifts something has stood up, from heights (T,) of the pelvis [m] and one past
+    the frame in which it is lifted.
+    """
+    rules = rules or HandlingRules()
+    ahead = max(1, round(0.1 * fps))
+    last = min(len(pelvis) - 1 - ahead, lifted - 1 + round(rules.rises * fps))
+    frames = np.arange(lifted - 1, max(last, lifted - 1) + 1)
+    rise = (pelvis[np.minimum(frames + ahead, len(pelvis) - 1)] - pelvis[frames]) * fps / ahead
+    stands = np.flatnonzero(rise < rules.rising)
+    return int(frames[stands[0] if len(stands) else -1]) + 1
 
 
 def find_clasps(
