@@ -29,6 +29,11 @@ BESIDE = (keys.TRACKER, keys.PERCEPTION)
 """Folders of networks that a policy may run on, beside its own."""
 
 
+def is_place(name: str) -> bool:
+    """Whether a user who says this means a file or a folder, not a name."""
+    return Path(name).suffix in FILES or "/" in name or name.startswith(".")
+
+
 @dataclass(frozen=True)
 class Who:
     """A policy or tracker to judge."""
@@ -83,7 +88,7 @@ def who_of(run: Run, name: str) -> Who:
         if not Path(name).is_file():
             raise BadFile(f"{name} does not exist; give the path of {FILES[Path(name).suffix]}")
         return Who(Path(name).stem, Path(name))
-    if "/" in name or name.startswith("."):
+    if is_place(name):
         folder = Path(os.path.abspath(name))  # `.` has no name, and nothing beside it
         if not (folder / CONFIG).exists():
             raise BadFile(f"{Path(name) / CONFIG} does not exist; give the folder of a checkpoint")

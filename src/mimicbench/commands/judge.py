@@ -93,11 +93,19 @@ def _each_once(one: Run, train: bool) -> Run:
     Raises MimicbenchError if the rows of two of them would bear one name.
     """
     from mimicbench.benchmark.recipe import stage_type
-    from mimicbench.benchmark.who import who_of
+    from mimicbench.benchmark.shipped import shipped_names
+    from mimicbench.benchmark.who import is_place, who_of
+    from mimicbench.imitate.registry import LEARNERS
 
     config = one.recipe.evaluate
     if train:
+        there = {"best", *shipped_names(one.recipe.task)} - {"tracker", *LEARNERS}
         for name in config.policy:
+            if is_place(name) or name in there:
+                raise MimicbenchError(
+                    f"with --train the report is of what is learned here, which {name!r} is not; name learners "
+                    f"({', '.join(LEARNERS)}), or judge it without --train"
+                )
             if name != "tracker":
                 stage_type("imitate", {"learner": name})
         return one.changed(evaluate=replace(config, policy=tuple(dict.fromkeys(config.policy))))
