@@ -11,7 +11,7 @@ from mimicbench.core.errors import BadFile, MimicbenchError
 def test_clips_are_drawn_below_their_people(tmp_path, capsys):
     stage = make("retarget", tmp_path, small(clips=2))
     names = sorted(path.stem for path in stage.folder.glob("*.npz"))
-    draw(tmp_path / "one.png", (names[1],), workdir=tmp_path, workers=1)
+    draw(tmp_path / "one.png", (f"{names[1]}.npz",), workdir=tmp_path, workers=1)
     draw(tmp_path / "all.png", workdir=tmp_path, workers=1)
     one, both = (iio.imread(tmp_path / name) for name in ("one.png", "all.png"))
     assert both.shape == (2 * len(one) + BETWEEN_CLIPS, *one.shape[1:]) and (both[-len(one) :] == one).all()

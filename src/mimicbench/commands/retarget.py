@@ -41,8 +41,9 @@ def draw(
     from mimicbench.tasks.registry import TASKS
 
     TASKS.get(task)
-    found = stage_with(workdir, task, "retarget", f"{clip[0]}.npz" if clip else HEADER, stage)
-    names = list(clip) or sorted(path.stem for path in found.folder.glob("*.npz"))[:count]
+    named = [name.removesuffix(".npz") for name in clip]  # as a folder lists them, or as tables do
+    found = stage_with(workdir, task, "retarget", f"{named[0]}.npz" if named else HEADER, stage)
+    names = named or sorted(path.stem for path in found.folder.glob("*.npz"))[:count]
     if not names:
         raise BadMotion(f"{found.folder} holds no clips; run `mimicbench retarget --task {task}` again")
     sides = [_beside_its_person(workdir / task, found, name) for name in names]
