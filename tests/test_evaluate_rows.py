@@ -130,7 +130,11 @@ def test_an_episode_that_is_told_of_twice_is_of_two_runs(tmp_path, capsys):
     with pytest.raises(MimicbenchError, match=r"first.parquet and .*again.parquet both tell of episode"):
         table(tuple(files[:2]), ("results",))
     table((files[0], *files[2:]), ("results",))
-    assert "(" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "(" in told
+    (tmp_path / "link").symlink_to(tmp_path)
+    table((*files[2:], files[0], files[0], tmp_path / "link" / files[0].name), ("results",))
+    assert capsys.readouterr().out == told, "a file that is named twice counts once"
 
 
 def test_every_cut_and_every_flip_is_refused_or_harmless(tmp_path):

@@ -31,7 +31,8 @@ def table(
     from mimicbench.report.table import WRITERS
     from mimicbench.report.tables.spec import Episodes
 
-    rows = [(path, row) for path in files for row in read_rows(path)]
+    once = {path.resolve(): path for path in files}.values()
+    rows = [(path, row) for path in once for row in read_rows(path)]
     _told_apart(rows)
     episodes = Episodes(tuple(row for _, row in rows))
     several = len(episodes.by_task) > 1
