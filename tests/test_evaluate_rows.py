@@ -137,6 +137,14 @@ def test_an_episode_that_is_told_of_twice_is_of_two_runs(tmp_path, capsys):
     assert capsys.readouterr().out == told, "a file that is named twice counts once"
 
 
+def test_a_wanted_table_with_nothing_to_show_is_told(tmp_path, capsys):
+    """The object is nobody's, so that its size is not known, and no episode failed."""
+    write_rows(tmp_path / "rows.parquet", [replace(ROW, stays=True)])
+    table((tmp_path / "rows.parquet",), ("sizes", "failed", "results"))
+    told = capsys.readouterr()
+    assert "100.0 %" in told.out and told.err == "of these episodes there is nothing to show in: sizes, failed\n"
+
+
 def test_every_cut_and_every_flip_is_refused_or_harmless(tmp_path):
     path = tmp_path / "rows.parquet"
     rows = [replace(ROW, episode=i) for i in range(50)]

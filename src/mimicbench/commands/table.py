@@ -10,6 +10,7 @@ import tyro
 
 from mimicbench.commands.options import Form
 from mimicbench.core.errors import MimicbenchError
+from mimicbench.core.run import to_stderr
 from mimicbench.report.tables.registry import HEADLINES, TABLES
 
 if TYPE_CHECKING:
@@ -36,7 +37,8 @@ def table(
     _told_apart(rows)
     episodes = Episodes(tuple(row for _, row in rows))
     several = len(episodes.by_task) > 1
-    made = [one for spec in chosen if show or several or spec.per_task for one in spec.of(episodes)]
+    tables = {spec.name: spec.of(episodes) for spec in chosen if show or several or spec.per_task}
+    made = [one for some in tables.values() for one in some]
     if not made:
         raise MimicbenchError(
             f"of these episodes there is nothing to show in: {', '.join(show)}"
@@ -45,6 +47,8 @@ def table(
         )
     for one in made:
         print(WRITERS[form](one))
+    if empty := [name for name, some in tables.items() if show and not any(one.rows for one in some)]:
+        to_stderr(f"of these episodes there is nothing to show in: {', '.join(empty)}")
 
 
 def _told_apart(rows: Sequence[tuple[Path, EpisodeRow]]) -> None:
