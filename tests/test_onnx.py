@@ -152,6 +152,15 @@ def test_files_that_are_no_onnx(tmp_path):
         load_policy(tmp_path / "mute.onnx", H1, SIT_CHAIR)
 
 
+def test_who_has_no_such_form_is_told_who_has(tmp_path):
+    """The kinds that say so are those that the test above exports."""
+    from mimicbench.policies.export import export_policy
+
+    with pytest.raises(MimicbenchError, match="one of these kinds: act, bc, diffusion, hit, planner, ppo$"):
+        export_policy(SHIPPED / "online", H1, SIT_CHAIR, tmp_path / "out.onnx")
+    assert not list(tmp_path.iterdir())
+
+
 def test_who_lacks_the_extra_is_told(tmp_path, monkeypatch):
     """As if onnxruntime were not installed."""
     path, real = made(tmp_path / "mine.onnx"), builtins.__import__

@@ -4,4 +4,4 @@ from mimicbench.imitate.cloning import clone_loader
 from mimicbench.imitate.learners.act import ACTConfig
 from mimicbench.policies.loader import Loader
 
-LOADER = Loader("act", clone_loader(ACTConfig))
+LOADER = Loader("act", clone_loader(ACTConfig), exports=True)

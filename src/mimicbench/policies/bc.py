@@ -4,4 +4,4 @@ from mimicbench.imitate.cloning import clone_loader
 from mimicbench.imitate.learners.bc import BCConfig
 from mimicbench.policies.loader import Loader
 
-LOADER = Loader("bc", clone_loader(BCConfig))
+LOADER = Loader("bc", clone_loader(BCConfig), exports=True)

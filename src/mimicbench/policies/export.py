@@ -14,6 +14,7 @@ from mimicbench.core.files import write_atomic
 from mimicbench.envs.policy import Policy
 from mimicbench.policies.loading import load_policy
 from mimicbench.policies.onnx_file import MISSING, load_onnx
+from mimicbench.policies.registry import LOADERS
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.observations import TERMS, Observations
 from mimicbench.sim.scene import CONTROL_DT
@@ -59,7 +60,10 @@ def export_policy(folder: Path, robot: Robot, task: Task, path: Path) -> dict[st
         raise MimicbenchError(MISSING.format("this", error.name)) from None
     policy = load_policy(folder, robot, task)
     if not isinstance(policy, Remembers):
-        raise MimicbenchError(f"{folder} holds a policy that does not say what it remembers; it has no ONNX form")
+        raise MimicbenchError(
+            f"{folder} holds a policy that does not say what it remembers, and so has no ONNX form; export one of "
+            f"these kinds: {', '.join(loader.name for loader in LOADERS.all() if loader.exports)}"
+        )
     policy.to("cpu")
     names = tuple(dict.fromkeys((*policy.observations, "time")))
     observed = _drawn(names, robot, task, 0, 1)

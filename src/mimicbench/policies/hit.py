@@ -3,4 +3,4 @@
 from mimicbench.imitate.learners.hit import load_hit
 from mimicbench.policies.loader import Loader
 
-LOADER = Loader("hit", load_hit)
+LOADER = Loader("hit", load_hit, exports=True)

@@ -17,3 +17,5 @@ class Loader:
     """The kind, as in `config.json`."""
     load: Callable[[Path, Robot, Task], Policy]
     """From the checkpoint's folder. Raises BadCheckpoint."""
+    exports: bool = False
+    """Whether these policies say what they remember (policies.export.Remembers), and so can be ONNX files."""

@@ -3,4 +3,4 @@
 from mimicbench.imitate.planner import load_planner
 from mimicbench.policies.loader import Loader
 
-LOADER = Loader("planner", load_planner)
+LOADER = Loader("planner", load_planner, exports=True)

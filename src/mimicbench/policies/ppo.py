@@ -4,4 +4,4 @@ from mimicbench.imitate.cloning import clone_loader
 from mimicbench.imitate.learners.ppo import PPONetworkConfig
 from mimicbench.policies.loader import Loader
 
-LOADER = Loader("ppo", clone_loader(PPONetworkConfig))
+LOADER = Loader("ppo", clone_loader(PPONetworkConfig), exports=True)
