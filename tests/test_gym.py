@@ -403,14 +403,17 @@ def test_mistakes_are_told():
         env.reset(options={"goal": 1})
     with pytest.raises(MimicbenchError, match="there is no start 5000"):
         env.reset(options={"start": 5000})
-    with pytest.raises(MimicbenchError, match="there is no start 0.5"):
-        env.reset(options={"start": 0.5})
+    for bad in (0.5, np.nan, "x", [1], np.array([1, 2])):
+        with pytest.raises(MimicbenchError, match="there is no start"):
+            env.reset(options={"start": bad})
     assert env.reset(seed=np.int64(3))[1]["seed"] == 3
     for arguments, told in (
         ({"reward": "huge"}, "unknown reward"),
         ({"action": "wish"}, "unknown action"),
         ({"action": "residual", "control": "torque"}, "torque control"),
         ({"max_episode_steps": 0}, "1 or more"),
+        ({"workers": -1}, "workers=-1; give 1 to 4096, or 0"),
+        ({"workers": "all"}, "workers='all'; give 1 to 4096"),
         ({"cameras": (90,)}, "their height and width"),
     ):
         with pytest.raises(MimicbenchError, match=told):

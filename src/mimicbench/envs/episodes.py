@@ -9,6 +9,7 @@ import torch
 
 from mimicbench.core.errors import MimicbenchError, UnknownName
 from mimicbench.core.motion import RobotMotion
+from mimicbench.core.run import MOST_WORKERS
 from mimicbench.envs.initial_states import InitialState, stacked
 from mimicbench.envs.metrics import EpisodeMetrics
 from mimicbench.envs.nearness import nearness
@@ -89,6 +90,8 @@ class GymConfig:
         for what, name, known in (("reward", self.reward, REWARDS), ("action", self.action, ACTIONS)):
             if name not in known:
                 raise UnknownName(what, name, list(known))
+        if not isinstance(self.workers, int) or not 0 <= self.workers <= MOST_WORKERS:
+            raise MimicbenchError(f"workers={self.workers!r}; give 1 to {MOST_WORKERS}, or 0 for all processors")
         if self.action == "residual" and self.control != "position":
             raise MimicbenchError(
                 f'action="residual" is of angles around a pose, which {self.control} control does not take; choose '

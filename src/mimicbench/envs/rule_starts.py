@@ -184,8 +184,8 @@ class Starts:
         """
         random, count = rng(seed, "episode", self.task.name), len(self)
         drawn = int(random.integers(count))
-        if number is not None and (number != int(number) or not 0 <= number < count):
-            raise MimicbenchError(f"there is no start {number}; give a number from 0 to {count - 1}")
+        if number is not None and not (isinstance(number, int | np.integer) and 0 <= number < count):
+            raise MimicbenchError(f"there is no start {number!r}; give a whole number from 0 to {count - 1}")
         chosen = drawn if number is None else int(number)
         if self._motions is not None:
             motion = self._motions[chosen]
