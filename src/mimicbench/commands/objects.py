@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from mimicbench.commands.options import WORK, Axis, Json, Seed, SetName, Task, Workdir, Workers
+from mimicbench.commands.options import WORK, Axis, Json, Seed, SetName, Task, Workdir, Workers, check_png
 from mimicbench.commands.telling import stage_line, stage_summary, tell
 from mimicbench.core.run import RunContext, to_stderr
 from mimicbench.core.settings import Count
@@ -30,6 +30,7 @@ def draw(
     from mimicbench.report.pictures.sheet import contact_sheet
     from mimicbench.report.video import write_png
 
+    check_png("--out", out)
     config = ObjectsConfig(source, max(count, ObjectsConfig().count))
     stage = run_stage("objects", Recipe(task, seed=seed, objects=config), workdir, RunContext(workers))
     shown = read_objects(stage.folder, object_ids(stage.folder)[:count])

@@ -96,6 +96,12 @@ def _check_option(name: str, value: Any, hint: Any) -> None:
             raise BadSetting(f"{option} has no numbers; give at least one")
 
 
+def check_png(option: str, path: Path) -> None:
+    """Raises BadSetting if what is to become a picture is called something else."""
+    if path.suffix.lower() != ".png":
+        raise BadSetting(f"{option} is {str(path)!r}; give a name that ends in .png")
+
+
 def recipes(
     task: str, seed: int = 0, source: str = "made", count: int | None = None, workdir: Path | None = None
 ) -> list[Recipe]:

@@ -20,6 +20,7 @@ from mimicbench.commands.options import (
     Task,
     Tasks,
     Workdir,
+    check_png,
     recipes,
 )
 from mimicbench.commands.telling import stage_line, stage_summary, tell
@@ -129,13 +130,14 @@ def stats(
     from mimicbench.report import dataset
     from mimicbench.report.table import to_terminal
 
+    path = picture or workdir / "references.png"
+    check_png("--picture", path)
     tasks = [recipe.task for recipe in recipes(task, 0, source)]
     stages = largest(workdir, tasks, "references", None if source == "made" else source)
     if beside_real:
         _stats_beside_real(stages, beside_real, as_json)
         return
     sets = [set_statistics(slug, workdir / slug / s.header["reads"]["objects"], s.folder) for slug, s in stages.items()]
-    path = picture or workdir / "references.png"
     dataset.dataset_picture(sets, path)
     more = [dataset.style_table(sets)] if styles else []
     tables = (dataset.statistics_table(sets), dataset.variety_table(sets), *more)

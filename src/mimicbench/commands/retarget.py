@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from mimicbench.commands.options import AS_USUAL, WORK, How, Source, Task, Tasks, Workdir, Workers, recipes
+from mimicbench.commands.options import AS_USUAL, WORK, How, Source, Task, Tasks, Workdir, Workers, check_png, recipes
 from mimicbench.commands.telling import tell
 from mimicbench.core.settings import Count
 from mimicbench.tasks.registry import DEFAULT_TASK
@@ -40,6 +40,7 @@ def draw(
     from mimicbench.report.video import stacked, write_png
     from mimicbench.tasks.registry import TASKS
 
+    check_png("--out", out)
     TASKS.get(task)
     named = [name.removesuffix(".npz") for name in clip]  # as a folder lists them, or as tables do
     found = stage_with(workdir, task, "retarget", f"{named[0]}.npz" if named else HEADER, stage)
