@@ -78,6 +78,7 @@ def called(*words: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
         ("bench soak --threads", "--threads has no numbers; give at least one"),
         ("table", "give at least one file"),
         ("table --show bets", "did you mean 'best'?"),
+        ("table --show BEST", "did you mean 'best'?"),
         ("export motion .", ". is a folder; give a file in it"),
         ("import .", "it is a folder; give the files in it"),
         ("view --policy nobody.py", "nobody.py does not exist"),

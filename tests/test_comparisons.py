@@ -118,6 +118,8 @@ def test_some_variants_alone():
     assert [len(one) for one in call.recipes] == [2]
     with pytest.raises(BadSetting, match="shared has no variant 'nothing'; there are: as it is, relative, of a tenth"):
         read_compared(SHARED, ("--only", "nothing"), CompareOptions)
+    with pytest.raises(BadSetting, match="of a tenth.*; did you mean 'as it is'"):
+        read_compared(SHARED, ("--only", "As It Is"), CompareOptions)
     assert len(read_compared(SHARED, ("--only", "relative", "relative"), CompareOptions).comparison.variants) == 1
 
 

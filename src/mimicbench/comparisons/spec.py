@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from mimicbench.benchmark.recipe import Recipe, read_recipe, recipe_tree, stage_type
+from mimicbench.core.errors import guess
 from mimicbench.core.settings import BadSetting, Share, merge
 from mimicbench.references.make import MADE
 
@@ -61,7 +62,8 @@ class Comparison:
         known = {variant.label: variant for variant in self.variants}
         for label in labels:
             if label not in known:
-                raise BadSetting(f"{self.name} has no variant {label!r}; there are: {', '.join(known)}")
+                told = f"{self.name} has no variant {label!r}; there are: {', '.join(known)}"
+                raise BadSetting(told + guess(label, known))
         return replace(self, variants=tuple(known[label] for label in dict.fromkeys(labels))) if labels else self
 
 

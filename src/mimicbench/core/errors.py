@@ -1,8 +1,16 @@
 """Errors that a user can act on."""
 
+from collections.abc import Iterable
 from difflib import get_close_matches
 
 from mimicbench.core.names import printable
+
+
+def guess(name: str, known: Iterable[str]) -> str:
+    """The end of a message about a name that is not among those known: which one may be meant, if any is near."""
+    lower = {one.lower(): one for one in known}
+    meant = get_close_matches(name.lower(), lower, 1)
+    return f"; did you mean {lower[meant[0]]!r}?" if meant else ""
 
 
 class MimicbenchError(Exception):
@@ -36,9 +44,7 @@ class UnknownName(MimicbenchError):
 
     def __str__(self) -> str:
         what, name, known = self.args
-        meant = get_close_matches(str(name), known, 1)
-        guess = f"; did you mean {meant[0]!r}?" if meant else ""
-        return f"unknown {what} {name!r}; known are: {', '.join(sorted(known))}{guess}"
+        return f"unknown {what} {name!r}; known are: {', '.join(sorted(known))}{guess(str(name), known)}"
 
 
 class WorkerDied(MimicbenchError):
