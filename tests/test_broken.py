@@ -31,7 +31,8 @@ def targets(physics):
     return torch.tensor(JOINTS).repeat(physics.num_envs, 1)
 
 
-def test_only_the_broken_scene_ends(tmp_path, caplog):
+def test_only_the_broken_scene_ends(tmp_path, caplog, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     whole, broken = three(tmp_path / "whole"), three(tmp_path)
     for physics in (whole, broken):
         physics.step(targets(physics))
@@ -49,6 +50,7 @@ def test_only_the_broken_scene_ends(tmp_path, caplog):
     assert (found.scene, found.obj.id, found.backend) == (1, make_chair(1).id, "native")
     assert np.flatnonzero(np.isnan(found.qpos)).tolist() == [10]
     assert "BADQPOS" in replay(found).warnings
+    assert not (tmp_path / "MUJOCO_LOG.TXT").exists(), "what breaks is told, not written into anybody's folder"
 
 
 def test_every_reset_is_a_new_chance_to_be_reported(tmp_path):

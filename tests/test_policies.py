@@ -165,6 +165,7 @@ def test_targets_may_be_more_precise_than_what_is_observed(tmp_path):
         ("return target.numpy()", "act gave ndarray instead of a tensor of (3, 19)", [0, 1, 2], [0, 0, 0]),
         ("target[1, 4] = float('nan') if self.steps == 6 else 0.0", "not finite", [1], [10, 5, 10]),
         ("target[:] = float('inf')", "not finite", [0, 1, 2], [0, 0, 0]),
+        ("target[2, 4] = -1e30 if self.steps == 6 else 0.0", "act gave targets beyond 1e+10 rad", [2], [10, 10, 5]),
         ("if self.steps == 3: import sys; sys.exit('enough')", "act raised SystemExit: enough", [0, 1, 2], [2, 2, 2]),
     ],
 )

@@ -9,6 +9,7 @@ from types import FrameType
 from typing import NoReturn, TypeVar
 
 import torch
+from mujoco import mjMAXVAL
 from torch import Tensor
 
 from mimicbench.core.errors import MimicbenchError
@@ -34,7 +35,8 @@ class Guard:
         """`target` (N, J): what joints are given until the policy says otherwise; `patience` as PATIENCE [s]."""
         self._policy, self._last, self._patience = policy, target, patience
         self.sound = torch.ones(len(target), dtype=torch.bool, device=target.device)
-        """(N,) the episodes in which every target so far was finite."""
+        """(N,) the episodes in which every target so far was finite, and no larger than the physics take."""
+        self._huge = ~self.sound
         self._error = ""
 
     def to(self, device: str) -> None:
@@ -47,7 +49,9 @@ class Guard:
             self._tried("reset", lambda: self._policy.reset(ids, obs), self._patience * BEFOREHAND)
 
     def act(self, obs: Observations) -> Tensor | None:
-        """(N, J) targets, the last good ones of robots that are given no finite ones; None if there are none at all."""
+        """(N, J) targets, the last good ones of robots that are given none that are finite and not huge; None if there
+        are none at all.
+        """
         target = None if self._error else self._tried("act", lambda: self._policy.act(obs), self._patience)
         if self._error:
             return None
@@ -60,13 +64,16 @@ class Guard:
             return None
         target = target.to(self._last.dtype)  # or all that is observed from then on would be as precise
         # without asking the device whether there are any
-        self.sound = self.sound & target.isfinite().all(-1)
+        small = (target.abs() <= mjMAXVAL).all(-1)  # beyond that the physics would break
+        self._huge = self._huge | (self.sound & ~small & target.isfinite().all(-1))
+        self.sound = self.sound & small
         self._last = torch.where(self.sound[:, None], target, self._last)
         return self._last
 
     def errors(self) -> dict[int, str]:
         """What was wrong, by episode."""
         found = dict.fromkeys((~self.sound).nonzero()[:, 0].tolist(), "act gave targets that are not finite")
+        found |= dict.fromkeys(self._huge.nonzero()[:, 0].tolist(), f"act gave targets beyond {mjMAXVAL:g} rad")
         return {i: found.get(i, self._error) for i in range(len(self.sound))} if self._error else found
 
     def _tried(self, what: str, call: Callable[[], T], patience: float) -> T | None:

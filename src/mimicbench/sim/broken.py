@@ -111,6 +111,7 @@ def replay(broken: BrokenScene) -> Replay:
     numbers, may survive here: then the fault is in rounding, not in the scene. Raises BadFile if the state does not
     fit the robot and the object.
     """
+    quiet()
     robot = ROBOTS.get(broken.robot)
     model = build_model(robot, broken.obj, broken.preset, broken.control, friction=broken.friction, mass=broken.mass)
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
@@ -139,11 +140,20 @@ def replay(broken: BrokenScene) -> Replay:
     )
 
 
+def quiet() -> None:
+    """What MuJoCo warns of goes to the log, unless somebody else hears it: by itself it writes a file into the working
+    folder, and a line for every scene and step.
+    """
+    if mujoco.get_mju_user_warning() is None:
+        mujoco.set_mju_user_warning(_log.debug)
+
+
 class BrokenLog:
     """Tells of broken scenes as they come, writes the first ones to disk, and counts all."""
 
     def __init__(self, folder: Path | None = None) -> None:
         """`folder` is where they go; None: a new folder among the temporary ones, made when it is needed."""
+        quiet()
         self.folder = folder
         self.count = 0
         """Scenes that broke so far."""
