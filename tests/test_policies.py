@@ -200,6 +200,16 @@ def test_a_policy_may_plan_before_its_episodes(tmp_path):
         assert run.errors == told
 
 
+def test_a_policy_may_go_elsewhere_and_rows_do_not(tmp_path, monkeypatch):
+    """Relative paths of whoever judges it mean the same as before, whenever it goes."""
+    (tmp_path / "other").mkdir()
+    program = "import os\nos.chdir('other')\n" + textwrap.dedent(POLICY)
+    written(tmp_path / "odd.py", "import os; os.chdir('/')", program)
+    monkeypatch.chdir(tmp_path)
+    assert [(row.steps, row.error) for row in judged(Path("odd.py"))] == [(10, "")] * 3
+    assert Path.cwd() == tmp_path
+
+
 def test_errors_are_listed(tmp_path, capsys):
     rows = judged(written(tmp_path / "odd.py", "target[1:, 4] = float('nan') if self.steps == 6 else 0.0"))
     tell_rates([rows], as_json=False)

@@ -10,7 +10,8 @@ import json
 import os
 import zipfile
 import zlib
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
@@ -33,6 +34,19 @@ def write_atomic(path: Path, write: Callable[[IO[bytes]], object]) -> None:
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def back_again() -> Iterator[None]:
+    """Whoever works in another folder within this, such as somebody else's program, leaves the working folder as it
+    was: relative paths mean the same as before.
+    """
+    handle = os.open(".", os.O_RDONLY)
+    try:
+        yield
+    finally:
+        os.fchdir(handle)
+        os.close(handle)
 
 
 def digest_of(path: Path) -> str:

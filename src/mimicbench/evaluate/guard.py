@@ -13,6 +13,7 @@ from mujoco import mjMAXVAL
 from torch import Tensor
 
 from mimicbench.core.errors import MimicbenchError
+from mimicbench.core.files import back_again
 from mimicbench.envs.policy import Policy
 from mimicbench.sensors.observations import Observations
 
@@ -78,7 +79,7 @@ class Guard:
 
     def _tried(self, what: str, call: Callable[[], T], patience: float) -> T | None:
         try:
-            with deadline(patience):
+            with back_again(), deadline(patience):
                 return call()
         except MimicbenchError:
             raise

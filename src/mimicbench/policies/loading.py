@@ -11,6 +11,7 @@ from types import ModuleType
 
 from mimicbench.core.checkpoint import BadCheckpoint, checkpoint_kind, checkpoint_task
 from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
+from mimicbench.core.files import back_again
 from mimicbench.envs.policy import Policy, refuse_privileged
 from mimicbench.policies.onnx_file import load_onnx
 from mimicbench.policies.registry import LOADERS
@@ -51,10 +52,11 @@ def _of_file(path: Path, robot: Robot, task: Task) -> Policy:
     if not path.is_file():
         raise BadFile(f"{path} does not exist; give the path of a Python file with a function make_policy()")
     try:
-        module = _module(path)
-        if not hasattr(module, "make_policy"):
-            raise MimicbenchError(f"{path} has no function make_policy(); write one that returns a policy")
-        policy = module.make_policy()
+        with back_again():
+            module = _module(path)
+            if not hasattr(module, "make_policy"):
+                raise MimicbenchError(f"{path} has no function make_policy(); write one that returns a policy")
+            policy = module.make_policy()
     except MimicbenchError:
         raise
     except (Exception, SystemExit) as error:
@@ -92,9 +94,10 @@ def _module(path: Path) -> ModuleType:
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
-    sys.path.insert(0, str(path.parent.resolve()))
+    neighbors = str(path.parent.resolve())
+    sys.path.insert(0, neighbors)
     try:
         spec.loader.exec_module(module)
     finally:
-        sys.path.remove(str(path.parent.resolve()))
+        sys.path.remove(neighbors)
     return module
