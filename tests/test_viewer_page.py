@@ -133,10 +133,14 @@ def test_a_policy_has_the_scene_for_itself(browser, page):
 
 
 def test_what_cannot_be_is_told_and_the_page_goes_on(browser, page):
-    browser.choose("Method", "nobody")
-    browser.choose("Compare with", "nobody")
-    browser.click("Act")
-    browser.wait_for("choose a method first", SLOW)
+    def told():
+        browser.choose("Method", "nobody")
+        browser.choose("Compare with", "nobody")
+        browser.click("Act")
+        time.sleep(1.0)
+        return "choose a method first" in browser.text()
+
+    eventually(told)  # a clip that is still being opened says anew who may act
     browser.click("|<")
     browser.wait_for("K lacks", SLOW)
 
