@@ -95,8 +95,8 @@ def lifting_clips(recording: Recording) -> list[Clip]:
             f"{HandlingRules().lift:.2f} m; leave it out"
         )
     pelvis, fps = recording.root_pos_w[:, 2], recording.fps
-    whole = [replace(part, end=stood_up(pelvis, part.end, fps)) for part in found if part.end is not None]
-    return each(recording, whole, lambda part, number: _lifting_clip(recording, part, number, track, sides))
+    lifts = [replace(part, end=stood_up(pelvis, part.end, fps)) for part in found if part.end is not None]
+    return each(recording, lifts, lambda part, number: _lifting_clip(recording, part, number, track, sides))
 
 
 def touching_clips(recording: Recording) -> list[Clip]:

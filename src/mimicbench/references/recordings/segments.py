@@ -217,11 +217,11 @@ def stood_up(pelvis: np.ndarray, lifted: int, fps: float, rules: HandlingRules |
     """
     rules = rules or HandlingRules()
     ahead = max(1, round(0.1 * fps))
-    last = min(len(pelvis) - 1 - ahead, lifted - 1 + round(rules.rises * fps))
-    frames = np.arange(lifted - 1, max(last, lifted - 1) + 1)
-    rise = (pelvis[np.minimum(frames + ahead, len(pelvis) - 1)] - pelvis[frames]) * fps / ahead
-    stands = np.flatnonzero(rise < rules.rising)
-    return int(frames[stands[0] if len(stands) else -1]) + 1
+    latest = min(len(pelvis) - ahead, lifted + round(rules.rises * fps))
+    for end in range(lifted, latest + 1):
+        if pelvis[end - 1 + ahead] - pelvis[end - 1] < rules.rising * ahead / fps:
+            return end
+    return max(lifted, latest)
 
 
 def find_clasps(
