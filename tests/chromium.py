@@ -29,6 +29,9 @@ _WORDS = (
 """Everything that can be read on a page, in its fields, too."""
 _OPTIONS = "[...document.querySelectorAll('[role=option]')].filter(one => one.offsetParent !== null)"
 """Of the list that is open."""
+_SENT = 100
+"""[ms] viser's panel sends what a user does at most every 50 ms, and of what comes sooner only the last: a click too
+soon after a choice would send the click alone. A busy page is late, but runs its timers in their order."""
 
 
 def _field(label):
@@ -147,6 +150,7 @@ class Browser:
             return found.length;
         }})()"""
         assert self.run(script), f"no button {words!r}"
+        self._sent()
 
     def choose(self, label, option):
         """Take an option of the list with a label."""
@@ -160,6 +164,7 @@ class Browser:
         }})()"""
         assert self.run(script), f"no option {option!r} of {label!r}"
         self.wait(f"({_field(label)})?.value === {json.dumps(option)}", PATIENCE)
+        self._sent()
 
     def type(self, label, words):
         """Write into the field with a label."""
@@ -167,6 +172,7 @@ class Browser:
         self.run("document.activeElement.select()")
         self.call("Input.insertText", text=words)
         self.key("Enter")
+        self._sent()
 
     def key(self, name):
         """Press a key."""
@@ -176,6 +182,10 @@ class Browser:
     def _focus(self, label):
         script = f"(() => {{ const input = {_field(label)}; input?.focus(); input?.click(); return !!input; }})()"
         assert self.run(script), f"no field {label!r}"
+
+    def _sent(self):
+        """Wait until the page has sent what was done last."""
+        self.run(f"new Promise(then => setTimeout(then, {_SENT}))")
 
     def screenshot(self, path):
         """Write a PNG."""
