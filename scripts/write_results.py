@@ -18,7 +18,8 @@ from doc_pages.tasks import terms_table
 from mimicbench.benchmark.shipped import BEST, SHIPPED
 from mimicbench.comparisons.comparing import Compared
 from mimicbench.comparisons.registry import COMPARISONS
-from mimicbench.evaluate.rows import EpisodeRow, read_rows, summarize
+from mimicbench.evaluate.intervals import Rate
+from mimicbench.evaluate.rows import EpisodeRow, group, read_rows, summarize
 from mimicbench.report.table import to_markdown
 from mimicbench.report.tables.best import best_policy
 from mimicbench.report.tables.comparison import comparison_table
@@ -42,6 +43,8 @@ COMPARED = {
 """Folder in `runs/` of each comparison whose table is in the orderings."""
 TRACKED = ROOT / "runs" / "retargeting-tracked" / "README.md"
 """The page of a comparison at several tasks, beside its rows."""
+PEOPLE = ("learned from", "held out")
+"""What recorded people are to a tracker."""
 
 
 def rows_of(folder: Path) -> list[EpisodeRow]:
@@ -75,9 +78,15 @@ def of_run(folder: Path) -> str:
     return table_of("best" if len({row.task for row in rows}) > 1 else "beside-paper", rows)
 
 
-def recorded(parts: Mapping[str, Path]) -> str:
-    """A row for each file of episodes with recorded people, and one for each of the recordings in it."""
+def recorded(parts: Mapping[str, Path], totals: Sequence[str] = ()) -> str:
+    """A row for each file of episodes with recorded people, and one for each of the recordings in it.
+
+    And before them one for all files whose titles end in each of `totals`.
+    """
     lines = ["| | recordings | K | K and P | stays |", "|---|---|---:|---:|---:|"]
+    for words in totals:
+        paths = [path for title, path in parts.items() if title.endswith(words)]
+        lines.append(_recorded(f"**all, {words}**", "", [row for path in paths for row in read_rows(path)]))
     for title, path in parts.items():
         people = defaultdict[str, list[EpisodeRow]](list)
         for row in read_rows(path):
@@ -89,8 +98,10 @@ def recorded(parts: Mapping[str, Path]) -> str:
 
 
 def _recorded(title: str, people: str, rows: Sequence[EpisodeRow]) -> str:
-    found = summarize(rows)
-    return f"| {title} | {people} | {found.kinematic} | {found.energy} | {found.stays} |"
+    parts = [summarize(part) for part in group(rows).values()]
+    rates = [[getattr(part, name) for part in parts] for name in ("kinematic", "energy", "stays")]
+    sums = [Rate(sum(rate.successes for rate in each), len(rows)) for each in rates]
+    return " | ".join([f"| {title}", people, *map(str, sums)]) + " |"
 
 
 def compared(name: str, folder: Path, begin: str = "") -> str:
@@ -133,9 +144,9 @@ def pages() -> dict[Path, str]:
             (hands, ("touch-points", "lift-box")),
         )
         for task in tasks
-        for split, words in (("learn", "learned from"), ("judge", "held out"))
+        for split, words in zip(("learn", "judge"), PEOPLE, strict=True)
     }
-    results = with_table(results, "real-people", recorded(followed))
+    results = with_table(results, "real-people", recorded(followed, PEOPLE))
     orderings = ORDERINGS.read_text()
     for name, folder in COMPARED.items():
         orderings = with_table(orderings, name, compared(name, ROOT / "runs" / folder))
