@@ -104,6 +104,17 @@ def _recorded(title: str, people: str, rows: Sequence[EpisodeRow]) -> str:
     return " | ".join([f"| {title}", people, *map(str, sums)]) + " |"
 
 
+def trained(folder: Path) -> str:
+    """A row for each task: its shipped tracker on clips of training objects, and on those of unseen ones."""
+    lines = ["| | K, training objects | K and P | stays | K, unseen objects | stays |", "|---|---:|---:|---:|---:|---:|"]
+    for task in TASKS.all():
+        seen = summarize(read_rows(folder / "rows" / f"{task.name}.parquet"))
+        unseen = summarize(read_rows(ROOT / "runs" / task.name / "evaluate" / "tracker.parquet"))
+        rates = (seen.kinematic, seen.energy, seen.stays, unseen.kinematic, unseen.stays)
+        lines.append(" | ".join([f"| {task.abbreviation}", *map(str, rates)]) + " |")
+    return "\n".join(lines) + "\n"
+
+
 def compared(name: str, folder: Path, begin: str = "") -> str:
     """The table of a comparison, as far as there are rows: in files whose names begin so, and go on with the variants'
     labels.
@@ -147,6 +158,7 @@ def pages() -> dict[Path, str]:
         for split, words in zip(("learn", "judge"), PEOPLE, strict=True)
     }
     results = with_table(results, "real-people", recorded(followed, PEOPLE))
+    results = with_table(results, "training-objects", trained(ROOT / "runs" / "training-objects"))
     orderings = ORDERINGS.read_text()
     for name, folder in COMPARED.items():
         orderings = with_table(orderings, name, compared(name, ROOT / "runs" / folder))

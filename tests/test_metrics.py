@@ -84,11 +84,11 @@ def test_who_fell_does_not_stay_even_back_on_the_seat():
     assert found.fell.all() and found.success.all() and found.success_at_end.all() and not found.stays.any()
 
 
-@pytest.mark.parametrize(("task", "leaning"), [("touch-points", False), ("lift-box", True)])
-def test_who_bends_down_has_not_fallen_and_who_sinks_down_has(task, leaning):
+@pytest.mark.parametrize("task", ["touch-points", "lift-box"])
+def test_who_bends_down_has_not_fallen_and_who_sinks_down_has(task):
     """A root at 0.6 of its height is as low as people bend; below 0.45 of it the robot is on the floor."""
     obj = replace(block(), seat_height=None)
-    for height, quat, fallen in ((0.6, LYING, leaning), (0.46, rot.IDENTITY, False), (0.44, rot.IDENTITY, True)):
+    for height, quat, fallen in ((0.6, LYING, False), (0.46, rot.IDENTITY, False), (0.44, rot.IDENTITY, True)):
         trace = Trace(task=TASKS.get(task), obj=obj)
         trace.show(3, np.array([*FAR[:2], height * STAND[2]]), quat=quat)
         assert bool(trace.metrics.verdict().fell[0]) == fallen, (height, quat)

@@ -62,7 +62,7 @@ TASK = Task(
     ),
     in_last_frame=True,
     requires_seat=False,
-    upright=True,
+    upright=False,
     max_start_distance=None,
     rig=HEAD_RIG,
     map_cell=0.04,
