@@ -8,7 +8,8 @@ import pytest
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.references.body.body import unihsi_body
 from mimicbench.references.recordings.cutting import HELD, settled
-from mimicbench.references.recordings.segments import find_clasps, find_lyings, find_sittings, stood_up
+from mimicbench.references.recordings.handling import find_clasps, stood_up
+from mimicbench.references.recordings.segments import find_lyings, find_sittings
 from mimicbench.references.synthesis.registry import synthesize
 
 FPS = 30
@@ -89,12 +90,28 @@ def test_a_jump_is_no_lift():
 
 def test_a_lift_goes_on_until_the_person_stands():
     time = np.arange(4 * FPS) / FPS
-    pelvis = 0.7 + 0.35 * np.clip((time - 1.0) / 1.0, 0, 1)
+    zero = np.zeros_like(time)
     lifted = round(1.4 * FPS)
-    assert stood_up(pelvis, lifted, FPS) / FPS == pytest.approx(2.0, abs=0.1)
-    assert stood_up(0 * pelvis + 1.0, lifted, FPS) == lifted, "who stands already is not waited for"
-    assert stood_up(0.3 * time, lifted, FPS) / FPS == pytest.approx(2.9, abs=0.1), "nobody rises for ever"
-    assert stood_up(0.3 * time, len(time), FPS) == len(time)
+
+    def end(height, lean=zero, foot=zero):
+        """When a lift ends, by heights of the pelvis (T,) [m], leans of the trunk (T,) [rad] and how far a foot is off
+        the floor (T,) [m].
+        """
+        pelvis = np.stack([zero, zero, height], -1)
+        head = pelvis + 0.6 * np.stack([np.sin(lean), zero, np.cos(lean)], -1)
+        ankles = 0.08 + np.stack([np.stack([zero, zero, off], -1) for off in (zero, foot)], 1)
+        return stood_up(pelvis, head, ankles, lifted, FPS)
+
+    rising = 0.7 + 0.35 * np.clip((time - 1.0) / 1.0, 0, 1)
+    assert end(rising) / FPS == pytest.approx(2.0, abs=0.1)
+    assert end(zero + 1.0) == lifted, "who stands already is not waited for"
+    assert end(0.3 * time) / FPS == pytest.approx(2.9, abs=0.1), "nobody rises for ever"
+    straightens = np.radians(np.clip(80 - 60 * (time - 1.0), 0, 80))
+    assert end(zero + 1.0, straightens) / FPS == pytest.approx(2.0, abs=0.1), "20 degrees"
+    steps = 0.1 * ((time > 1.3) & (time < 2.3))
+    assert end(zero + 1.0, foot=steps) / FPS == pytest.approx(2.3, abs=0.1), "who is in mid-step cannot hold a pose"
+    lifted = len(time)
+    assert end(0.3 * time) == len(time)
 
 
 def test_what_is_held_comes_to_rest_with_who_holds_it():

@@ -17,18 +17,15 @@ from mimicbench.references.recordings.cutting import FPS, Clip, cut, each, moved
 from mimicbench.references.recordings.fit_bed import fit_bed, lying_frame
 from mimicbench.references.recordings.fit_box import PALM, BoxTrack, box_between, box_of_mesh, boxed, touched_box
 from mimicbench.references.recordings.fit_object import fit_seat, nearby_distance, sample_body, seated_frame
-from mimicbench.references.recordings.segments import (
+from mimicbench.references.recordings.handling import (
     Handling,
     HandlingRules,
-    Sitting,
-    SittingRules,
     find_clasps,
     find_handling,
-    find_lyings,
     find_reach,
-    find_sittings,
     stood_up,
 )
+from mimicbench.references.recordings.segments import Sitting, SittingRules, find_lyings, find_sittings
 
 DEEPEST = 0.15
 """Deepest that trunk and legs of who lifts a fitted box may be in it [m]; people do press boxes against themselves."""
@@ -83,19 +80,20 @@ def lifting_clips(recording: Recording) -> list[Clip]:
     Raises BadMotion if there is none.
     """
     wrists, (track, sides) = _wrists(recording), _tracked(recording)
+    (pos, _), body = recording.forward_kinematics(), body_of(recording.skeleton)
+    ankles, fps = pos[:, [leg.end for leg in body.legs]], recording.fps
     if track is not None:
         handling = find_handling(_away(track, sides, wrists), track.pos_w[:, 2], recording.fps)
         found = [handling] if handling is not None and handling.end is not None else []
     else:
-        ankles = recording.forward_kinematics()[0][:, [leg.end for leg in body_of(recording.skeleton).legs]]
-        found = find_clasps(wrists, ankles, recording.fps)
+        found = find_clasps(wrists, ankles, fps)
     if not found:
         raise BadMotion(
             f"{recording.name} has no part in which both hands lift something by "
             f"{HandlingRules().lift:.2f} m; leave it out"
         )
-    pelvis, fps = recording.root_pos_w[:, 2], recording.fps
-    lifts = [replace(part, end=stood_up(pelvis, part.end, fps)) for part in found if part.end is not None]
+    trunk = pos[:, body.pelvis], pos[:, body.head]
+    lifts = [replace(part, end=stood_up(*trunk, ankles, part.end, fps)) for part in found if part.end is not None]
     return each(recording, lifts, lambda part, number: _lifting_clip(recording, part, number, track, sides))
 
 
