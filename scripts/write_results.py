@@ -106,7 +106,10 @@ def _recorded(title: str, people: str, rows: Sequence[EpisodeRow]) -> str:
 
 def trained(folder: Path) -> str:
     """A row for each task: its shipped tracker on clips of training objects, and on those of unseen ones."""
-    lines = ["| | K, training objects | K and P | stays | K, unseen objects | stays |", "|---|---:|---:|---:|---:|---:|"]
+    lines = [
+        "| | K, training objects | K and P | stays | K, unseen objects | stays |",
+        "|---|---:|---:|---:|---:|---:|",
+    ]
     for task in TASKS.all():
         seen = summarize(read_rows(folder / "rows" / f"{task.name}.parquet"))
         unseen = summarize(read_rows(ROOT / "runs" / task.name / "evaluate" / "tracker.parquet"))
