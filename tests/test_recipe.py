@@ -240,6 +240,20 @@ def test_learners_of_other_sources_have_their_training(learner, network, batch, 
     assert train.betas == ((0.95, 0.999) if learner == "diffusion" else (0.9, 0.999))
 
 
+@pytest.mark.parametrize("said", ["3", '["ours", 3]', '[["ours"]]', "{ours = 1}"])
+def test_presets_of_a_file_are_names(tmp_path, said):
+    (tmp_path / "my.toml").write_text(f"preset = {said}")
+    with pytest.raises(BadSetting, match=r"preset = .*my\.toml.* cannot be: give a preset's name"):
+        recipe_tree([], tmp_path / "my.toml", {})
+
+
+def test_a_file_may_begin_with_the_mark_of_an_editor(tmp_path):
+    (tmp_path / "my.toml").write_bytes('\ufeff# Stühle\npreset = "smoke"\n'.encode())
+    assert read_recipe(recipe_tree([], tmp_path / "my.toml", {})).references.count == 16
+    with pytest.raises(BadSetting, match=r"unknown setting presets \(in my\.toml\); known are: preset, task"):
+        read_recipe({"presets": ["smoke"]}, "my.toml")
+
+
 def test_files_that_are_no_recipes(tmp_path):
     bad = {
         "cut.toml": "a = [",

@@ -106,7 +106,7 @@ def read_file(path: Path) -> dict[str, Any]:
     try:
         if path.stat().st_size > MAX_BYTES:
             raise BadFile(f"{path} is larger than {MAX_BYTES >> 20} MiB; it is no recipe")
-        return tomllib.loads(path.read_text())
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))  # some editors begin a file with a mark
     except FileNotFoundError:
         raise BadFile(f"{path} does not exist; --config takes a TOML file with a recipe") from None
     except (IsADirectoryError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
@@ -121,7 +121,10 @@ def recipe_tree(presets: Sequence[str], file: Path | None, names: Mapping[str, A
     """
     said = read_file(file) if file is not None else {}
     chosen = said.pop("preset", [])
-    presets = [*([chosen] if isinstance(chosen, str) else chosen), *presets]
+    named = [chosen] if isinstance(chosen, str) else chosen
+    if not isinstance(named, list) or not all(isinstance(name, str) for name in named):
+        raise BadSetting(f"preset = {chosen!r} (in {file}) cannot be: give a preset's name, or a list of names")
+    presets = [*named, *presets]
     heard = merge(said, names)
     imitate = heard.get("imitate")
     learner = imitate.get("learner") if isinstance(imitate, Mapping) else None
@@ -136,7 +139,7 @@ def read_recipe(tree: Mapping[str, Any], source: str = "") -> Recipe:
     """
     unknown = [name for name in tree if name not in {entry.name for entry in fields(Recipe)}]
     if unknown:
-        known = ", ".join(entry.name for entry in fields(Recipe))
+        known = ", ".join([*(["preset"] if source else []), *(entry.name for entry in fields(Recipe))])
         raise BadSetting(f"unknown setting {unknown[0]}{f' (in {source})' if source else ''}; known are: {known}")
     parts = {}
     for part in PARTS:
