@@ -54,6 +54,17 @@ def test_what_determines_a_stage_gives_it_a_folder_of_its_own(tmp_path, change):
     with pytest.raises(MimicbenchError, match=f"another {next(iter(change))}"), opened(tmp_path / "x", other):
         pass
     assert (tmp_path / "x" / HEADER).read_bytes() == content
+    # x is a name that somebody gave, and can give anew; what is called by its digest has none
+    with (
+        pytest.raises(MimicbenchError, match=r"give another name \(--to\), use another"),
+        opened(tmp_path / "x", other),
+    ):
+        pass
+    named_by_digest = other.folder(tmp_path)
+    named_by_digest.mkdir(parents=True)
+    (named_by_digest / HEADER).write_bytes(content)
+    with pytest.raises(MimicbenchError, match=f"{next(iter(change))}; use another"), opened(named_by_digest, other):
+        pass
 
 
 def test_words_and_amounts_determine_nothing_but_later_stages_see_the_amount():

@@ -180,9 +180,11 @@ def _take_up(folder: Path, key: StageKey, recipe: Mapping[str, Any] | None, trai
     wanted = _header(key, recipe, tuple(found["raised_from"]))
     differs = [name for name in _DETERMINES if found[name] != wanted[name]]
     if differs:
+        # a folder that is not called by its digest is a set to which somebody gave a name
+        hint = "" if folder.name.endswith(key.digest) else "give another name (--to), "
         raise MimicbenchError(
-            f"{folder} was made with another {' and '.join(differs)}; use another --workdir, or delete that folder to "
-            "make it again"
+            f"{folder} was made with another {' and '.join(differs)}; {hint}use another --workdir, or delete that "
+            "folder to make it again"
         )
     have, want = found["amounts"], wanted["amounts"]
     if have == want:
