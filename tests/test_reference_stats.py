@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import making
+from mimicbench.commands.references import remake as remake_command
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile
 from mimicbench.core.files import read_record, write_record
@@ -136,6 +137,16 @@ def test_commands_print_and_remake(workdir: Path, tmp_path: Path):
     assert json.loads(again.stdout)["rejected_for"] == [] and (tmp_path / name.name).read_bytes() == name.read_bytes()
     wrong = run("remake", "sit-chair-9-00001")
     assert wrong.returncode == 2 and "names no synthetic clip" in wrong.stderr and "Traceback" not in wrong.stderr
+
+
+def test_a_named_stage_brings_its_objects_along(workdir: Path, tmp_path: Path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    folder = stage_of(workdir, "references")
+    name = sorted(folder.glob("*.npz"))[1]
+    remake_command(name.stem, stage=folder)
+    assert Path(name.name).read_bytes() == name.read_bytes()
+    with pytest.raises(BadFile, match="is a stage 'objects', made from no objects; give another --stage"):
+        remake_command(name.stem, stage=stage_of(workdir, "objects"))
 
 
 def test_rejected_clips_are_replaced_and_counted(tmp_path: Path):

@@ -1,14 +1,17 @@
 """`mimicbench retarget draw`: robot clips below the people that they were made of."""
 
+from pathlib import Path
+
 import imageio.v3 as iio
 import pytest
 
 from making import make, small
+from mimicbench.benchmark.finding import read_by
 from mimicbench.commands.retarget import BETWEEN_CLIPS, draw
 from mimicbench.core.errors import BadFile, MimicbenchError
 
 
-def test_clips_are_drawn_below_their_people(tmp_path, capsys):
+def test_clips_are_drawn_below_their_people(tmp_path, capsys, monkeypatch):
     stage = make("retarget", tmp_path, small(clips=2))
     names = sorted(path.stem for path in stage.folder.glob("*.npz"))
     draw(tmp_path / "one.png", (f"{names[1]}.npz",), workdir=tmp_path, workers=1)
@@ -18,6 +21,12 @@ def test_clips_are_drawn_below_their_people(tmp_path, capsys):
     assert (both[len(one) : -len(one)] == 255).all()
     told = capsys.readouterr().out
     assert told.count(names[1]) == 2 and told.count(names[0]) == 1 and "from the top the human, h1, kept" in told
+    # a stage that is named brings its people and objects along, wherever one is
+    monkeypatch.chdir(stage.folder)
+    draw(tmp_path / "named.png", (names[1],), stage=Path(), workers=1)
+    assert (iio.imread(tmp_path / "named.png") == one).all()
+    with pytest.raises(BadFile, match=r"is a stage 'retarget', made from no demos; give another --stage"):
+        read_by(stage, "demos")
 
 
 def test_what_is_not_there_is_told(tmp_path):

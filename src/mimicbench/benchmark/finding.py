@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -38,6 +39,18 @@ def stage_with(workdir: Path, task: str, stage: str, file: str, folder: Path | N
     if len(having) > 1:
         raise MimicbenchError(f"say which one with --stage: {', '.join(str(one.folder) for one in having)}")
     return having[0]
+
+
+def read_by(stage: Stage, kind: str) -> Path:
+    """Folder of the stage of a kind that a stage was made from: beside it, in whichever workdir that is. Raises
+    BadFile if it was made from none.
+    """
+    place = stage.header.get("reads", {}).get(kind)
+    if place is None:
+        raise BadFile(f"{stage.folder} is a stage {stage.header['stage']!r}, made from no {kind}; give another --stage")
+    return (
+        Path(os.path.abspath(stage.folder)).parents[1] / place
+    )  # not resolved: a folder may be a link to another disk
 
 
 def largest(workdir: Path, tasks: Sequence[str], stage: str, name: str | None) -> dict[str, Stage]:

@@ -48,7 +48,7 @@ def remake(
     """Make one clip of a workdir again from its id alone, such as sit-chair-0-00042, and say what the quality gate
     finds.
     """
-    from mimicbench.benchmark.finding import stage_with
+    from mimicbench.benchmark.finding import read_by, stage_with
     from mimicbench.references.make import remake as make_again
     from mimicbench.tasks.registry import TASKS
 
@@ -58,9 +58,7 @@ def remake(
             f"{clip!r} is no clip's id such as {next(iter(TASKS))}-0-00042, nor is {slug!r} a task; give both"
         )
     found = stage_with(workdir, slug, "references", f"{clip}.npz", stage)
-    motion, wrong = make_again(
-        found, workdir / slug / found.header["reads"]["objects"], clip, TASKS.get(slug).fulfilled_by_human
-    )
+    motion, wrong = make_again(found, read_by(found, "objects"), clip, TASKS.get(slug).fulfilled_by_human)
     path = to or Path(f"{clip}.npz")
     motion.save(path)
     told = {

@@ -47,22 +47,23 @@ def draw(
     names = named or sorted(path.stem for path in found.folder.glob("*.npz"))[:count]
     if not names:
         raise BadMotion(f"{found.folder} holds no clips; run `mimicbench retarget --task {task}` again")
-    sides = [_beside_its_person(workdir / task, found, name) for name in names]
+    sides = [_beside_its_person(found, name) for name in names]
     write_png(out, stacked(draw_apart(draw_side_by_side, sides, workers, "drawing"), BETWEEN_CLIPS))
     for one in sides:
         print(one.caption())
     print(f"picture: {out}")
 
 
-def _beside_its_person(folder: Path, stage: Stage, name: str) -> SideBySide:
+def _beside_its_person(stage: Stage, name: str) -> SideBySide:
     """A robot clip of a stage with the person that it was made of. Raises BadMotion, BadFile or BadObject."""
+    from mimicbench.benchmark.finding import read_by
     from mimicbench.core.motion import HumanMotion, RobotMotion
     from mimicbench.objects.shape import load_object
     from mimicbench.report.retargeting import SideBySide
 
     motion = RobotMotion.load(stage.folder / f"{name}.npz")
-    human = HumanMotion.load(folder / stage.header["reads"]["references"] / f"{motion.reference_id}.npz")
-    obj = load_object(folder / stage.header["reads"]["objects"], motion.object_id)
+    human = HumanMotion.load(read_by(stage, "references") / f"{motion.reference_id}.npz")
+    obj = load_object(read_by(stage, "objects"), motion.object_id)
     return SideBySide(obj, human, {f"{motion.robot}, {'kept' if motion.success else 'kept out'}": motion})
 
 
