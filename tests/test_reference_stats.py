@@ -1,6 +1,7 @@
 """Statistics of clips: figures worked out by hand, and people whose walk is known because it was made so."""
 
 import json
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -10,9 +11,10 @@ import numpy as np
 import pytest
 
 import making
+from mimicbench.benchmark.finding import largest, stage_with
 from mimicbench.commands.references import remake as remake_command
 from mimicbench.core import rotations as rot
-from mimicbench.core.errors import BadFile
+from mimicbench.core.errors import BadFile, MimicbenchError
 from mimicbench.core.files import read_record, write_record
 from mimicbench.core.motion import HumanMotion
 from mimicbench.objects.families.bed import make_bed
@@ -147,6 +149,27 @@ def test_a_named_stage_brings_its_objects_along(workdir: Path, tmp_path: Path, m
     assert Path(name.name).read_bytes() == name.read_bytes()
     with pytest.raises(BadFile, match="is a stage 'objects', made from no objects; give another --stage"):
         remake_command(name.stem, stage=stage_of(workdir, "objects"))
+
+
+def test_made_clips_are_none_of_a_set_that_has_a_name(workdir: Path, tmp_path: Path):
+    """Variants bear the ids of their originals, and there are more of them."""
+    shutil.copytree(workdir, tmp_path / "work")
+    folder = stage_of(tmp_path / "work", "references")
+    with making.by_hand(folder.with_name("augmented")) as stage:
+        for path in folder.glob("*.npz"):
+            shutil.copy(path, stage.folder)
+            shutil.copy(path, stage.folder / f"{path.stem}~mirror.npz")
+        stage.finish()
+    assert largest(tmp_path / "work", ["sit-chair"], "references", None)["sit-chair"].folder == folder
+    assert largest(tmp_path / "work", ["sit-chair"], "references", "augmented")["sit-chair"].folder == stage.folder
+    name = sorted(folder.glob("*.npz"))[1].name
+    again = (tmp_path / "work", "sit-chair", "references", name, None)
+    assert stage_with(*again, made_alone=True).folder == folder
+    with pytest.raises(MimicbenchError, match="say which one with --stage"):
+        stage_with(*again)
+    shutil.rmtree(folder)
+    with pytest.raises(BadFile, match=r"no references that are made of sit-chair; .* \(--source augmented\)"):
+        largest(tmp_path / "work", ["sit-chair"], "references", None)
 
 
 def test_rejected_clips_are_replaced_and_counted(tmp_path: Path):

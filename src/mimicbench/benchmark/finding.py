@@ -23,14 +23,21 @@ def stages_of(workdir: Path, task: str, stage: str) -> list[Stage]:
     return found
 
 
-def stage_with(workdir: Path, task: str, stage: str, file: str, folder: Path | None) -> Stage:
-    """The stage in `folder`, or else the only one that has a file; or, if none has it, the only one there is.
+def is_made(stage: Stage) -> bool:
+    """Whether a stage is called by what determines it; sets that were imported or augmented have a name instead."""
+    return stage.folder.name.endswith(stage.digest)
+
+
+def stage_with(workdir: Path, task: str, stage: str, file: str, folder: Path | None, made_alone: bool = False) -> Stage:
+    """The stage in `folder`, or else the only one that has a file; or, if none has it, the only one there is. With
+    `made_alone`, named sets are none of them where there are others.
 
     Raises BadFile or MimicbenchError if it is not clear which one is meant.
     """
     if folder is not None:
         return read_stage(folder)
     found = stages_of(workdir, task, stage)
+    found = [one for one in found if made_alone and is_made(one)] or found
     if not found:
         raise BadFile(
             f"{workdir} holds no {stage} of {task}; run `mimicbench {stage} --task {task} --workdir {workdir}` first"
@@ -54,16 +61,22 @@ def read_by(stage: Stage, kind: str) -> Path:
 
 
 def largest(workdir: Path, tasks: Sequence[str], stage: str, name: str | None) -> dict[str, Stage]:
-    """The stage with most clips of each task that has any; that called `name`, if given. Raises BadFile if none has."""
-    found = {}
+    """The made stage with most clips of each task that has any; or the set called `name`, if given. Raises BadFile if
+    none has.
+    """
+    found, sets = {}, set[str]()
     for task in tasks:
-        stages = [one for one in stages_of(workdir, task, stage) if name in (None, one.folder.name)]
-        if stages:
-            found[task] = max(stages, key=lambda one: sum(1 for _ in one.folder.glob("*.npz")))
+        there = stages_of(workdir, task, stage)
+        sets |= {one.folder.name for one in there if not is_made(one)}
+        wanted = [one for one in there if (is_made(one) if name is None else one.folder.name == name)]
+        if wanted:
+            found[task] = max(wanted, key=lambda one: sum(1 for _ in one.folder.glob("*.npz")))
     if not found:
-        which = "" if name is None else f" called {name!r}"
-        first = f"run `mimicbench {stage}` first" if name is None else "name a set that is there"
-        raise BadFile(f"{workdir} holds no {stage}{which} of {', '.join(tasks)}; {first}")
+        which = "that are made" if name is None else f"called {name!r}"
+        first = [f"run `mimicbench {stage} --task {tasks[0]} --workdir {workdir}` first"] if name is None else []
+        first += [f"name a set that is there (--source {' or '.join(sorted(sets))})"] if sets else []
+        advice = ", or ".join(first) or "`mimicbench import` makes one"
+        raise BadFile(f"{workdir} holds no {stage} {which} of {', '.join(tasks)}; {advice}")
     return found
 
 

@@ -57,7 +57,7 @@ def remake(
         raise MimicbenchError(
             f"{clip!r} is no clip's id such as {next(iter(TASKS))}-0-00042, nor is {slug!r} a task; give both"
         )
-    found = stage_with(workdir, slug, "references", f"{clip}.npz", stage)
+    found = stage_with(workdir, slug, "references", f"{clip}.npz", stage, made_alone=True)
     motion, wrong = make_again(found, read_by(found, "objects"), clip, TASKS.get(slug).fulfilled_by_human)
     path = to or Path(f"{clip}.npz")
     motion.save(path)
@@ -121,7 +121,7 @@ def stats(
     as_json: Json = False,
 ) -> None:
     """Print the paper's table of statistics for the clips of a workdir beside the paper's figures, and how the clips
-    vary. Of each task, those of the largest stage.
+    vary. Of each task, those of the largest stage that is made, or of the set `source`.
     """
     from mimicbench.benchmark.finding import largest
     from mimicbench.references.checks.stats import set_statistics
