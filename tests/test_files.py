@@ -41,6 +41,12 @@ def test_same_content_same_bytes(path, tmp_path):
     assert path.read_bytes() == (tmp_path / "again.npz").read_bytes()
 
 
+def test_a_folder_is_not_written_over_by_a_file(tmp_path):
+    with pytest.raises(BadFile, match="is a folder; give the name of a file"):
+        write_json(tmp_path, {})
+    assert not list(tmp_path.iterdir()) and not list(tmp_path.parent.glob(".*.tmp"))
+
+
 def test_cut_off_anywhere(path):
     whole = path.read_bytes()
     for length in (*range(0, len(whole) - 1, 23), len(whole) - 1):

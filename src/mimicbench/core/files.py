@@ -25,7 +25,9 @@ MAX_UNPACKED = 2 << 30  # bytes; the largest artefact we write is far below
 
 
 def write_atomic(path: Path, write: Callable[[IO[bytes]], object]) -> None:
-    """Call `write` with a temporary file, then rename it to `path`."""
+    """Call `write` with a temporary file, then rename it to `path`. Raises BadFile if that is a folder."""
+    if path.is_dir():
+        raise BadFile(f"{path} is a folder; give the name of a file, such as one in it")
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
