@@ -626,6 +626,26 @@ def test_what_the_gate_would_not_let_pass_is_said_and_can_be_left_out(tmp_path):
     assert not (tmp_path / "sit-chair" / "references" / "q").exists()
 
 
+@real
+def test_files_of_the_same_name_are_told_apart(tmp_path):
+    """As all of CORE4D's are called, and all that are called in Chinese are the same in ids."""
+    text, files = (DATA / "more" / "bvh" / "inches_dab.bvh").read_bytes(), []
+    for i, name in enumerate(("a/take.bvh", "b/take.bvh", "椅子.bvh", "手.bvh", "alone.bvh")):
+        files.append(tmp_path / name)
+        files[-1].parent.mkdir(exist_ok=True)
+        files[-1].write_bytes(text + b"\n" * i)
+    fulfils, said = ALL_TASKS.get("touch-points").fulfilled_by_human, []
+    given = Recordings((*files, files[0], tmp_path / "take.bvh"))  # one of them twice, and one that is not there
+    objects, stage = import_references(tmp_path, "r", "touch-points", given, fulfils, said.append)
+    ids = sorted(path.stem for path in stage.folder.glob("*.npz"))
+    assert len(ids) == 5 == objects.summary["count"] and ids[0] == "real-alone-0"
+    assert all(re.fullmatch(r"real-(take|unnamed)-[0-9a-f]{8}-0", one) for one in ids[1:])
+    assert [line for line in said if line.startswith("left out")] == [
+        f"left out: {files[0]} is given twice, or is a copy of another file; give it once",
+        f"left out: {tmp_path / 'take.bvh'} cannot be read (no such file; give one that exists)",
+    ]
+
+
 def test_a_recording_is_made_from_all_that_is_read(tmp_path):
     path = recordings.WRITERS["core4d"](tmp_path)
     box = tmp_path / "box.obj"

@@ -3,7 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ import numpy as np
 from mimicbench.core.errors import BadFile, BadMotion, BadObject
 from mimicbench.core.files import digest_of
 from mimicbench.core.motion import HumanMotion
-from mimicbench.core.names import printable
+from mimicbench.core.names import LONGEST, printable, safe_name
 from mimicbench.core.parallel import map_items
 from mimicbench.core.run import RunContext
 from mimicbench.core.settings import Count
@@ -195,9 +195,10 @@ def _found_clips(
     """
     clips: dict[str, Clip] = {}
     beyond = Counter[str]()
-    for path in recordings.files:
+    for path, apart in zip(recordings.files, _told_apart(recordings.files), strict=True):
         try:
             recording = import_recording(path, recordings.form, recordings.wishes)
+            recording = replace(recording, name=f"{recording.name[: LONGEST - len(apart)]}{apart}")
             found = find_clips(recording, task)
         except (BadFile, BadMotion) as error:
             if len(recordings.files) == 1:
@@ -205,7 +206,7 @@ def _found_clips(
             say(f"left out: {error}")
             continue
         if set(clips) & {motion.id for motion, _ in found}:
-            say(f"left out: {printable(str(path))} has the name of another file; rename it")
+            say(f"left out: {printable(str(path))} is given twice, or is a copy of another file; give it once")
             continue
         say(
             f"{printable(path.name)}: {len(found)} {task} {'clip' if len(found) == 1 else 'clips'} of "
@@ -219,6 +220,17 @@ def _found_clips(
             if not (wrong and recordings.gated):
                 clips[motion.id] = (motion, obj)
     return clips, beyond
+
+
+def _told_apart(files: Sequence[Path]) -> list[str]:
+    """What to put behind each recording's name: some digits of its content where others are called the same, as all of
+    CORE4D's are, and all whose names have no Latin letters; nothing elsewhere.
+    """
+    names = [safe_name(path.stem) for path in files]
+    return [
+        f"-{digest_of(path)[:8]}" if names.count(name) > 1 and path.is_file() else ""
+        for path, name in zip(files, names, strict=True)
+    ]
 
 
 def _say_clip(motion: HumanMotion, obj: SceneObject, fulfils: Fulfils, say: Callable[[str], None]) -> list[str]:
