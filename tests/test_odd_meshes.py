@@ -41,6 +41,13 @@ def test_faces_that_come_twice_are_one_sheet():
     assert found is not None and found.height == pytest.approx(0.45)
 
 
+@pytest.mark.parametrize("wishes", [Wishes(), Wishes(height=0.45), Wishes(up="z+", height=0.45)])
+def test_a_flat_mesh_is_no_object_however_high_it_is_to_be(tmp_path, wishes):
+    (tmp_path / "sheet.obj").write_text("v 0 0 0.4\nv 0.5 0 0.4\nv 0.5 0.5 0.4\nv 0 0.5 0.4\nf 1 2 3 4\n")
+    with pytest.raises(BadObject, match=r"sheet\.obj: it is flat, 0\.5 x 0\.5 x 0 in the file's unit; give a mesh"):
+        import_mesh(tmp_path / "sheet.obj", "chair", ImportConfig(wishes))
+
+
 def test_where_two_boxes_touch_both_keep_their_face():
     pair = shapes.joined([shapes.box((0, 1), (0, 1), (0, 1)), shapes.box((0, 1), (0, 1), (1, 2))])
     mesh = reading.checked(pair.vertices, pair.faces, "pair")

@@ -52,6 +52,7 @@ def import_mesh(
     """One object of one file. Raises BadFile or BadObject with the file's name in it."""
     mesh = read_mesh(path)
     try:
+        _check_thick(mesh)
         return _make(mesh, path, family, config, object_id or own_id(path))
     except BadObject as error:
         raise BadObject(f"{path}: {error}") from None
@@ -117,6 +118,14 @@ def _make(mesh: Mesh, path: Path, family: str, config: ImportConfig, object_id: 
         tuple(reasons),
     )
     return obj, evidence
+
+
+def _check_thick(mesh: Mesh) -> None:
+    """A mesh has three sides. Raises BadObject."""
+    size = np.subtract(*mesh.bounds()[::-1])
+    if size.min() < 1e-6 * size.max():
+        shape = " x ".join(f"{side:.3g}" for side in size)
+        raise BadObject(f"it is flat, {shape} in the file's unit; give a mesh that has a thickness")
 
 
 def _check_plane(placed: Placed, kind: Kind) -> None:
