@@ -29,7 +29,7 @@ from mimicbench.references.importers.amass import T_POSE
 from mimicbench.references.importers.bvh_file import read_bvh, world
 from mimicbench.references.importers.intermimic import BODY_POS, SOURCES
 from mimicbench.references.importers.joint_names import split_name
-from mimicbench.references.importers.recording import Wishes
+from mimicbench.references.importers.recording import Wishes, check_upright
 from mimicbench.references.importers.registry import FORMATS, detect_format, files_read, import_recording
 from mimicbench.references.importers.rest_pose import axis_up, hanging_turns, turned
 from mimicbench.references.importers.stride import stride_scale
@@ -151,6 +151,19 @@ def test_units_axes_and_rates_can_be_told(tmp_path):
     )
     with pytest.raises(BadMotion, match="nobody stands|--up|not on the"):
         import_recording(path, wishes=Wishes(up="y-"))
+
+
+def test_of_an_axis_that_was_told_no_quaternion_is_accused():
+    """A BVH file has none."""
+    lying, on_a_side = (
+        np.tile(rot.from_rotvec(np.pi / 2 * np.array(axis)), (5, 1, 1)) for axis in ([1.0, 0, 0], [0, 1.0, 0])
+    )
+    with pytest.raises(BadMotion, match=r"upright in it with x\+ up; give another --up, or leave that out"):
+        check_upright(Path("take.bvh"), lying, "x+")
+    with pytest.raises(BadMotion, match="nobody stands upright in it, or z is not up"):
+        check_upright(Path("take.bvh"), on_a_side)
+    with pytest.raises(BadMotion, match="seem to be wxyz"):
+        check_upright(Path("states.npy"), lying)
 
 
 def test_mixed_units_are_noticed(tmp_path):
@@ -362,9 +375,9 @@ def test_static_poses_are_refused(tmp_path, form):
     ("write", "says"),
     [
         (lambda p: recordings.skeleton_motion(p / "c.npy", fps=0), "frame rate"),
-        (lambda p: recordings.amass(p / "c.npz", fps=0), "frame rate"),
+        (lambda p: recordings.amass(p / "c.npz", fps=0), r"says 0(\.0)? frames per second, which is no frame rate"),
         (lambda p: recordings.amass(p / "c.npz", fps=float("nan")), "frame rate"),
-        (lambda p: recordings.bvh(p / "c.bvh", frame_time=0.0), "frame rate"),
+        (lambda p: recordings.bvh(p / "c.bvh", frame_time=0.0), "says no frames per second, which is no frame rate"),
         (lambda p: recordings.bvh(p / "c.bvh", rename=lambda name: f"bone{sum(map(ord, name))}"), "rename its joints"),
         (lambda p: recordings.bvh(p / "c.bvh", unit=0.2), "no person's|unit"),
     ],

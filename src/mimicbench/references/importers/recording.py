@@ -114,7 +114,7 @@ def finish(path: Path, recording: Recording, stands: bool = True) -> Recording:
     """
     check_person(path, recording.skeleton)
     if stands:
-        check_upright(path, recording.local_quat)
+        check_upright(path, recording.local_quat, recording.wishes.up)
     speed = np.linalg.norm(np.diff(recording.root_pos_w, axis=0), axis=-1) * recording.fps
     if np.quantile(speed, 0.98) > FASTEST:
         raise BadMotion(
@@ -177,13 +177,15 @@ def stature(body: Body) -> float:
     return body.standing_height + top + crown
 
 
-def check_upright(path: Path, quat: np.ndarray) -> None:
+def check_upright(path: Path, quat: np.ndarray, told: str | None = None) -> None:
     """Somebody stands at some time, before a backflip perhaps; quat is (T, J, 4). Raises BadMotion.
 
-    If only another order of the quaternion says so, the file is mixed up.
+    If only another order of the quaternion says so, the file is mixed up; unless the user has `told` which axis is up.
     """
     as_read, swapped = quat[:, 0], quat[:, 0][:, [1, 2, 3, 0]]
     share = [float((rot.rotate(q, np.array([0.0, 0.0, 1.0]))[:, 2] > UPRIGHT).mean()) for q in (as_read, swapped)]
+    if share[0] < UPRIGHT_SHARE and told is not None:
+        raise BadMotion(f"{path}: nobody stands upright in it with {told} up; give another --up, or leave that out")
     if share[0] < UPRIGHT_SHARE:
         hint = (
             "its quaternions seem to be wxyz where this format has xyzw"
@@ -238,10 +240,11 @@ def check_array(path: Path, name: str, value: object, shape: tuple[int, ...], mo
 def check_rate(path: Path, fps: object, wishes: Wishes) -> float:
     """The frame rate: as told, or as the file has it. Raises BadMotion if that is none."""
     value = fps if wishes.fps is None else wishes.fps
-    if isinstance(value, np.ndarray) and value.size == 1:
-        value = value.reshape(())[()]
+    if isinstance(value, np.ndarray | np.generic) and value.size == 1:
+        value = value.item()
     if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not 1 <= value <= 1000:
-        raise BadMotion(f"{path} says {value!r:.40} frames per second, which is no frame rate; say it (--fps)")
+        found = "no frames per second" if value is None else f"{value!r:.40} frames per second"
+        raise BadMotion(f"{path} says {found}, which is no frame rate; say it (--fps)")
     return float(value)
 
 

@@ -65,7 +65,7 @@ def import_skeleton_motion(path: Path, wishes: Wishes | None = None) -> Recordin
     ]
     _, turn = axis_up(wishes.up or "z+")
     root, quat[:, 0] = rot.rotate(turn, root), rot.multiply(turn, quat[:, 0])
-    check_upright(path, quat)
+    check_upright(path, quat, wishes.up)
     stored = _content(data, "global_velocity")
     if (
         isinstance(stored, np.ndarray)
