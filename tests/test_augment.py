@@ -14,9 +14,10 @@ from mimicbench import cli
 from mimicbench.commands.options import recipes
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion, MimicbenchError
+from mimicbench.core.files import read_record, write_record
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.skeleton import Skeleton
-from mimicbench.core.stage import read_stage
+from mimicbench.core.stage import HEADER, read_stage
 from mimicbench.objects.make import read_objects
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.objects.shape import SceneObject, split_of
@@ -249,6 +250,15 @@ def test_a_stage_of_variants(tmp_path):
     assert read_stage(folders[0]).complete
     again = make_augmented(*arguments)
     assert again.header["summary"] == summary
+    # killed before its last clip, it makes that one again, and no other
+    for folder in folders:
+        write_record(folder / HEADER, {**read_record(folder / HEADER), "complete": False, "summary": {}})
+    last = sorted(path for path in paths if path.stem.startswith(source.clips[-1].stem))
+    content, stamps = [path.read_bytes() for path in last], {path: path.stat().st_mtime_ns for path in paths}
+    last[0].unlink()
+    assert last[0].name == source.clips[-1].name and make_augmented(*arguments).header["summary"] == summary
+    assert [path.read_bytes() for path in last] == content
+    assert {path for path in paths if path.stat().st_mtime_ns != stamps[path]} == set(last)
     with pytest.raises(MimicbenchError, match="the variants of 'more' need a name of their own"):
         make_augmented(
             tmp_path, "more", replace(source, references=stage), config, task.fulfilled_by_human, making.QUIET
@@ -261,7 +271,10 @@ def test_all_tasks_are_those_that_have_the_set(tmp_path, capsys):
     assert [one.task for one in recipes("all", source="mine", workdir=tmp_path)] == ["lift-box"]
     assert [one.task for one in recipes("sit-sofa", source="mine", workdir=tmp_path)] == ["sit-sofa"]
     assert len(recipes("all", source="other", workdir=tmp_path)) == len(recipes("all", workdir=tmp_path)) == len(TASKS)
-    for source, words in (("mind", "called 'mind' of sit-chair"), ("made", "run `mimicbench references` first")):
+    for source, words in (
+        ("mind", "called 'mind' of sit-chair"),
+        ("made", "run `mimicbench references --task sit-chair"),
+    ):
         with pytest.raises(SystemExit):
             cli.main(["references", "stats", "--workdir", str(tmp_path / "sit-chair"), "--source", source])
         assert words in capsys.readouterr().err

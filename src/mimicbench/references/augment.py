@@ -223,10 +223,13 @@ def make_augmented(
 def _augment_one(
     places: tuple[Path, Path, Path], fulfils: Fulfils, config: AugmentConfig, seed: int, path: Path
 ) -> list[str]:
-    """Save a clip and its good variants; which kinds were good."""
+    """Save a clip and its good variants; which kinds were good. Where the clip is, its variants are already."""
     objects_to, references_to, objects = places
     motion = HumanMotion.load(path)
     obj = load_object(objects, motion.object_id)
+    if (references_to / path.name).exists():
+        named = [(kind, _variant_id(one.id, kind, copy)) for one, _, kind, copy in _variants_of(motion, obj, config)]
+        return [kind for kind, name in named if (references_to / f"{name}.npz").exists()]
     original, good = check_clip(motion, obj), []
     for one, on, kind, copy in _variants_of(motion, obj, config):
         try:
@@ -234,12 +237,17 @@ def _augment_one(
         except BadMotion:
             continue
         if not gate(other, other_obj, fulfils, original=original):
-            other = replace(other, id=f"{other.id}{copy + 1}") if copy else other
+            other = replace(other, id=_variant_id(one.id, kind, copy))
             save_object(objects_to, other_obj)
             other.save(references_to / f"{other.id}.npz")
             good.append(kind)
     motion.save(references_to / path.name)
     return good
+
+
+def _variant_id(name: str, kind: str, copy: int) -> str:
+    """Of a variant of the clip that is called so."""
+    return f"{toggled(name) if kind == 'mirror' else f'{name}~{kind}'}{copy + 1 if copy else ''}"
 
 
 def _variants_of(
