@@ -280,7 +280,8 @@ def test_all_tasks_are_those_that_have_the_set(tmp_path, capsys):
         assert words in capsys.readouterr().err
     with pytest.raises(SystemExit):
         cli.main(["references", "augment", "--workdir", str(tmp_path), "--source", "mind", "--task", "lie-bed"])
-    assert "`mimicbench import --task lie-bed --to mind` makes the set 'mind'" in capsys.readouterr().err
+    how = f"`mimicbench import --task lie-bed --to mind --workdir {tmp_path}` makes the set 'mind'"
+    assert how in capsys.readouterr().err
 
 
 def test_a_kind_that_is_named_twice_is_made_once(tmp_path, capsys):

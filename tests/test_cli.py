@@ -63,7 +63,7 @@ def called(*words: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
         ("objects --preset mine", "unknown preset 'mine'; known are:"),
         ("objects --config nowhere.toml", "nowhere.toml does not exist"),
         ("objects --source ../x", "objects.source is '../x'"),
-        ("references --source mine", "`mimicbench import --to mine` makes the set 'mine'"),
+        ("references --source mine", "`mimicbench import --to mine --workdir work` makes the set 'mine'"),
         ("retarget --method guess", "unknown retargeting method 'guess'"),
         ("retarget --method omnih2o --variant improved", "omnih2o"),
         ("references --references.source a --objects.source b", "brings its own objects"),

@@ -18,7 +18,7 @@ import pytest
 import recordings
 import shapes
 from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError, UnknownName
-from mimicbench.core.names import LONGEST, printable, safe_name
+from mimicbench.core.names import LONGEST, printable, safe_name, typed
 from mimicbench.imitate.lerobot import load_demos, load_episode
 from mimicbench.imitate.stored.tables import read_table
 from mimicbench.objects.importing.mesh import read_mesh
@@ -105,6 +105,7 @@ def test_names_are_made_safe():
     assert printable("one\ntwo\r", lines=True) == "one\ntwo\\r" and printable("Stühle") == "Stühle"
     assert safe_name("chair 1.v2_a-b") == "chair-1.v2_a-b" and safe_name("../../etc") == "etc"
     assert safe_name("\x1b\n") == "unnamed"
+    assert typed("work/a") == "work/a" and typed("my work") == "'my work'"
     long = [safe_name(letter * 240) for letter in "ab"] + [safe_name("a" * 239)]
     assert len(set(long)) == 3 and all(len(name) == LONGEST for name in long)
 

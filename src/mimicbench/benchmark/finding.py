@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mimicbench.core.errors import BadFile, BadObject, MimicbenchError
+from mimicbench.core.names import typed
 from mimicbench.core.stage import HEADER, Stage, read_stage
 from mimicbench.objects.make import object_ids, read_objects
 from mimicbench.objects.shape import SceneObject
@@ -40,7 +41,8 @@ def stage_with(workdir: Path, task: str, stage: str, file: str, folder: Path | N
     found = [one for one in found if made_alone and is_made(one)] or found
     if not found:
         raise BadFile(
-            f"{workdir} holds no {stage} of {task}; run `mimicbench {stage} --task {task} --workdir {workdir}` first"
+            f"{workdir} holds no {stage} of {task}; run `mimicbench {stage} --task {task} --workdir "
+            f"{typed(workdir)}` first"
         )
     having = [one for one in found if (one.folder / file).exists()] or found
     if len(having) > 1:
@@ -73,7 +75,7 @@ def largest(workdir: Path, tasks: Sequence[str], stage: str, name: str | None) -
             found[task] = max(wanted, key=lambda one: sum(1 for _ in one.folder.glob("*.npz")))
     if not found:
         which = "that are made" if name is None else f"called {name!r}"
-        first = [f"run `mimicbench {stage} --task {tasks[0]} --workdir {workdir}` first"] if name is None else []
+        first = [f"run `mimicbench {stage} --task {tasks[0]} --workdir {typed(workdir)}` first"] if name is None else []
         first += [f"name a set that is there (--source {' or '.join(sorted(sets))})"] if sets else []
         advice = ", or ".join(first) or "`mimicbench import` makes one"
         raise BadFile(f"{workdir} holds no {stage} {which} of {', '.join(tasks)}; {advice}")

@@ -13,6 +13,7 @@ from mimicbench.benchmark.shipped import PERCEPTION, TRACKER, expert_named, ship
 from mimicbench.core.checkpoint import checkpoint_digest, used_by
 from mimicbench.core.errors import BadFile
 from mimicbench.core.files import digest_of_json
+from mimicbench.core.names import typed
 from mimicbench.core.run import RunContext
 from mimicbench.core.settings import amounts, identity
 from mimicbench.core.stage import Stage, StageKey, read_stage
@@ -68,7 +69,11 @@ class Run:
         except BadFile as error:
             how = {"objects": "objects import", "references": "import"}.get(stage)
             of = "" if self.recipe.task == Recipe.task else f" --task {self.recipe.task}"
-            advice = f"`mimicbench {how}{of} --to {name}` makes" if how else "give the --workdir that has"
+            advice = (
+                f"`mimicbench {how}{of} --to {typed(name)} --workdir {typed(self.workdir)}` makes"
+                if how
+                else "give the --workdir that has"
+            )
             raise BadFile(f"{error}; {advice} the set {name!r}") from None
 
     def has_named(self, stage: str, name: str) -> bool:

@@ -2,6 +2,7 @@
 
 import hashlib
 import re
+import shlex
 
 LONGEST = 80
 """Letters of a name that becomes part of an id."""
@@ -16,6 +17,11 @@ def printable(text: str, lines: bool = False) -> str:
         letter if letter.isprintable() or (lines and letter == "\n") else letter.encode("unicode_escape").decode()
         for letter in text
     )
+
+
+def typed(place: object) -> str:
+    """A path as it is typed in a shell: with blanks in it, in quotes."""
+    return shlex.quote(str(place))
 
 
 def safe_name(text: str) -> str:
