@@ -14,7 +14,7 @@ from mimicbench.objects.families.chair import make_chair
 from mimicbench.sim.broken import MAX_KEPT, BrokenScene, load_broken, replay
 from mimicbench.sim.native import NativePhysics
 from mimicbench.sim.physics import PhysicsConfig
-from mimicbench.sim.scene import SUBSTEPS
+from mimicbench.sim.timing import SUBSTEPS
 from stool import H1, block, place, standing
 
 POS, JOINTS = standing()

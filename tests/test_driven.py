@@ -20,7 +20,7 @@ from mimicbench.imitate.spec import Given
 from mimicbench.imitate.stored.demo_writer import Demonstration, DemoWriter
 from mimicbench.imitate.train import TrainConfig
 from mimicbench.policies.loading import load_policy
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.track.checkpoint import build_tracker
 from mimicbench.track.driven import DrivenConfig, drive_clips
 from mimicbench.track.experts import ClipExpert, SensingExpert

@@ -39,7 +39,7 @@ from mimicbench.imitate.train import TrainConfig
 from mimicbench.policies.loading import load_policy
 from mimicbench.sensors.scene import PICTURE
 from mimicbench.sim.rows import Rows
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.ppo import PPOConfig
 from mimicbench.track.rollout import RolloutConfig, track_clips

@@ -30,7 +30,7 @@ from mimicbench.imitate.spec import Given
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.policies.loading import load_policy
 from mimicbench.robots.registry import ROBOTS
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.ppo import PPOConfig
 

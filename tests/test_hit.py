@@ -28,7 +28,7 @@ from mimicbench.objects.registry import FAMILIES
 from mimicbench.policies.loading import load_policy
 from mimicbench.sensors.observations import chosen_terms
 from mimicbench.sim.rows import Rows
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.experts import Corrigible
 from mimicbench.track.registry import TRACKERS

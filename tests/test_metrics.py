@@ -14,7 +14,7 @@ from mimicbench.robots.registry import ROBOTS
 from mimicbench.sim.native import NativePhysics
 from mimicbench.sim.physics import ObjectState, RobotState
 from mimicbench.sim.rows import Rows
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.registry import TASKS
 from stool import H1, block, seated, standing
 

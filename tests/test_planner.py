@@ -31,7 +31,7 @@ from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.methods.optimization import optimize
 from mimicbench.robots.mirror import toggled
 from mimicbench.sensors.observations import Observations
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.checkpoint import save_tracker
 from mimicbench.track.registry import TRACKERS

@@ -16,7 +16,8 @@ from mimicbench.objects.families.chair import make_chair
 from mimicbench.objects.shape import SLOTS
 from mimicbench.sim.native import NativePhysics
 from mimicbench.sim.physics import PhysicsConfig
-from mimicbench.sim.scene import CONTROL_DT, PHYSICS_DT, SUBSTEPS, build_model
+from mimicbench.sim.scene import build_model
+from mimicbench.sim.timing import CONTROL_DT, PHYSICS_DT, SUBSTEPS
 from stool import H1, JOINT, block, place, seated, standing
 
 

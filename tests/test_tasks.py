@@ -20,7 +20,7 @@ from mimicbench.objects.families.chair import make_chair
 from mimicbench.objects.families.household import make_household
 from mimicbench.objects.shape import SceneObject
 from mimicbench.sim.native import NativePhysics
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.lie_bed import TASK as LIE_BED
 from mimicbench.tasks.lie_sofa import TASK as LIE_SOFA
 from mimicbench.tasks.lift_box import TASK as LIFT_BOX

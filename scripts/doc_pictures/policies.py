@@ -23,7 +23,8 @@ from mimicbench.report.video import strip
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.registry import DEFAULT_METHOD, METHODS
 from mimicbench.robots.registry import ROBOTS
-from mimicbench.sim.scene import CONTROL_DT, build_model
+from mimicbench.sim.scene import build_model
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.registry import TASKS
 
 H1 = ROBOTS.get("h1")

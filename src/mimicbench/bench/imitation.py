@@ -25,7 +25,7 @@ from mimicbench.objects.registry import FAMILIES
 from mimicbench.policies.loading import load_policy
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.observations import TERMS, Observations
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.task import Task
 
 EPISODES, FRAMES = 24, 250

@@ -16,7 +16,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.motion import RobotMotion
 from mimicbench.evaluate.failures import FAILURES, failure
 from mimicbench.evaluate.rows import EpisodeRow
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 
 if TYPE_CHECKING:
     from mimicbench.envs.clips import ClipSet

@@ -22,8 +22,8 @@ from mimicbench.sensors.term import BOUND
 from mimicbench.sim.backends import check_device
 from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.rows import Rows
-from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.sim.threads import one_torch_thread
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.task import Task
 
 MAX_SEED = 1 << 63

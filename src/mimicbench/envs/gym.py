@@ -11,7 +11,7 @@ from mimicbench.core.errors import UnknownName
 from mimicbench.envs.episodes import Episodes, GymConfig, check_seed
 from mimicbench.envs.spaces import action_space, observation_space
 from mimicbench.envs.view import View
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.registry import TASKS
 
 Observation = dict[str, Any]

@@ -14,7 +14,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.sensors.context import StepContext
 from mimicbench.sim.physics import Physics
 from mimicbench.sim.rows import Rows
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 
 
 class Hook(Protocol):

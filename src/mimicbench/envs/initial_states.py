@@ -14,7 +14,7 @@ from mimicbench.core.motion import RobotMotion
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
 from mimicbench.sim.physics import ObjectState, Physics, RobotState
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.task import Task
 
 _HEAD = 40

@@ -16,7 +16,7 @@ from mimicbench.robots.description import Robot
 from mimicbench.sensors.contact import BEARING
 from mimicbench.sensors.context import Frame
 from mimicbench.sim.physics import ObjectState
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.task import BodyPoints
 
 

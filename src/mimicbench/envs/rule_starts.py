@@ -26,7 +26,7 @@ from mimicbench.references.locomotion.walking import draw_start as draw_place
 from mimicbench.retarget.make import read_retargeted
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.heightmap import CELLS
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.task import Task
 
 SPLITS = ("train", "test", "all")

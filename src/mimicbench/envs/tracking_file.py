@@ -27,7 +27,7 @@ from mimicbench.core.motion import RobotMotion
 from mimicbench.envs.reference import ReferenceBank
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.reference import reference_links
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 
 
 def tracking_arrays(motion: RobotMotion, robot: Robot) -> dict[str, np.ndarray]:

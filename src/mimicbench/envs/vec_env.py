@@ -31,8 +31,8 @@ from mimicbench.sensors.proprioception import Odometry
 from mimicbench.sim.backends import make_physics
 from mimicbench.sim.physics import PhysicsConfig, RobotState
 from mimicbench.sim.rows import Rows
-from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.sim.threads import one_torch_thread
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.task import Task
 
 REPORT_EVERY = 64

@@ -19,7 +19,7 @@ from mimicbench.evaluate.rows import EpisodeRow
 from mimicbench.objects.shape import SceneObject
 from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.rows import Rows
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.task import Task
 from mimicbench.track.rollout import Rollout
 

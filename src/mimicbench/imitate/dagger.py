@@ -10,7 +10,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.seeds import digest
 from mimicbench.imitate.goals import given_goal, goals_of
 from mimicbench.imitate.planner import planner_inputs
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.track.tracking import TrackingEnv
 
 SEEN = ("proprio", "targets", "hands")

@@ -29,7 +29,7 @@ from mimicbench.sensors.proprioception import s_current, s_current_names
 from mimicbench.sensors.scene import PICTURE, SCENE
 from mimicbench.sim.kinematics import Kinematics
 from mimicbench.sim.physics import RobotState
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.task import Task
 from mimicbench.track.driven import DrivenConfig, drive_clips
 from mimicbench.track.experts import Expert

@@ -29,7 +29,7 @@ from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.imitate.dagger import SEEN, Drivers, Episodes, Replay
 from mimicbench.imitate.plan import PlanLayout
 from mimicbench.imitate.planner import PlannerConfig, PlannerNetwork, PlannerSizes, own_terms, styles_of
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.track.history import Follower
 from mimicbench.track.spec import Terms, Tracker, flat, sizes
 from mimicbench.track.tracking import TrackingEnv

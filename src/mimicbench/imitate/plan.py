@@ -17,7 +17,7 @@ from mimicbench.sensors.context import Frame, StepContext
 from mimicbench.sensors.observations import chosen_terms
 from mimicbench.sensors.reference import object_in_root, reference_links
 from mimicbench.sim.physics import LinkState, ObjectState, RobotState
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.task import Task
 from mimicbench.track.spec import Terms, TrackerSpec
 

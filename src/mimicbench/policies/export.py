@@ -17,7 +17,7 @@ from mimicbench.policies.onnx_file import MISSING, load_onnx
 from mimicbench.policies.registry import LOADERS
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.observations import TERMS, Observations
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.task import Task
 
 OPSET = 20

@@ -28,7 +28,7 @@ from mimicbench.report.pictures.gallery import Failed
 from mimicbench.report.pictures.showcase import Clip, Recording, Showcase, ShowConfig
 from mimicbench.report.provenance import Provenance, package_versions, this_machine
 from mimicbench.report.write import ReportInputs, write_report
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.track.checkpoint import load_tracker
 from mimicbench.track.rollout import RolloutConfig, track_clips
 

@@ -17,7 +17,8 @@ from mimicbench.core.errors import BadFile
 from mimicbench.core.files import read_npz, write_npz
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.registry import ROBOTS
-from mimicbench.sim.scene import SUBSTEPS, build_model
+from mimicbench.sim.scene import build_model
+from mimicbench.sim.timing import SUBSTEPS
 
 MAX_KEPT = 8
 """Broken scenes that a simulation writes to disk and tells of; further ones are only counted."""

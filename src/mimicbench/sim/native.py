@@ -25,7 +25,7 @@ from mimicbench.sim.physics import (
     compile_scene,
 )
 from mimicbench.sim.rows import Rows
-from mimicbench.sim.scene import SUBSTEPS
+from mimicbench.sim.timing import SUBSTEPS
 
 _WARNINGS = {
     mujoco.mjtWarning.mjWARN_BADQPOS: "positions are not finite, or too large",

@@ -11,12 +11,8 @@ from scipy.spatial import ConvexHull, QhullError
 from mimicbench.core.errors import BadObject, UnknownName
 from mimicbench.objects.shape import SLOTS, SceneObject
 from mimicbench.robots.description import Robot, Shape
+from mimicbench.sim.timing import PHYSICS_DT
 
-PHYSICS_DT = 0.005
-"""[s] 200 Hz."""
-SUBSTEPS = 4
-"""Physics steps per control step: 50 Hz control."""
-CONTROL_DT = PHYSICS_DT * SUBSTEPS
 FRICTION = (1.0, 0.005, 0.0001)
 """Sliding, torsional and rolling friction of everything."""
 ROBOT_GROUP, OBJECT_GROUP, FLOOR_GROUP, VISUAL_GROUP = 3, 1, 0, 2

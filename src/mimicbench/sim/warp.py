@@ -20,7 +20,7 @@ from mimicbench.sim.broken import BrokenLog, BrokenScene
 from mimicbench.sim.contact import SIGN, not_measured
 from mimicbench.sim.physics import LinkState, ObjectState, PhysicsConfig, RobotState, compile_scene
 from mimicbench.sim.rows import Rows
-from mimicbench.sim.scene import SUBSTEPS
+from mimicbench.sim.timing import SUBSTEPS
 from mimicbench.sim.warp_breaks import Breaks
 from mimicbench.sim.warp_device import open_device, program, read_only
 from mimicbench.sim.warp_kernels import accumulate, guard

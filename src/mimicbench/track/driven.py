@@ -13,8 +13,8 @@ from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.disturbance import Disturbance
 from mimicbench.envs.policy import Policy
 from mimicbench.envs.vec_env import EnvConfig
-from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.sim.threads import one_torch_thread
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.track.experts import Corrigible, Expert
 from mimicbench.track.rollout import Recording, at_their_beginning
 from mimicbench.track.tracking import EndConfig

@@ -16,8 +16,8 @@ from mimicbench.envs.vec_env import EnvConfig, VecEnv
 from mimicbench.sim.devices import tensor_device
 from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.rows import Rows
-from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.sim.threads import one_torch_thread
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.track.experts import ClipExpert, Expert
 from mimicbench.track.spec import Tracker
 

@@ -19,8 +19,8 @@ from mimicbench.sensors.observations import Observations
 from mimicbench.sim.devices import tensor_device
 from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.rows import Rows
-from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.sim.threads import one_torch_thread
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.track.failures import Failures
 from mimicbench.track.history import History
 from mimicbench.track.spec import Layout, TrackerSpec

@@ -8,7 +8,7 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.viewer.live import Episode
 from mimicbench.viewer.methods import methods, named, whose
 from mimicbench.viewer.playing import PlayPanel

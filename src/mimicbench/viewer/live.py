@@ -23,8 +23,8 @@ from mimicbench.policies.loading import load_policy
 from mimicbench.robots.description import Robot
 from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.rows import Rows
-from mimicbench.sim.scene import CONTROL_DT
 from mimicbench.sim.threads import one_torch_thread
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.task import BodyPoints
 from mimicbench.track.checkpoint import load_tracker
 from mimicbench.track.history import Follower

@@ -13,7 +13,7 @@ from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.objects.shape import SceneObject, load_object
 from mimicbench.robots.description import Robot
 from mimicbench.robots.registry import DEFAULT_ROBOT, ROBOTS
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.registry import TASKS
 from mimicbench.tasks.task import Task
 from mimicbench.viewer.catalog import Catalog, ItemSet, outcome

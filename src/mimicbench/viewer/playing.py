@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable
 
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.viewer.session import Session
 
 PICTURES = 30

@@ -12,7 +12,7 @@ from mimicbench.core.motion import HumanMotion, RobotMotion
 from mimicbench.core.skeleton import Skeleton
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.task import BodyPoints, ObjectInfo, Task, first_run, human_points
 
 

@@ -26,7 +26,7 @@ from mimicbench.imitate.policy import Senses
 from mimicbench.sensors.observations import Observations
 from mimicbench.sim.physics import PhysicsConfig, RobotState
 from mimicbench.sim.rows import Rows
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 
 TOLD = ("episodes", "fell", "success", "frames", "reward", "near", "steps")
 """What is counted of training: episodes that ended, falls and K among them, their frames; and the sums of mean reward

@@ -26,7 +26,7 @@ from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.registry import DEFAULT_METHOD, METHODS
 from mimicbench.robots.description import Robot
 from mimicbench.sim.physics import RobotState
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.task import BodyPoints, Task
 
 

@@ -29,7 +29,7 @@ from mimicbench.imitate.policy import BODY
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.observations import Observations, chosen_terms
 from mimicbench.sim.rows import Rows
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.task import Task
 from mimicbench.track.checkpoint import load_tracker
 from mimicbench.track.history import Follower

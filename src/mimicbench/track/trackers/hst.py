@@ -10,7 +10,7 @@ from mimicbench.robots.description import Robot
 from mimicbench.sensors.context import StepContext, Transition
 from mimicbench.sensors.reference import reference_links
 from mimicbench.sim.physics import LinkState
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.track.spec import Terms, TrackerSpec
 
 

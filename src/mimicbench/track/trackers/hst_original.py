@@ -18,7 +18,7 @@ from mimicbench.robots.description import Robot
 from mimicbench.sensors.context import StepContext, Transition
 from mimicbench.sensors.proprioception import tilt
 from mimicbench.sensors.reference import walk_of
-from mimicbench.sim.scene import CONTROL_DT
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.track.spec import Terms, TrackerSpec
 
 BARE = ("pelvis", "hip", "shoulder", "elbow", "knee")
