@@ -9,7 +9,6 @@ limits hold exactly: joints that would leave them are held at them and the other
 from typing import Protocol
 
 import numpy as np
-from scipy.linalg import LinAlgError, solveh_banded
 
 from mimicbench.core import rotations as rot
 from mimicbench.retarget.kinematics import Links, Pose, Tree
@@ -123,7 +122,7 @@ def _bounded_step(
     for _ in range(4):
         try:
             step = _solve_with(damped, -gradient, held, step)
-        except LinAlgError:
+        except np.linalg.LinAlgError:
             return np.zeros_like(gradient)
         outside = (step < low) | (step > high)
         if not outside.any():
@@ -135,6 +134,8 @@ def _bounded_step(
 
 def _solve_with(band: np.ndarray, right: np.ndarray, held: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Solve the banded system for the free variables while the held ones keep their values."""
+    from scipy.linalg import solveh_banded
+
     if held.any():
         # few are held: their rows and columns leave the matrix, and what they pull at goes to the right
         j, k = np.flatnonzero(held), np.arange(1, len(band))[:, None]

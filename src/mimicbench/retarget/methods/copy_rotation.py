@@ -4,7 +4,6 @@ The other methods start from them.
 """
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import RobotMotion
@@ -39,6 +38,8 @@ def copy_rotations(bound: Bound, tree: Tree, limits: np.ndarray, pos_w: np.ndarr
         pos_w: (T, J, 3) human joint positions [m].
         quat_w: (T, J, 4) human joint orientations.
     """
+    from scipy.spatial.transform import Rotation
+
     turned = {
         link: rot.multiply(quat_w[:, joint], offset)
         for (joint, link), offset in zip(bound.carriers, bound.carrier_offsets, strict=True)

@@ -19,7 +19,6 @@ with joint limits exact. The literature finds that contacts and penetration deci
 from dataclasses import replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import RobotMotion
@@ -96,6 +95,8 @@ def _settled(clip: Clip, config: InteractionConfig) -> tuple[Pose, tuple[float, 
 
 def refine(pose: Pose, step: int, frames: int) -> Pose:
     """A pose of every `step`-th frame at all of them, smoothly."""
+    from scipy.interpolate import CubicSpline
+
     known = step * np.arange(len(pose.joints))
     # q and -q are the same rotation: take those signs that change least
     flips = np.concatenate(
