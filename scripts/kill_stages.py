@@ -28,7 +28,8 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
-from mimicbench.benchmark.graph import run_stage, start
+from mimicbench.benchmark import run_stage
+from mimicbench.benchmark.graph import start
 from mimicbench.benchmark.judging import judge
 from mimicbench.benchmark.recipe import Recipe, read_recipe
 from mimicbench.core.run import RunContext

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from mimicbench.benchmark import Recipe, run_stage
 from mimicbench.core.run import RunContext
-from mimicbench.imitate.demos import DemosConfig
+from mimicbench.imitate.settings.demos import DemosConfig
 from mimicbench.objects.make import ObjectsConfig
-from mimicbench.references.make import ReferencesConfig
+from mimicbench.references.settings import ReferencesConfig
 
 SAMPLE = Path(__file__).parents[1] / "examples" / "sample"
 NAME = "sample"

@@ -15,7 +15,7 @@ from mimicbench.benchmark import Recipe
 from mimicbench.benchmark.finding import stages_of
 from mimicbench.core.run import RunContext
 from mimicbench.objects.make import ObjectsConfig
-from mimicbench.references.make import ReferencesConfig
+from mimicbench.references.settings import ReferencesConfig
 from mimicbench.report.methods import compare_methods
 from mimicbench.report.provenance import this_machine
 from mimicbench.report.table import Table, to_markdown

@@ -28,7 +28,7 @@ from mimicbench.report.tables.spec import Episodes
 from mimicbench.robots.registry import DEFAULT_ROBOT, ROBOTS
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.ppo_config import PPOConfig
-from mimicbench.track.tracking import TrackingConfig
+from mimicbench.track.settings import TrackingConfig
 
 ROOT = Path(__file__).parents[1]
 README, RESULTS, ORDERINGS = ROOT / "README.md", ROOT / "docs" / "results.md", ROOT / "docs" / "orderings.md"

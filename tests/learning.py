@@ -11,7 +11,7 @@ from mimicbench.retarget.methods.optimization import optimize
 from mimicbench.robots.registry import ROBOTS
 from mimicbench.track.checkpoint import TrackerConfig, build_tracker
 from mimicbench.track.registry import TRACKERS
-from mimicbench.track.spec import Layout, Tracker
+from mimicbench.track.tracker import Layout, Tracker
 
 ROBOT, ONE = ROBOTS.get("h1"), EnvConfig(workers=1)
 

@@ -7,7 +7,8 @@ from mimicbench.benchmark import Recipe, run_stage
 from mimicbench.core.run import RunContext
 from mimicbench.core.stage import StageKey, opened
 from mimicbench.objects.make import ObjectsConfig
-from mimicbench.references.make import Places, ReferencesConfig, make_references, used_objects
+from mimicbench.references.make import Places, make_references, used_objects
+from mimicbench.references.settings import ReferencesConfig
 
 QUIET = RunContext(workers=1, quiet=True)
 

@@ -10,14 +10,15 @@ from learning import ONE, clip_of, shape_of, tracker
 from mimicbench.evaluate.rollout import run_policy
 from mimicbench.imitate import cloning
 from mimicbench.imitate.demos import demonstrations, scene_terms
-from mimicbench.imitate.encoder import EncoderConfig
 from mimicbench.imitate.learn_planner import train_planner
 from mimicbench.imitate.learners.act import ACTImitation
 from mimicbench.imitate.learners.bc import BCImitation
-from mimicbench.imitate.planner import PlannerConfig, save_planner
+from mimicbench.imitate.learners.planner import PlannerConfig
+from mimicbench.imitate.planner import save_planner
+from mimicbench.imitate.settings.cloning import TrainConfig
+from mimicbench.imitate.settings.encoder import EncoderConfig
 from mimicbench.imitate.spec import Given
 from mimicbench.imitate.stored.demo_writer import DemoWriter
-from mimicbench.imitate.train import TrainConfig
 from mimicbench.policies.loading import load_policy
 from mimicbench.robots.registry import ROBOTS
 from mimicbench.sensors.scene import PICTURE

@@ -4,10 +4,11 @@ import pytest
 import torch
 
 from learning import ONE, clip_of
-from mimicbench.envs.clip_starts import ClipStartConfig
+from mimicbench.envs.settings import ClipStartConfig
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.registry import TRACKERS
-from mimicbench.track.tracking import EndConfig, TrackingConfig, TrackingEnv
+from mimicbench.track.settings import EndConfig, TrackingConfig
+from mimicbench.track.tracking import TrackingEnv
 
 FAR = EndConfig(1e3, 1e3, 1e3, 1e3)
 

@@ -8,11 +8,11 @@ import pytest
 import torch
 
 from mimicbench.imitate.dataset import DemoFrames
-from mimicbench.imitate.inputs import InputConfig
 from mimicbench.imitate.learned import load_learner, save_learner
 from mimicbench.imitate.lerobot import Demos
 from mimicbench.imitate.policy import Ensemble, VisionPolicy
 from mimicbench.imitate.registry import LEARNERS
+from mimicbench.imitate.settings.inputs import InputConfig
 from mimicbench.objects.families.chair import make_chair
 from mimicbench.robots.registry import ROBOTS
 from mimicbench.sensors.observations import Observations

@@ -11,7 +11,7 @@ from mimicbench.sensors.contact import BEARING, bearers, bears
 from mimicbench.sensors.observations import TERMS
 from mimicbench.track.checkpoint import load_tracker
 from mimicbench.track.registry import TRACKERS
-from mimicbench.track.spec import Layout
+from mimicbench.track.tracker import Layout
 from mimicbench.track.train import train_tracker
 from stool import H1
 from tracked import CLIPS, ONE_THREAD, SIT_CHAIR, FakePhysics, clip_set, context_of, moved_on, tiny

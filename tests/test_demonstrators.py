@@ -5,23 +5,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mimicbench.benchmark import keys
-from mimicbench.benchmark.graph import demonstrated, run_stage, start
+from mimicbench.benchmark import keys, run_stage
+from mimicbench.benchmark.graph import demonstrated, start
 from mimicbench.benchmark.recipe import Recipe, stage_type
 from mimicbench.benchmark.shipped import shipped_trackers
 from mimicbench.benchmark.verifying import verify_demos
 from mimicbench.core.run import RunContext
 from mimicbench.core.settings import BadSetting
 from mimicbench.envs.rule_starts import standing
-from mimicbench.imitate.demos import DaggerConfig, DemosConfig
-from mimicbench.imitate.inputs import InputConfig
 from mimicbench.imitate.learned import load_learner
 from mimicbench.imitate.learners.bc import BCConfig
 from mimicbench.imitate.learners.hit import HITConfig, HITImitation
 from mimicbench.imitate.lerobot import DATASET, load_demos
-from mimicbench.imitate.train import TrainConfig
+from mimicbench.imitate.settings.cloning import DaggerConfig, TrainConfig
+from mimicbench.imitate.settings.demos import DemosConfig
+from mimicbench.imitate.settings.inputs import InputConfig
 from mimicbench.objects.make import ObjectsConfig
-from mimicbench.track.driven import DrivenConfig
+from mimicbench.track.settings import DrivenConfig
 from stool import H1
 from test_imitate import TINY
 from tracked import SIT_CHAIR, clip_set

@@ -28,7 +28,7 @@ from mimicbench.envs.gym_vector import TaskVectorEnv
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.evaluate.rollout import run_policy
 from mimicbench.imitate.demos import observed_states
-from mimicbench.imitate.planner import PlannerConfig
+from mimicbench.imitate.learners.planner import PlannerConfig
 from mimicbench.policies.loading import load_policy
 from mimicbench.sensors import arrays
 from mimicbench.sensors.proprioception import s_current
@@ -39,8 +39,9 @@ from mimicbench.track.checkpoint import load_tracker
 from mimicbench.track.ppo import PPOConfig
 from mimicbench.track.registry import TRACKERS
 from mimicbench.track.rollout import RolloutConfig, track_clips
-from mimicbench.track.tracking import TrackingConfig, TrackingEnv
-from mimicbench.track.train import TrackConfig, train_tracker
+from mimicbench.track.settings import TrackConfig, TrackingConfig
+from mimicbench.track.tracking import TrackingEnv
+from mimicbench.track.train import train_tracker
 from stool import H1, block, seated, standing
 from tracked import still
 

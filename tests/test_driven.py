@@ -11,21 +11,21 @@ from learning import shape_of
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.run import RunContext
 from mimicbench.imitate.cloning import clone
-from mimicbench.imitate.demos import DaggerConfig, observed_states
-from mimicbench.imitate.inputs import InputConfig
+from mimicbench.imitate.demos import observed_states
 from mimicbench.imitate.learned import load_learner
 from mimicbench.imitate.learners.bc import BCConfig, BCImitation
 from mimicbench.imitate.lerobot import load_demos
+from mimicbench.imitate.settings.cloning import DaggerConfig, TrainConfig
+from mimicbench.imitate.settings.inputs import InputConfig
 from mimicbench.imitate.spec import Given
 from mimicbench.imitate.stored.demo_writer import Demonstration, DemoWriter
-from mimicbench.imitate.train import TrainConfig
 from mimicbench.policies.loading import load_policy
 from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.track.checkpoint import build_tracker
-from mimicbench.track.driven import DrivenConfig, drive_clips
+from mimicbench.track.driven import drive_clips
 from mimicbench.track.experts import ClipExpert, SensingExpert
 from mimicbench.track.registry import TRACKERS
-from mimicbench.track.tracking import EndConfig
+from mimicbench.track.settings import DrivenConfig, EndConfig
 from stool import H1
 from tracked import CLIPS, ONE_THREAD, SIT_CHAIR, clip_set
 

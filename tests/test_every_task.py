@@ -25,17 +25,17 @@ from mimicbench.imitate.clock import clock_features
 from mimicbench.imitate.dataset import DemoFrames
 from mimicbench.imitate.demos import demonstrations, scene_names, scene_terms
 from mimicbench.imitate.goals import GivenGoal
-from mimicbench.imitate.inputs import InputConfig, Window
 from mimicbench.imitate.learners.bc import BCImitation
 from mimicbench.imitate.learners.bc_clock import BCClockImitation
-from mimicbench.imitate.learners.planner import PlannerImitation
+from mimicbench.imitate.learners.planner import PlannerConfig, PlannerImitation
 from mimicbench.imitate.lerobot import load_demos
-from mimicbench.imitate.perception import Perception, PerceptionConfig, save_perception
-from mimicbench.imitate.planner import PlannerConfig
+from mimicbench.imitate.perception import Perception, save_perception
+from mimicbench.imitate.settings.cloning import TrainConfig
+from mimicbench.imitate.settings.inputs import InputConfig, Window
+from mimicbench.imitate.settings.perception import PerceptionConfig
 from mimicbench.imitate.spec import Given
 from mimicbench.imitate.stored.demo_writer import Demonstration, DemoWriter
 from mimicbench.imitate.stored.verify import replayed, unfulfilled
-from mimicbench.imitate.train import TrainConfig
 from mimicbench.policies.loading import load_policy
 from mimicbench.sensors.scene import PICTURE
 from mimicbench.sim.rows import Rows
@@ -43,7 +43,7 @@ from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.ppo import PPOConfig
 from mimicbench.track.rollout import RolloutConfig, track_clips
-from mimicbench.track.train import TrackConfig
+from mimicbench.track.settings import TrackConfig
 
 OTHERS = ("lift-box", "touch-points")
 

@@ -21,11 +21,11 @@ from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.nearness import nearness
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.evaluate.rollout import run_policy
-from mimicbench.imitate.encoder import EncoderConfig
-from mimicbench.imitate.exploring.episodes import Exploration, ExploreConfig
-from mimicbench.imitate.inputs import InputConfig
-from mimicbench.imitate.learners.ppo import PPOImitation, PPONetworkConfig, learn
+from mimicbench.imitate.exploring.episodes import Exploration
+from mimicbench.imitate.learners.ppo import ExploreConfig, PPOImitation, PPONetworkConfig, learn
 from mimicbench.imitate.policy import Senses, VisionPolicy
+from mimicbench.imitate.settings.encoder import EncoderConfig
+from mimicbench.imitate.settings.inputs import InputConfig
 from mimicbench.imitate.spec import Given
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.policies.loading import load_policy

@@ -9,7 +9,7 @@ from mimicbench.track.checkpoint import load_tracker
 from mimicbench.track.history import Follower
 from mimicbench.track.registry import TRACKERS
 from mimicbench.track.rollout import RolloutConfig, track_clips
-from mimicbench.track.spec import Layout
+from mimicbench.track.tracker import Layout
 from mimicbench.track.train import train_tracker
 from stool import H1
 from tracked import CLIPS, ONE_THREAD, SIT_CHAIR, clip_set, tiny

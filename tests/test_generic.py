@@ -45,6 +45,7 @@ MAY = {
     "retarget/methods/": "one file a method",
     "track/trackers/": "one file a tracker",
     "imitate/learners/": "one file a learner",
+    "imitate/networks/": "one file a learner's network",
     "imitate/online/": "the learner `online`: how it plans, and acts",
     "imitate/planner.py": "the learner `planner`: its network, of which learners/planner.py is the row",
     "imitate/learn_planner.py": "and its training",
@@ -65,7 +66,7 @@ MAY = {
     "track/registry.py": "order of the names",
     "imitate/registry.py": "order of the names",
     "imitate/spec.py": "the default learner",
-    "track/train.py": "the default tracker",
+    "track/settings.py": "the default tracker",
     "imitate/dagger.py": "the learner `planner`: the episodes that it learns from",
     "__init__.py": "Gymnasium's names of the environments, known without an import",
 }
@@ -75,6 +76,7 @@ MEANS_ELSE = {
     "envs/spaces.py": {"residual"},
     "evaluate/guard.py": {"act"},  # the method of a policy
     "policies/loading.py": {"act"},
+    "track/train.py": {"ppo"},  # a part of the training's state
     "retarget/samples.py": {"box"},  # the type of a shape
     "retarget/self_contact.py": {"box"},
 }

@@ -24,18 +24,19 @@ from mimicbench.core.run import RunContext
 from mimicbench.core.training import STATE
 from mimicbench.envs.metrics import Verdict
 from mimicbench.evaluate.rows import read_rows, rows_made_from
-from mimicbench.imitate.demos import DemosConfig, batches, demonstrations
+from mimicbench.imitate.demos import batches, demonstrations
+from mimicbench.imitate.settings.demos import DemosConfig
 from mimicbench.objects.make import ObjectsConfig
 from mimicbench.objects.shape import split_of
 from mimicbench.references.checks.quality import Limits, faults
-from mimicbench.references.make import ReferencesConfig
+from mimicbench.references.settings import ReferencesConfig
 from mimicbench.retarget.acceptance import PROMISED, outcome, summary, unsolved
 from mimicbench.retarget.acceptance import Limits as Solved
-from mimicbench.retarget.make import RetargetConfig
+from mimicbench.retarget.settings import RetargetConfig
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.ppo import PPOConfig
 from mimicbench.track.rollout import Recording, Rollout
-from mimicbench.track.train import TrackConfig
+from mimicbench.track.settings import TrackConfig
 
 TINY = TrackConfig(
     samples=16, num_envs=4, parts=1, evaluate_clips=1, threads=1, ppo=PPOConfig(hidden=(8,), steps=4, minibatches=2)

@@ -19,8 +19,9 @@ from mimicbench.envs.reference import ReferenceBank
 from mimicbench.envs.vec_env import VecEnv
 from mimicbench.evaluate.rollout import run_policy
 from mimicbench.imitate.learned import save_learner
-from mimicbench.imitate.learners.hit import HITConfig, HITImitation, learn, load_hit
+from mimicbench.imitate.learners.hit import HITConfig, HITImitation, learn
 from mimicbench.imitate.lerobot import Demos
+from mimicbench.imitate.networks.hit import load_hit
 from mimicbench.imitate.plan import PosePlan
 from mimicbench.imitate.spec import Given
 from mimicbench.imitate.stored.poses import ClipPlans, motions_of

@@ -19,10 +19,11 @@ from mimicbench.track.history import Follower, History
 from mimicbench.track.ppo import PPOConfig, PPOLearner
 from mimicbench.track.registry import TRACKERS
 from mimicbench.track.rollout import RolloutConfig, track_clips
-from mimicbench.track.spec import Layout
+from mimicbench.track.settings import EndConfig, TrackConfig
+from mimicbench.track.tracker import Layout
 from mimicbench.track.trackers.hst_original import TransformerConfig, pitched, rolled, sank, touched
-from mimicbench.track.tracking import EndConfig, TrackingEnv
-from mimicbench.track.train import TrackConfig, train_tracker
+from mimicbench.track.tracking import TrackingEnv
+from mimicbench.track.train import train_tracker
 from stool import H1, place, put, seated, standing
 from tracked import (
     CALM,

@@ -13,18 +13,17 @@ from mimicbench.core.checkpoint import BadCheckpoint
 from mimicbench.core.errors import BadFile, MimicbenchError
 from mimicbench.imitate.clock import clock_features
 from mimicbench.imitate.dataset import DemoFrames, EpisodeGoals, proprioception
-from mimicbench.imitate.encoder import Encoder, EncoderConfig
-from mimicbench.imitate.inputs import Batch, InputConfig, Window
+from mimicbench.imitate.encoder import Encoder
+from mimicbench.imitate.inputs import Batch
 from mimicbench.imitate.learn_perception import draw_maps
 from mimicbench.imitate.learned import load_learner, save_learner
 from mimicbench.imitate.lerobot import Demos
-from mimicbench.imitate.perception import (
-    Perception,
-    PerceptionConfig,
-    save_perception,
-)
+from mimicbench.imitate.perception import Perception, save_perception
 from mimicbench.imitate.policy import VisionPolicy
 from mimicbench.imitate.registry import LEARNERS
+from mimicbench.imitate.settings.encoder import EncoderConfig
+from mimicbench.imitate.settings.inputs import InputConfig, Window
+from mimicbench.imitate.settings.perception import PerceptionConfig
 from mimicbench.imitate.train import Course, train
 from mimicbench.objects.families.chair import make_chair
 from mimicbench.policies.loading import load_policy

@@ -17,11 +17,13 @@ from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.reference import ReferenceBank, lay
 from mimicbench.evaluate.rollout import run_policy
 from mimicbench.imitate.goals import goals_of
-from mimicbench.imitate.online.planning import OnlineConfig, Planning, from_plan, from_standing, from_walking
+from mimicbench.imitate.learners.online import OnlineConfig
+from mimicbench.imitate.online.planning import Planning, from_plan, from_standing, from_walking
 from mimicbench.imitate.online.policy import OnlinePolicy, load_online, save_online
 from mimicbench.imitate.online.reckoning import in_hands, reckoned, risen, seen_from
-from mimicbench.imitate.perception import Perception, PerceptionConfig, save_perception
+from mimicbench.imitate.perception import Perception, save_perception
 from mimicbench.imitate.plan import Imagined
+from mimicbench.imitate.settings.perception import PerceptionConfig
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.objects.touch import WRIST_OFF, touch_pair
 from mimicbench.policies.loading import load_policy

@@ -16,13 +16,8 @@ from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.files import read_record, write_record
 from mimicbench.imitate.goals import GoalMemory
 from mimicbench.imitate.learn_perception import draw_maps, evaluate_perception, goal_loss, train_perception, turned
-from mimicbench.imitate.perception import (
-    Perception,
-    PerceptionConfig,
-    load_perception,
-    save_perception,
-    window,
-)
+from mimicbench.imitate.perception import Perception, load_perception, save_perception, window
+from mimicbench.imitate.settings.perception import PerceptionConfig
 from mimicbench.objects.families.chair import make_chair
 from mimicbench.objects.registry import FAMILIES, make_object
 from mimicbench.objects.shape import split_of

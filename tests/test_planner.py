@@ -14,17 +14,19 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.settings import BadSetting
 from mimicbench.core.training import STATE
-from mimicbench.envs.clip_starts import ClipStartConfig
 from mimicbench.envs.clips import ClipSet
+from mimicbench.envs.settings import ClipStartConfig
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.evaluate.rollout import run_policy
 from mimicbench.imitate.clock import SIZE as CLOCK_SIZE
 from mimicbench.imitate.dagger import SEEN, Episodes
 from mimicbench.imitate.goals import both_places, given_goal, goals_of
 from mimicbench.imitate.learn_planner import _Run, train_planner
-from mimicbench.imitate.perception import Perception, PerceptionConfig, save_perception
+from mimicbench.imitate.learners.planner import PlannerConfig
+from mimicbench.imitate.perception import Perception, save_perception
 from mimicbench.imitate.plan import PlanLayout
-from mimicbench.imitate.planner import PlannerConfig, PlannerSizes, load_network, load_planner, save_planner
+from mimicbench.imitate.planner import PlannerSizes, load_network, load_planner, save_planner
+from mimicbench.imitate.settings.perception import PerceptionConfig
 from mimicbench.objects.families.chair import make_chair
 from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.retarget.clip import Clip
@@ -35,8 +37,9 @@ from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.checkpoint import save_tracker
 from mimicbench.track.registry import TRACKERS
+from mimicbench.track.settings import TrackingConfig
 from mimicbench.track.trackers.residual import ResidualConfig
-from mimicbench.track.tracking import TrackingConfig, TrackingEnv
+from mimicbench.track.tracking import TrackingEnv
 
 TASK = TASKS.get("sit-chair")
 SMALL = PlannerConfig(

@@ -23,21 +23,20 @@ from mimicbench.core.motion import RobotMotion
 from mimicbench.core.settings import Amount, BadSetting, Within, amounts, check, identity, merge, read
 from mimicbench.core.stage import read_stage
 from mimicbench.evaluate.rows import read_rows, rows_made_from
-from mimicbench.imitate.cloning import CloneImitation
-from mimicbench.imitate.demos import DemosConfig
 from mimicbench.imitate.learners.act import ACTConfig
 from mimicbench.imitate.learners.bc import BCConfig
 from mimicbench.imitate.learners.diffusion import DiffusionConfig
 from mimicbench.imitate.learners.hit import HITConfig
 from mimicbench.imitate.registry import LEARNERS
-from mimicbench.imitate.spec import ImitateConfig
+from mimicbench.imitate.settings.demos import DemosConfig
+from mimicbench.imitate.spec import CloneImitation, ImitateConfig
 from mimicbench.objects.make import ObjectsConfig
-from mimicbench.references.make import ReferencesConfig
-from mimicbench.retarget.make import RetargetConfig
+from mimicbench.references.settings import ReferencesConfig
+from mimicbench.retarget.settings import RetargetConfig
 from mimicbench.sensors.observations import chosen_terms
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.registry import TRACKERS
-from mimicbench.track.train import TrackConfig
+from mimicbench.track.settings import TrackConfig
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,8 @@ import pytest
 
 from learning import ROBOT
 from mimicbench.benchmark.shipped import SHIPPED
-from mimicbench.imitate.online.planning import OnlineConfig, Planning, from_standing
+from mimicbench.imitate.learners.online import OnlineConfig
+from mimicbench.imitate.online.planning import Planning, from_standing
 from mimicbench.imitate.online.rehearsal import choose, rehearse, room, strayed
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.tasks.registry import TASKS

@@ -23,7 +23,7 @@ from mimicbench.objects.families.chair import make_chair
 from mimicbench.objects.shape import SceneObject, save_object
 from mimicbench.references.body.body import body_of
 from mimicbench.references.body.skeletons import CORE4D, ROAM, UNIHSI
-from mimicbench.references.make import ReferencesConfig
+from mimicbench.references.settings import ReferencesConfig
 from mimicbench.report.retargeting import Comparison, MethodResult, measures_table, write_comparison
 from mimicbench.retarget.acceptance import MEASURES, PROMISED, Limits, outcome, summary, unsolved
 from mimicbench.retarget.baselines.adam import adam
@@ -31,13 +31,14 @@ from mimicbench.retarget.baselines.mink_ik import solve_frames
 from mimicbench.retarget.baselines.speed import RetargetBenchConfig, bench_retargeting
 from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.kinematics import Pose, tree_of
-from mimicbench.retarget.make import Places, RetargetConfig, make_retargeted, read_retargeted
+from mimicbench.retarget.make import Places, make_retargeted, read_retargeted
 from mimicbench.retarget.mapping import bind, find_mapping
 from mimicbench.retarget.methods import optimization as opt
 from mimicbench.retarget.methods.copy_rotation import copy_rotations
 from mimicbench.retarget.methods.omnih2o import align
 from mimicbench.retarget.methods.optimization import PAPER
 from mimicbench.retarget.registry import METHODS
+from mimicbench.retarget.settings import RetargetConfig
 from mimicbench.retarget.solver import solve
 from mimicbench.robots.description import Robot
 from mimicbench.robots.registry import ROBOTS

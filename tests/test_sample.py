@@ -18,8 +18,8 @@ from mimicbench.core.errors import BadFile
 from mimicbench.core.files import read_json
 from mimicbench.core.run import RunContext
 from mimicbench.core.settings import BadSetting
-from mimicbench.imitate.demos import DemosConfig
 from mimicbench.imitate.lerobot import load_demos, recorded_gains
+from mimicbench.imitate.settings.demos import DemosConfig
 from mimicbench.track.registry import TRACKERS
 from mimicbench.viewer.catalog import Catalog
 from mimicbench.viewer.opened import open_item

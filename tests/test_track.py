@@ -19,9 +19,10 @@ from mimicbench.track.network import Blueprint, MLPConfig
 from mimicbench.track.parts import TrackingParts
 from mimicbench.track.ppo import PPOConfig, PPOLearner
 from mimicbench.track.rollout import RolloutConfig, track_clips
-from mimicbench.track.spec import Layout
-from mimicbench.track.tracking import EndConfig, TrackingConfig, TrackingEnv
-from mimicbench.track.train import TrackConfig, begin_from, robots_of, train_tracker
+from mimicbench.track.settings import EndConfig, TrackConfig, TrackingConfig
+from mimicbench.track.tracker import Layout
+from mimicbench.track.tracking import TrackingEnv
+from mimicbench.track.train import begin_from, robots_of, train_tracker
 from stool import H1, block
 from tracked import (
     CALM,

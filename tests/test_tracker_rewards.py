@@ -15,7 +15,7 @@ from mimicbench.sensors.reference import reference_in_root
 from mimicbench.sim.physics import ObjectState
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.registry import TRACKERS
-from mimicbench.track.spec import Layout
+from mimicbench.track.tracker import Layout
 from mimicbench.track.trackers import residual
 from stool import H1
 from tracked import (

@@ -7,12 +7,14 @@ import pytest
 import torch
 
 from mimicbench.core import rotations as rot
-from mimicbench.envs.clip_starts import ClipStartConfig, ClipStarts
+from mimicbench.envs.clip_starts import ClipStarts
 from mimicbench.envs.reference import ReferenceBank
+from mimicbench.envs.settings import ClipStartConfig
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.sim.rows import Rows
 from mimicbench.track.failures import PARTS, REWIND, Failures
-from mimicbench.track.tracking import ENDS, EndConfig, TrackingConfig, TrackingEnv, deviations
+from mimicbench.track.settings import EndConfig, TrackingConfig
+from mimicbench.track.tracking import ENDS, TrackingEnv, deviations
 from stool import H1
 from tracked import (
     CALM,

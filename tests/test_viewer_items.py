@@ -20,11 +20,11 @@ from mimicbench.core.files import read_record, write_record
 from mimicbench.core.motion import RobotMotion
 from mimicbench.core.stage import HEADER, read_stage
 from mimicbench.evaluate.rows import write_rows
-from mimicbench.imitate.demos import DemosConfig
 from mimicbench.imitate.lerobot import DATASET, episode_rows, load_episode
+from mimicbench.imitate.settings.demos import DemosConfig
 from mimicbench.imitate.stored.demo_writer import Demonstration, DemoWriter
-from mimicbench.references.make import ReferencesConfig
-from mimicbench.retarget.make import RetargetConfig
+from mimicbench.references.settings import ReferencesConfig
+from mimicbench.retarget.settings import RetargetConfig
 from mimicbench.robots.registry import DEFAULT_ROBOT, ROBOTS
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.registry import TRACKERS

@@ -9,7 +9,7 @@ from mimicbench.core import rotations as rot
 from mimicbench.envs.clip_starts import ClipStarts
 from mimicbench.envs.reference import ReferenceBank
 from mimicbench.envs.vec_env import VecEnv
-from mimicbench.imitate.inputs import InputConfig
+from mimicbench.imitate.settings.inputs import InputConfig
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.robots.rigs import HEAD_RIG, PELVIS_RIG
 from mimicbench.sensors.elevation_cpu import RANGE, Poses

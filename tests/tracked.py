@@ -7,8 +7,8 @@ import torch
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import RobotMotion
-from mimicbench.envs.clip_starts import ClipStartConfig
 from mimicbench.envs.clips import ClipSet
+from mimicbench.envs.settings import ClipStartConfig
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.sensors.context import StepContext, Transition
 from mimicbench.sensors.observations import TERMS
@@ -18,10 +18,9 @@ from mimicbench.sim.physics import RobotState
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.ppo import PPOConfig
 from mimicbench.track.registry import TRACKERS
-from mimicbench.track.spec import Layout, flat
+from mimicbench.track.settings import TrackConfig, TrackingConfig
+from mimicbench.track.tracker import Layout, flat
 from mimicbench.track.trackers import hst, residual
-from mimicbench.track.tracking import TrackingConfig
-from mimicbench.track.train import TrackConfig
 from stool import H1, block, seated, standing
 
 SIT_CHAIR, LIFT_BOX, TOUCH = (TASKS.get(name) for name in ("sit-chair", "lift-box", "touch-points"))

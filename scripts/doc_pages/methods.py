@@ -11,7 +11,7 @@ from mimicbench.robots.description import Robot
 from mimicbench.sensors.term import Term
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.registry import TRACKERS
-from mimicbench.track.spec import Layout
+from mimicbench.track.tracker import Layout
 
 
 def linked(folder: str, name: str) -> str:

@@ -16,10 +16,11 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.checkpoint import CONFIG, copy_checkpoint
 from mimicbench.core.motion import RobotMotion
 from mimicbench.envs.clips import ClipSet
-from mimicbench.imitate.cloning import CloneImitation, demo_frames
+from mimicbench.imitate.cloning import demo_frames
 from mimicbench.imitate.learned import save_learner
 from mimicbench.imitate.lerobot import Demos
 from mimicbench.imitate.registry import LEARNERS
+from mimicbench.imitate.spec import CloneImitation
 from mimicbench.imitate.train import CloneTraining, Course
 from mimicbench.objects.registry import FAMILIES
 from mimicbench.policies.loading import load_policy

@@ -9,7 +9,7 @@ from mimicbench.evaluate.intervals import Rate
 from mimicbench.report.table import Table
 from mimicbench.robots.description import Robot
 from mimicbench.track.rollout import RolloutConfig, track_clips
-from mimicbench.track.spec import Tracker
+from mimicbench.track.tracker import Tracker
 
 
 def cases(robot: Robot) -> dict[str, Disturbance]:

@@ -21,8 +21,8 @@ from mimicbench.tasks.task import Task
 from mimicbench.track.network import MLPConfig
 from mimicbench.track.ppo_config import PPOConfig, ppo_learner
 from mimicbench.track.registry import TRACKERS
-from mimicbench.track.tracking import TrackingConfig, TrackingEnv
-from mimicbench.track.train import TrackConfig
+from mimicbench.track.settings import TrackConfig, TrackingConfig
+from mimicbench.track.tracking import TrackingEnv
 
 if TYPE_CHECKING:
     from mimicbench.track.ppo import PPOLearner

@@ -16,7 +16,7 @@ from mimicbench.benchmark.published import published_clips
 from mimicbench.benchmark.recipe import Recipe, check_recipe
 from mimicbench.benchmark.shipped import SHIPPED
 from mimicbench.core.checkpoint import CONFIG, copy_checkpoint
-from mimicbench.core.errors import BadFile, BadMotion, UnknownName
+from mimicbench.core.errors import BadFile, BadMotion
 from mimicbench.core.files import read_json
 from mimicbench.core.parallel import end_if_imported_by_worker
 from mimicbench.core.run import RunContext
@@ -29,23 +29,6 @@ from mimicbench.retarget import make as retargeting
 if TYPE_CHECKING:
     from mimicbench.envs.vec_env import EnvConfig
     from mimicbench.imitate.spec import ImitateConfig
-
-
-def run_stage(stage: str, recipe: Recipe, workdir: Path | str, context: RunContext | None = None) -> Stage:
-    """Make a stage of a recipe, and what is missing before it. Does nothing where everything is there.
-
-    Args:
-        stage: objects, references, retarget, track, demos, perception or imitate.
-        recipe: What is to be made.
-        workdir: Where: each stage goes to `<workdir>/<task>/<stage>/<words>-<digest>`.
-        context: How to run.
-
-    Raises:
-        MimicbenchError: The recipe contradicts itself, or a stage cannot be made.
-    """
-    if stage not in STAGES:
-        raise UnknownName("stage", stage, list(STAGES))
-    return STAGES[stage](start(recipe, workdir, context))
 
 
 def start(recipe: Recipe, workdir: Path | str, context: RunContext | None = None) -> Run:
@@ -211,7 +194,7 @@ def make_demo_stage(run: Run) -> Stage:
 def demonstrated(run: Run) -> ClipSet:
     """The clips in whose first frames the recipe's demonstrations begin, and which trackers follow."""
     from mimicbench.envs.rule_starts import standing
-    from mimicbench.imitate.demos import CLIPS, POSES
+    from mimicbench.imitate.settings.demos import CLIPS, POSES
 
     config, published = run.part("demos"), published_clips(run)
     if published is not None:

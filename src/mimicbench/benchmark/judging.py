@@ -150,7 +150,7 @@ def judge_tracker(run: Run, who: Who, clips: ClipSet) -> list[EpisodeRow]:
     from mimicbench.evaluate.rollout import Judged, tracker_rows
     from mimicbench.track.checkpoint import load_tracker
     from mimicbench.track.rollout import RolloutConfig, track_clips
-    from mimicbench.track.train import TrackConfig
+    from mimicbench.track.settings import TrackConfig
 
     _one_thread()
     tracker = load_tracker(who.folder, run.robot)

@@ -201,7 +201,7 @@ def expert_folder(run: Run, tracker: Path) -> Path:
 
 def demo_key(run: Run, tracker: Path) -> StageKey:
     """Demonstrations by the tracker in a folder, or by the expert that the recipe names."""
-    from mimicbench.imitate.demos import CLIPS, RULE
+    from mimicbench.imitate.settings.demos import CLIPS, RULE
 
     settings, expert = identity(run.part("demos")), expert_folder(run, tracker)
     del settings["source"], settings["expert"]

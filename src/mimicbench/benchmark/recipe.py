@@ -15,13 +15,13 @@ from mimicbench.core.settings import BadSetting, Count, Seed, check, merge, read
 from mimicbench.robots.registry import DEFAULT_ROBOT
 from mimicbench.tasks.registry import DEFAULT_TASK
 
-if TYPE_CHECKING:  # some of these bring torch, which the earlier stages do without
-    from mimicbench.imitate.demos import DemosConfig
+if TYPE_CHECKING:  # each is imported with its part: who makes objects needs no tracker's settings
+    from mimicbench.imitate.settings.demos import DemosConfig
     from mimicbench.imitate.spec import ImitateConfig
     from mimicbench.objects.make import ObjectsConfig
-    from mimicbench.references.make import ReferencesConfig
-    from mimicbench.retarget.make import RetargetConfig
-    from mimicbench.track.train import TrackConfig
+    from mimicbench.references.settings import ReferencesConfig
+    from mimicbench.retarget.settings import RetargetConfig
+    from mimicbench.track.settings import TrackConfig
 
 MAX_BYTES = 1 << 20
 """Of a recipe's file."""
@@ -82,10 +82,10 @@ PARTS = ("objects", "references", "retarget", "track", "demos", "imitate", "eval
 """The parts of a recipe, in the order of the stages."""
 _TYPES = {
     "objects": "mimicbench.objects.make:ObjectsConfig",
-    "references": "mimicbench.references.make:ReferencesConfig",
-    "retarget": "mimicbench.retarget.make:RetargetConfig",
-    "track": "mimicbench.track.train:TrackConfig",
-    "demos": "mimicbench.imitate.demos:DemosConfig",
+    "references": "mimicbench.references.settings:ReferencesConfig",
+    "retarget": "mimicbench.retarget.settings:RetargetConfig",
+    "track": "mimicbench.track.settings:TrackConfig",
+    "demos": "mimicbench.imitate.settings.demos:DemosConfig",
     "imitate": "mimicbench.imitate.spec:ImitateConfig",
     "evaluate": "mimicbench.benchmark.recipe:EvaluateConfig",
 }

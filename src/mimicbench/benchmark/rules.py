@@ -50,7 +50,7 @@ def learner_has_its_tracker(recipe: Recipe) -> None:
     if recipe.imitate is None and recipe.track is None:
         return
     from mimicbench.imitate.spec import ImitateConfig
-    from mimicbench.track.train import TrackConfig
+    from mimicbench.track.settings import TrackConfig
 
     tracker = (recipe.track or TrackConfig()).tracker
     learner = recipe.imitate or ImitateConfig()
@@ -65,7 +65,7 @@ def poses_are_shown(recipe: Recipe) -> None:
     """Who learns to say poses is shown some: where it drives itself, only a clip has them."""
     if recipe.imitate is None or recipe.demos is None or not recipe.imitate.says_poses:
         return
-    from mimicbench.imitate.demos import TRACKER
+    from mimicbench.imitate.settings.demos import TRACKER
 
     dagger = getattr(recipe.imitate, "dagger", None)
     drives = dagger is not None and (dagger.rounds or dagger.rounds_of)
@@ -82,7 +82,7 @@ def expert_is_there(recipe: Recipe) -> None:
     if recipe.demos is None or recipe.demos.source != MADE:
         return
     from mimicbench.benchmark.shipped import expert_named
-    from mimicbench.imitate.demos import TRACKER
+    from mimicbench.imitate.settings.demos import TRACKER
 
     if recipe.demos.expert != TRACKER:
         expert_named(recipe.robot, recipe.task, recipe.demos.expert)
@@ -97,9 +97,9 @@ def gains_agree(recipe: Recipe) -> None:
         if recipe.imitate.gains not in known:
             raise UnknownName("gains", str(recipe.imitate.gains), known)
         return
-    from mimicbench.imitate.demos import TRACKER
+    from mimicbench.imitate.settings.demos import TRACKER
     from mimicbench.track.registry import TRACKERS
-    from mimicbench.track.train import TrackConfig
+    from mimicbench.track.settings import TrackConfig
 
     if recipe.imitate.clones and recipe.demos is not None and recipe.demos.expert != TRACKER:
         if recipe.imitate.gains is not None:

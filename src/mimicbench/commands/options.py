@@ -110,7 +110,7 @@ def recipes(
     """
     from mimicbench.benchmark.keys import is_complete
     from mimicbench.benchmark.recipe import Recipe
-    from mimicbench.references.make import MADE, ReferencesConfig
+    from mimicbench.references.settings import MADE, ReferencesConfig
 
     config = ReferencesConfig(source) if count is None else ReferencesConfig(source, count)
     named = [] if workdir is None or source == MADE else [workdir / name / "references" / source for name in TASKS]

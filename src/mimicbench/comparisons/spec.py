@@ -10,7 +10,7 @@ from typing import Any, Literal
 from mimicbench.benchmark.recipe import Recipe, read_recipe, recipe_tree, stage_type
 from mimicbench.core.errors import guess
 from mimicbench.core.settings import BadSetting, Share, merge
-from mimicbench.references.make import MADE
+from mimicbench.references.settings import MADE
 
 Tree = Mapping[str, Any]
 CHOOSING = ("imitate.learner", "track.tracker")
@@ -98,7 +98,7 @@ def _with_share(recipe: Recipe, share: float, where: str) -> Recipe:
     """The same with that share of what demonstrations begin from: human clips, or starts drawn by rule. Raises
     BadSetting.
     """
-    from mimicbench.imitate.demos import CLIPS
+    from mimicbench.imitate.settings.demos import CLIPS
 
     demos, references = (getattr(recipe, name) or stage_type(name)() for name in ("demos", "references"))
     if demos.starts != CLIPS:

@@ -1,7 +1,6 @@
 """Starts from clips: any frame of any clip can be entered, the object in mid-air between the hands included."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import torch
 from torch import Tensor
@@ -9,24 +8,11 @@ from torch import Tensor
 from mimicbench.core import rotations as rot
 from mimicbench.envs.initial_states import InitialStates
 from mimicbench.envs.reference import ReferenceBank
+from mimicbench.envs.settings import ClipStartConfig
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.arrays import own, tensor
 from mimicbench.sensors.context import Frame
 from mimicbench.sim.physics import RobotState
-
-
-@dataclass(frozen=True)
-class ClipStartConfig:
-    """Where in its clip an episode starts, and how far from it."""
-
-    first_frame: float = 0.1
-    """Share of episodes that start at the clip's first frame; the others start anywhere in it."""
-    pos_noise: float = 0.03
-    """Standard deviation of the root's start position [m]; a third of it upwards."""
-    angle_noise: float = 0.03
-    """Standard deviation of the root's start orientation and of the joint angles [rad]."""
-    vel_noise: float = 0.2
-    """Standard deviation of the root's [m/s, rad/s] and half of the joints' [rad/s] start velocities."""
 
 
 class ClipStarts:

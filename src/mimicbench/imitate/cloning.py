@@ -1,9 +1,8 @@
 """Cloning demonstrations, whatever the network: how it is configured, learned, saved and loaded."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import torch
@@ -15,15 +14,16 @@ from mimicbench.core.errors import BadFile, MimicbenchError
 from mimicbench.core.seeds import digest
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.vec_env import EnvConfig
-from mimicbench.imitate.dataset import DemoFrames, EpisodeGoals, MapMaker, Plans, RelativeTargets
-from mimicbench.imitate.demos import DaggerConfig, make_driven
+from mimicbench.imitate.dataset import DemoFrames, EpisodeGoals, MapMaker
+from mimicbench.imitate.demos import make_driven
 from mimicbench.imitate.goals import goals_of, known_goal
-from mimicbench.imitate.inputs import InputConfig, NetworkConfig
 from mimicbench.imitate.learned import load_learner, save_learner
 from mimicbench.imitate.lerobot import DATASET, Demos, load_demos
 from mimicbench.imitate.policy import VisionPolicy
-from mimicbench.imitate.spec import Given, ImitateConfig, LearnerSpec
-from mimicbench.imitate.train import Course, TrainConfig, train
+from mimicbench.imitate.settings.cloning import DaggerConfig
+from mimicbench.imitate.settings.inputs import InputConfig, NetworkConfig
+from mimicbench.imitate.spec import CloneImitation, Given
+from mimicbench.imitate.train import Course, train
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.elevation import ElevationMaps
@@ -32,39 +32,8 @@ from mimicbench.sensors.sight.views import CameraViews
 from mimicbench.sim.devices import tensor_device
 from mimicbench.tasks.task import Task
 
-REMEMBERING = InputConfig(body="proprio", clock=True, memory=True, elevation=False)
-"""Body, clock, and what has to be found as seen in the first map."""
-
 ROUNDS = "rounds"
 """Folder beside a policy in which each of its rounds of DAgger has one of its own, by its number."""
-
-
-@dataclass(frozen=True)
-class CloneImitation(ImitateConfig):
-    """A clone of demonstrations; what it is made of is its field `network`, a NetworkConfig."""
-
-    clones: ClassVar[bool] = True
-    network: Any = None
-    """What it is made of, and what it sees."""
-    begin_from: str = ""
-    """Folder of a policy of the same kind, from whose weights and statistics learning begins; empty: from nothing. What
-    that policy does not have, such as a head that finds goals, begins as it would have."""
-    train: TrainConfig = field(default_factory=TrainConfig)
-    dagger: DaggerConfig = field(default_factory=DaggerConfig)
-
-    @property
-    def remembers(self) -> bool:
-        """Whether it remembers its goal."""
-        return self.network.inputs.memory
-
-    def plans(self, demos: Demos, clips: ClipSet) -> Plans | None:
-        """What it learns to say instead of the joint targets of demonstrations, whose clips these are."""
-        return RelativeTargets(demos) if self.network.relative else None
-
-
-def cloner(name: str, config: type[CloneImitation]) -> LearnerSpec:
-    """The learner of that name which clones demonstrations with the network of a configuration."""
-    return LearnerSpec(name, config, clone)
 
 
 def clone(folder: Path, given: Given, config: CloneImitation) -> dict[str, Any]:

@@ -14,8 +14,9 @@ from torch import Tensor
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile
 from mimicbench.core.seeds import digest
-from mimicbench.imitate.inputs import Batch, InputConfig, Window
+from mimicbench.imitate.inputs import Batch
 from mimicbench.imitate.lerobot import Demos
+from mimicbench.imitate.settings.inputs import InputConfig, Window
 from mimicbench.imitate.stored.sampler import Sampler
 from mimicbench.imitate.stored.scratch import scratch
 from mimicbench.objects.shape import SceneObject

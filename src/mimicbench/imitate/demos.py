@@ -3,9 +3,8 @@ stays becomes a demonstration. And what a cloner is shown besides, if it is to l
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 import torch
@@ -13,16 +12,16 @@ import torch
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.progress import progress
 from mimicbench.core.seeds import digest
-from mimicbench.core.settings import BadSetting, Positive, Share, Within
 from mimicbench.core.stage import Stage
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.disturbance import Disturbance
 from mimicbench.envs.policy import Policy
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.imitate.lerobot import DATASET
+from mimicbench.imitate.settings.cloning import DaggerConfig
+from mimicbench.imitate.settings.demos import DemosConfig
 from mimicbench.imitate.stored.demo_writer import SCENE as SCENE_NUMBERS
 from mimicbench.imitate.stored.demo_writer import STATE, Demonstration, DemoWriter
-from mimicbench.objects.make import MADE
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.observations import chosen_terms
 from mimicbench.sensors.proprioception import s_current, s_current_names
@@ -31,51 +30,9 @@ from mimicbench.sim.kinematics import Kinematics
 from mimicbench.sim.physics import RobotState
 from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.task import Task
-from mimicbench.track.driven import DrivenConfig, drive_clips
+from mimicbench.track.driven import drive_clips
 from mimicbench.track.experts import Expert
 from mimicbench.track.rollout import Rollout, RolloutConfig, roll_out
-
-TRACKER, CLIPS, RULE, POSES = "tracker", "clips", "rule", "poses"
-"""The expert that follows clips; where demonstrations start."""
-
-
-@dataclass(frozen=True)
-class DemosConfig:
-    """How demonstrations are made."""
-
-    source: str = MADE
-    """`made`: by the tracker. Else the name of a data set in `<workdir>/<task>/demos`, such as the published one of
-    examples/sample; nothing is made then, and all other settings of this stage are without effect."""
-    expert: str = TRACKER
-    """Who demonstrates, and says in DAgger what should be done: the `tracker` on its clips; or a policy from the clips'
-    first frames on, by the name of what is shipped for the task, or the folder of its checkpoint. A tracker knows what
-    comes next, and who learns from it has to guess that; a policy acts on nothing that cannot be seen."""
-    starts: str = CLIPS
-    """Where a policy that demonstrates begins: `clips`, in their first frames; `rule`, at rest around training objects,
-    drawn by the rule of the environments: for that no clip has to be made, so there can be thousands; `poses`, there
-    as well, but in the poses in which clips begin. People stand straighter than a robot at rest, evaluations begin like
-    people, and who learned only from the other way to stand squats and tips over before the first step."""
-    clips: Positive = 1500
-    """Training clips to track, or to begin from, at most; how many starts are drawn by rule, or in poses."""
-    action_noise: float = 0.05
-    """Standard deviation of what is added to the executed joint targets [rad]; the recorded targets stay clean."""
-    push: float = 0.1
-    """Standard deviation of the horizontal velocity that a push adds [m/s], every two seconds in the mean."""
-    clean_share: Share = 0.25
-    """Part of the clips that are tracked without noise and pushes."""
-    batch: Positive = 64
-    """Clips side by side: one shard of the data set, and what a kill can lose."""
-    images: bool = False
-    """Store the elevation map of every frame, too, as a picture that LeRobot's policies see; our own learners make
-    their maps from the states. Some milliseconds and 2 kB a frame."""
-
-    def __post_init__(self) -> None:
-        if self.starts not in (CLIPS, RULE, POSES):
-            raise BadSetting(f"demos.starts is {self.starts!r}; give clips, rule or poses")
-        if self.starts != CLIPS and self.expert == TRACKER:
-            raise BadSetting(
-                f"demos.starts is {self.starts!r}, where there is no clip for a tracker; name a policy, demos.expert"
-            )
 
 
 def make_demos(
@@ -179,25 +136,6 @@ def observed_states(robot: Robot, qpos: np.ndarray, qvel: np.ndarray, targets: n
     last = torch.zeros(frames, joints)
     last[1:] = torch.as_tensor(targets[:-1])
     return s_current(state, Kinematics(robot, frames, 1).links(qpos, qvel), last).numpy()
-
-
-@dataclass(frozen=True)
-class DaggerConfig:
-    """What a cloner learns from beside the demonstrations: what it got into itself, and what who demonstrated would
-    have done there (DAgger, Ross et al. 2011).
-    """
-
-    rounds: Annotated[int, Within(0, 1000)] = 0
-    """How often, between trainings of all its batches, it drives robots for more frames to learn from."""
-    clips: Positive = 128
-    """Training clips, drawn anew in each round, on which it drives from a random moment on."""
-    batch: Positive = 64
-    """Clips side by side, and a shard of the data set."""
-    driven: DrivenConfig = field(default_factory=DrivenConfig)
-    rounds_of: tuple[str, ...] = ()
-    """Folders of other policies that cloned the same demonstrations: from what they got into in their rounds is learned
-    too, before the rounds of one's own. What one learner ran into serves others, who are then compared on the same
-    frames, or learn in one long training what took it many short ones."""
 
 
 def make_driven(

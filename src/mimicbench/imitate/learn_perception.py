@@ -21,7 +21,8 @@ from mimicbench.core.checkpoint import CONFIG, load_checkpoint
 from mimicbench.core.progress import counter
 from mimicbench.core.seeds import digest
 from mimicbench.core.training import NetworkState, OptimizerState, append_metrics, resume_training, save_training
-from mimicbench.imitate.perception import Perception, PerceptionConfig, save_perception, window
+from mimicbench.imitate.perception import Perception, save_perception, window
+from mimicbench.imitate.settings.perception import PerceptionConfig
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
 from mimicbench.robots.rigs import Rig

@@ -27,11 +27,13 @@ from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.mirrored import with_mirror_images
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.imitate.dagger import SEEN, Drivers, Episodes, Replay
+from mimicbench.imitate.learners.planner import PlannerConfig
 from mimicbench.imitate.plan import PlanLayout
-from mimicbench.imitate.planner import PlannerConfig, PlannerNetwork, PlannerSizes, own_terms, styles_of
+from mimicbench.imitate.planner import PlannerNetwork, PlannerSizes, own_terms, styles_of
 from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.track.history import Follower
-from mimicbench.track.spec import Terms, Tracker, flat, sizes
+from mimicbench.track.spec import Terms
+from mimicbench.track.tracker import Tracker, flat, sizes
 from mimicbench.track.tracking import TrackingEnv
 
 

@@ -8,7 +8,8 @@ from typing import Any
 from mimicbench.core.building import built
 from mimicbench.core.checkpoint import load_checkpoint, save_checkpoint
 from mimicbench.core.errors import MimicbenchError
-from mimicbench.imitate.inputs import Learner, NetworkConfig
+from mimicbench.imitate.inputs import Learner
+from mimicbench.imitate.settings.inputs import NetworkConfig
 from mimicbench.robots.description import Robot
 
 

@@ -16,7 +16,6 @@ sees.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import torch
@@ -25,54 +24,13 @@ from torch import Tensor, nn
 from mimicbench.core.building import built
 from mimicbench.core.checkpoint import BadCheckpoint, load_checkpoint, save_checkpoint
 from mimicbench.core.errors import MimicbenchError
-from mimicbench.core.settings import Positive, Seed, Sizes
+from mimicbench.imitate.settings.perception import PerceptionConfig
 from mimicbench.sensors.heightmap import CELLS
 from mimicbench.tasks.registry import TASKS
 from mimicbench.tasks.task import Task
 
 _RAISED = 0.12
 """[m] above the floor: what is higher belongs to an object; far above the noise."""
-
-
-@dataclass(frozen=True)
-class PerceptionConfig:
-    """The network, the maps that it learns from, and how long."""
-
-    window: int | None = None
-    """Side of the window, in cells; None: as large as the task's goal says."""
-    widths: Sizes = (24, 48, 64)
-    """Channels of the three strided convolutions."""
-    hidden: Positive = 128
-    """Width of the layer after them."""
-    hypotheses: Positive = 4
-    """Goals that it weighs against each other, which begin with fronts that are spread evenly around the robot."""
-    maps: Positive = 8000
-    """Maps to learn from, before turning and mirroring."""
-    seen: float = 0.7
-    """Share of them that show what the cameras see, rounded up to 64 maps of a batch; the others are complete, or hide
-    only what is behind something."""
-    distance: tuple[float, float] = (0.5, 2.3)
-    """[m] From the object's middle to the robot in the training maps; from large objects farther, outside of them."""
-    root_height: tuple[float, float] = (0.85, 1.1)
-    """[m] Of the root above the floor in the training maps."""
-    tilt: float = 0.03
-    """[rad] Deviation of the root's roll and pitch in the training maps."""
-    noise: float = 0.01
-    """[m] Deviation of each cell's height."""
-    dropout: float = 0.03
-    """Share of cells without a measurement."""
-    steps: Positive = 5000
-    """Batches."""
-    batch: Positive = 128
-    """Maps per batch."""
-    learning_rate: float = 2e-3
-    """At the start; falls to 0 along a cosine."""
-    save_every: float = 120.0
-    """Seconds between saves: what a kill can lose at most."""
-    threads: Positive = 2
-    """Threads of the network's arithmetic. Sums round differently with another number, so it is part of the result."""
-    seed: Seed = 0
-    """Of poses, noise and initial weights."""
 
 
 class Perception(nn.Module):

@@ -7,7 +7,8 @@ from torch import Tensor, nn
 
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.imitate.goals import KnownGoal
-from mimicbench.imitate.inputs import InputConfig, Learner
+from mimicbench.imitate.inputs import Learner
+from mimicbench.imitate.settings.inputs import InputConfig
 from mimicbench.sensors.observations import Observations
 
 BODY = ("proprio", "time", "odometry")

@@ -1,17 +1,24 @@
 """What a learner is to the rest of the program: its configuration, and how it learns."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from mimicbench.core.run import RunContext
-from mimicbench.envs.clips import ClipSet
-from mimicbench.envs.policy import Policy
-from mimicbench.imitate.perception import PerceptionConfig
-from mimicbench.robots.description import Robot
-from mimicbench.tasks.task import Task
-from mimicbench.track.experts import Expert
+from mimicbench.imitate.settings.cloning import DaggerConfig, TrainConfig
+from mimicbench.imitate.settings.perception import PerceptionConfig
+
+if TYPE_CHECKING:  # what learns brings torch, which who only asks what can be set does without
+    from mimicbench.core.run import RunContext
+    from mimicbench.envs.clips import ClipSet
+    from mimicbench.envs.policy import Policy
+    from mimicbench.imitate.dataset import Plans
+    from mimicbench.imitate.lerobot import Demos
+    from mimicbench.robots.description import Robot
+    from mimicbench.tasks.task import Task
+    from mimicbench.track.experts import Expert
 
 
 @dataclass(frozen=True)
@@ -40,11 +47,36 @@ class ImitateConfig:
         return True
 
     @staticmethod
-    def chosen(tree: Mapping[str, Any]) -> type["ImitateConfig"]:
+    def chosen(tree: Mapping[str, Any]) -> type[ImitateConfig]:
         """The class of the learner that a tree of values names. Raises UnknownName."""
         from mimicbench.imitate.registry import LEARNERS
 
         return LEARNERS.get(str(tree.get("learner", ImitateConfig.learner))).config
+
+
+@dataclass(frozen=True)
+class CloneImitation(ImitateConfig):
+    """A clone of demonstrations; what it is made of is its field `network`, a NetworkConfig."""
+
+    clones: ClassVar[bool] = True
+    network: Any = None
+    """What it is made of, and what it sees."""
+    begin_from: str = ""
+    """Folder of a policy of the same kind, from whose weights and statistics learning begins; empty: from nothing. What
+    that policy does not have, such as a head that finds goals, begins as it would have."""
+    train: TrainConfig = field(default_factory=TrainConfig)
+    dagger: DaggerConfig = field(default_factory=DaggerConfig)
+
+    @property
+    def remembers(self) -> bool:
+        """Whether it remembers its goal."""
+        return self.network.inputs.memory
+
+    def plans(self, demos: Demos, clips: ClipSet) -> Plans | None:
+        """What it learns to say instead of the joint targets of demonstrations, whose clips these are."""
+        from mimicbench.imitate.dataset import RelativeTargets
+
+        return RelativeTargets(demos) if self.network.relative else None
 
 
 @dataclass(frozen=True)
@@ -76,3 +108,14 @@ class LearnerSpec:
     """Its configuration, whose defaults are its own."""
     learn: Callable[[Path, Given, Any], dict[str, Any]]
     """Learn into a folder by a configuration, or go on learning there; what to tell of it."""
+
+
+def cloner(name: str, config: type[CloneImitation]) -> LearnerSpec:
+    """The learner of that name which clones demonstrations with the network of a configuration."""
+    return LearnerSpec(name, config, _clone)
+
+
+def _clone(folder: Path, given: Given, config: CloneImitation) -> dict[str, Any]:
+    from mimicbench.imitate.cloning import clone
+
+    return clone(folder, given, config)

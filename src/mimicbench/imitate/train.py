@@ -7,7 +7,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import msgspec
 import torch
@@ -16,7 +16,6 @@ from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.parallel import cpu_count
 from mimicbench.core.progress import counter
 from mimicbench.core.seeds import digest
-from mimicbench.core.settings import Positive, Share
 from mimicbench.core.training import (
     MovingAverage,
     NetworkState,
@@ -28,50 +27,9 @@ from mimicbench.core.training import (
 from mimicbench.imitate.dataset import DemoFrames
 from mimicbench.imitate.inputs import Batch, Learner
 from mimicbench.imitate.learned import save_learner, take_over
+from mimicbench.imitate.settings.cloning import TrainConfig
 
 _VALIDATION_FRAMES = 512
-
-
-@dataclass(frozen=True)
-class TrainConfig:
-    """How long and how. The defaults are for a CPU."""
-
-    steps: Positive = 3000
-    """Batches to learn from: a faster machine gets the same network, sooner."""
-    batch: Positive = 128
-    """Frames per batch."""
-    driven: Share = 0.0
-    """Part of every batch that comes from what a learner got into itself (DAgger); 0 for as much of it as there is of
-    all frames. Demonstrations are many and alike, and what goes wrong is rare."""
-    wrong: Share = 0.0
-    """Part of these that is drawn by how far the learner was from what it should have done: to stand still where one
-    ought to go on is wrong in few frames, and for ever."""
-    soon: Share = 0.0
-    """Part of every batch that comes from the first second of episodes. All begin at rest, and who does not take the
-    first step as it has to be taken slowly sinks and tips over, whatever it knows of later ones."""
-    learning_rate: float = 1e-3
-    """The highest."""
-    schedule: Literal["cosine", "constant"] = "cosine"
-    """`cosine`: falls to 0 over all batches; `constant`."""
-    warmup: float = 0.02
-    """Share of the batches over which the learning rate rises from 0."""
-    weight_decay: float = 1e-4
-    """Of AdamW."""
-    betas: tuple[float, float] = (0.9, 0.999)
-    """Decay of AdamW's averages of the gradient and of its square."""
-    clip: float = 1.0
-    """Longest gradient; 0 for no limit."""
-    average: float = 0.999
-    """Decay of the moving average of the weights, which is what is kept; 0 for the weights themselves."""
-    save_every: float = 120.0
-    """Seconds between saves: what a kill can lose at most."""
-    log_steps: Positive = 50
-    """Batches per line of metrics.jsonl."""
-    precision: Literal["float32", "bfloat16"] = "float32"
-    """Of the products of matrices; weights, and what the network does in use, stay float32. Worth it where a processor
-    multiplies bfloat16 (avx512_bf16, amx_bf16 in /proc/cpuinfo), on recent GPUs, and for large networks."""
-    threads: Positive = 2
-    """Of torch, for the network; how sums are rounded depends on it, so it is not left to the machine."""
 
 
 @dataclass(frozen=True)

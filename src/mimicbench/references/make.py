@@ -16,7 +16,6 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.core.names import LONGEST, printable, safe_name
 from mimicbench.core.parallel import map_items
 from mimicbench.core.run import RunContext
-from mimicbench.core.settings import Count
 from mimicbench.core.stage import Stage, StageKey, opened
 from mimicbench.objects.make import object_ids
 from mimicbench.objects.shape import SceneObject, load_object, save_object, split_of
@@ -25,33 +24,11 @@ from mimicbench.references.importers.recording import Wishes
 from mimicbench.references.importers.registry import files_read, import_recording
 from mimicbench.references.recordings.cutting import Clip
 from mimicbench.references.recordings.real_clips import find_clips
+from mimicbench.references.settings import ReferencesConfig
 from mimicbench.references.synthesis.registry import clip_id, synthesize
 
-MADE = "made"
 MOST_TRIES = 3
 """Times as many clips as wanted that are tried before the stage makes do with what it has."""
-
-
-@dataclass(frozen=True)
-class ReferencesConfig:
-    """Which human clips there are."""
-
-    source: str = MADE
-    """`made`, or the name of a set that was imported or augmented, objects and all."""
-    count: Count = 2000
-    """Good clips to have, spread evenly over the objects: what fails the quality gate is replaced by further clips. A
-    named set is used whole.
-    """
-    test_only: bool = False
-    """Use the objects of the test split alone: for an evaluation without training."""
-    alike: bool = False
-    """Everybody does it in one style: the middle of what there is to choose. What is done then follows from start and
-    object, and can be learned by who is told no style."""
-
-    @property
-    def flags(self) -> dict[str, bool]:
-        """What decides which clips are made; `alike` where it is on alone: without it they are as they were."""
-        return {"test_only": self.test_only, **({"alike": True} if self.alike else {})}
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,8 @@ from mimicbench.objects.shape import load_object
 from mimicbench.report.retargeting import Comparison, MethodResult, SideBySide, draw_side_by_side, write_comparison
 from mimicbench.retarget.baselines.speed import frames_per_second
 from mimicbench.retarget.clip import Clip
-from mimicbench.retarget.make import RetargetConfig
 from mimicbench.retarget.registry import METHODS
+from mimicbench.retarget.settings import RetargetConfig
 
 
 def compare_methods(

@@ -14,23 +14,13 @@ from mimicbench.core.stage import Stage
 from mimicbench.objects.shape import SceneObject, load_object
 from mimicbench.retarget.acceptance import Outcome, outcome, summary
 from mimicbench.retarget.clip import Clip
-from mimicbench.retarget.mapping import Preset
-from mimicbench.retarget.registry import DEFAULT_METHOD, METHODS
+from mimicbench.retarget.registry import METHODS
+from mimicbench.retarget.settings import RetargetConfig
 from mimicbench.robots.description import Robot
 from mimicbench.robots.registry import ROBOTS
 
 Fulfils = Callable[[RobotMotion, SceneObject, Robot], bool]
 """A task's K on a whole motion (tasks.task.Task.fulfilled)."""
-
-
-@dataclass(frozen=True)
-class RetargetConfig:
-    """How to retarget."""
-
-    method: str = DEFAULT_METHOD
-    """One of `mimicbench.retarget.registry.METHODS`."""
-    variant: Preset | None = None
-    """`paper`: tables and loss to the letter; `improved`: what we find to be better; None: the method's default."""
 
 
 @dataclass(frozen=True)

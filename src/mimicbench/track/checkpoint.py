@@ -14,7 +14,8 @@ from mimicbench.core.checkpoint import CONFIG, BadCheckpoint, checkpoint_digest,
 from mimicbench.robots.description import Robot
 from mimicbench.track.network import Blueprint, MLPConfig, NetworkConfig, TrackerNetwork
 from mimicbench.track.registry import TRACKERS
-from mimicbench.track.spec import Layout, Tracker, TrackerSpec
+from mimicbench.track.spec import TrackerSpec
+from mimicbench.track.tracker import Layout, Tracker
 
 CRITIC = "critic"
 """Folder in a tracker's, where the network that told the values of what it did is kept for who goes on from there."""

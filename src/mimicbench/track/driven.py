@@ -2,13 +2,10 @@
 2011).
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import torch
 
 from mimicbench.core.seeds import digest
-from mimicbench.core.settings import Share
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.disturbance import Disturbance
 from mimicbench.envs.policy import Policy
@@ -17,21 +14,7 @@ from mimicbench.sim.threads import one_torch_thread
 from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.track.experts import Corrigible, Expert
 from mimicbench.track.rollout import Recording, at_their_beginning
-from mimicbench.track.tracking import EndConfig
-
-
-@dataclass(frozen=True)
-class DrivenConfig:
-    """How far others may stray."""
-
-    ends: EndConfig = EndConfig(max_pos_error=0.3, max_angle_error=0.5, max_drop=0.15)
-    """Where an episode is over: a tracker no longer knows what to do, and what it says to robots that tumble is large
-    enough to outweigh all others. A policy that is learned from follows no clip: with it, an episode is over when the
-    robot has fallen."""
-    settle: float = 2.0
-    """[s] that episodes go on after their clip. Beside an expert that follows none they go on to the time limit."""
-    at_once: Share = 0.0
-    """Part of the episodes in which the policy drives from the first frame on, as it will in use."""
+from mimicbench.track.settings import DrivenConfig
 
 
 @torch.no_grad()

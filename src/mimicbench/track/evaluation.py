@@ -9,7 +9,7 @@ from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.metrics import Verdict
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.track.rollout import RolloutConfig, track_clips
-from mimicbench.track.spec import Tracker
+from mimicbench.track.tracker import Tracker
 
 
 def evaluated(

@@ -16,8 +16,9 @@ from mimicbench.envs.vec_env import VecEnv
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.observations import Observations, Term
 from mimicbench.track.history import Follower
-from mimicbench.track.spec import Tracker
-from mimicbench.track.tracking import EndConfig, deviations
+from mimicbench.track.settings import EndConfig
+from mimicbench.track.tracker import Tracker
+from mimicbench.track.tracking import deviations
 
 
 class Expert(Protocol):

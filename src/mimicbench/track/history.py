@@ -6,7 +6,8 @@ import torch
 from torch import Tensor
 
 from mimicbench.sim.rows import Rows
-from mimicbench.track.spec import Layout, Terms, Tracker
+from mimicbench.track.spec import Terms
+from mimicbench.track.tracker import Layout, Tracker
 
 
 class History:

@@ -17,8 +17,10 @@ from mimicbench.core.parallel import cpu_count
 from mimicbench.core.seeds import digest
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.vec_env import EnvConfig
-from mimicbench.track.spec import Layout, TrackerSpec
-from mimicbench.track.tracking import TrackingConfig, TrackingEnv
+from mimicbench.track.settings import TrackingConfig
+from mimicbench.track.spec import TrackerSpec
+from mimicbench.track.tracker import Layout
+from mimicbench.track.tracking import TrackingEnv
 
 _T = TypeVar("_T")
 

@@ -19,7 +19,7 @@ from mimicbench.sim.rows import Rows
 from mimicbench.sim.threads import one_torch_thread
 from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.track.experts import ClipExpert, Expert
-from mimicbench.track.spec import Tracker
+from mimicbench.track.tracker import Tracker
 
 SETTLE = 1.0
 """[s] that an episode goes on, standing on the clip's last frame, after the clip is over."""

@@ -1,15 +1,12 @@
 """The tracking environment: N robots, each following a clip next to the clip's object, over and over."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Annotated
 
 import torch
 from torch import Tensor
 
 from mimicbench.core.seeds import digest
-from mimicbench.core.settings import Positive, Share, Within
-from mimicbench.envs.clip_starts import ClipStartConfig, ClipStarts
+from mimicbench.envs.clip_starts import ClipStarts
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.hooks import AssistingWrench, Hook, Pushes
 from mimicbench.envs.reference import ReferenceBank
@@ -23,52 +20,12 @@ from mimicbench.sim.threads import one_torch_thread
 from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.track.failures import Failures
 from mimicbench.track.history import History
-from mimicbench.track.spec import Layout, TrackerSpec
+from mimicbench.track.settings import ANYWHERE, EndConfig, TrackingConfig
+from mimicbench.track.spec import TrackerSpec
+from mimicbench.track.tracker import Layout
 
-ANYWHERE = 1e3
-"""[m] No ankle is ever farther away."""
 ENDS = ("position", "angle", "drop", "ankle", "object", "diverged", "clip over")
 """Why episodes of all trackers end; a design may add to them."""
-
-
-@dataclass(frozen=True)
-class EndConfig:
-    """When the robot of a training episode has failed."""
-
-    max_pos_error: float = 0.4
-    """The root is farther than this from its reference [m]; 0.5 in the paper (F.4)."""
-    max_angle_error: float = 0.7
-    """Its orientation is farther than this [rad]; a large number asks nothing of it."""
-    max_drop: float = 0.2
-    """It is this much lower [m]."""
-    max_ankle_error: float = ANYWHERE
-    """An ankle is farther than this from its reference [m]: who is to lie and leaves a leg behind can be upright and in
-    place. A large number asks nothing of them."""
-    max_object_error: float = 0.3
-    """The object, where it moves, is farther than this from its reference [m]."""
-
-
-@dataclass(frozen=True)
-class TrackingConfig:
-    """How training episodes start, are disturbed, and end."""
-
-    starts: ClipStartConfig = field(default_factory=ClipStartConfig)
-    """Where in their clips they start, and with how much noise."""
-    focus: Share = 0.5
-    """Share of the starts that are drawn from where in their clips robots fail; the others are drawn from all of it."""
-    hold: float = 2.0
-    """[s] that episodes go on after their clip is over: its last pose is to be held."""
-    push: float = 0.4
-    """Standard deviation of the horizontal velocity that a push adds [m/s]."""
-    push_interval: Annotated[float, Within(CONTROL_DT, 1e6)] = 2.0
-    """Mean time between pushes [s]."""
-    assist: Share = 0.0
-    """How much of an assisting wrench pulls the root towards its reference at first, for what is lost before anything
-    can be learned of it."""
-    assist_steps: Positive = 5000
-    """Control steps over which it fades to nothing."""
-    ends: EndConfig = field(default_factory=EndConfig)
-    """When an episode has failed."""
 
 
 class TrackingEnv:

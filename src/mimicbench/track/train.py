@@ -2,18 +2,17 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, make_dataclass, replace
-from functools import cache
+from dataclasses import asdict, dataclass, replace
 from itertools import accumulate
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import torch
 
 from mimicbench.core.progress import Pulse
 from mimicbench.core.seeds import digest
-from mimicbench.core.settings import Amount, BadSetting, Positive, Within
+from mimicbench.core.settings import BadSetting
 from mimicbench.core.training import TorchRandom, append_metrics, check_losses, resume_training, save_training
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.mirrored import with_mirror_images
@@ -29,90 +28,13 @@ from mimicbench.track.checkpoint import (
 )
 from mimicbench.track.evaluation import evaluated, good_enough, was_good_enough
 from mimicbench.track.parts import TrackingParts
-from mimicbench.track.ppo_config import PPOConfig, ppo_learner
+from mimicbench.track.ppo_config import ppo_learner
 from mimicbench.track.registry import TRACKERS
-from mimicbench.track.spec import Layout
-from mimicbench.track.tracking import TrackingConfig
+from mimicbench.track.settings import TrackConfig
+from mimicbench.track.tracker import Layout
 
 if TYPE_CHECKING:
     from mimicbench.track.ppo import PPOLearner
-
-
-@dataclass(frozen=True)
-class TrackConfig:
-    """A tracker's training."""
-
-    tracker: str = "residual"
-    """Its design: a name of the registry."""
-    settings: Any = None
-    """The design's own configuration; None: its defaults."""
-    network: Any = None
-    """Its network, where the design has a kind of its own; None: that by default, or linear layers of `ppo.hidden`."""
-    frames: Annotated[int, Within(0, 256)] = 0
-    """Frames that the network sees at once, the present one and those before it; 0: as many as the design says."""
-    also: tuple[str, ...] = ()
-    """Other tasks, whose clips the same network learns to follow beside those of the recipe's task."""
-    recorded: tuple[str, ...] = ()
-    """Imported or augmented sets of clips, learned from beside the recipe's own at every task that has such a set."""
-    mirrored: bool = False
-    """Learn from the mirror image of every clip, beside that of its object, as well."""
-    begin_from: str = ""
-    """Folder of a trained tracker of the same design, whose network is where learning begins; empty: from nothing."""
-    critic_first: Annotated[int, Within(0, 1e6)] = 50
-    """Updates after such a beginning in which the critic learns alone: it begins from nothing, or, where it was kept
-    beside the tracker, has to learn what has changed."""
-    explore_anew: bool = False
-    """Begin with deviations of `ppo.initial_std`, not with those that the tracker to begin from came to: who is sure of
-    what he does tries nothing else, and the divergence of a small deviation lets no rate but a tiny one through."""
-    samples: Annotated[int, Amount()] = 30_000_000
-    """Control steps to learn from, over all robots, at most."""
-    until: Annotated[float, Amount(0, 1)] = 1.0
-    """Share of robots that have to stay for training to be over: in every task, by an evaluation on unseen objects, or
-    on training objects where there are no others. At 1 it never is, for there are few clips in an evaluation."""
-    num_envs: Positive = 1024
-    """Robots side by side, over all tasks."""
-    shares: tuple[Annotated[float, Within(1e-3, 1e3)], ...] = ()
-    """How many robots each task gets in relation to the others, the recipe's own first; empty: all the same."""
-    parts: Positive = 2
-    """Parts that they are split into, at least one per task: while one is in Python, another's physics runs."""
-    evaluate_every: Positive = 4_000_000
-    """Samples between evaluations from the first frame."""
-    evaluate_clips: Positive = 64
-    """Clips of each task in an evaluation."""
-    save_every: float = 120.0
-    """Seconds between saves of the training state: what a kill can lose at most."""
-    threads: Positive = 2
-    """Threads of the network's arithmetic. Sums round differently with another number, so it is part of the result."""
-    ppo: PPOConfig = field(default_factory=PPOConfig)
-    """The reinforcement learning."""
-    tracking: TrackingConfig = field(default_factory=TrackingConfig)
-    """How training episodes start, are disturbed, and end."""
-
-    @staticmethod
-    def chosen(tree: Mapping[str, Any]) -> type["TrackConfig"]:
-        """The class of the design that a tree of values names, with its settings. Raises UnknownName."""
-        return _of_design(str(tree.get("tracker", TrackConfig.tracker)))
-
-    def resolved(self) -> "TrackConfig":
-        """The same with the design's own configurations in it. Raises UnknownName."""
-        spec = TRACKERS.get(self.tracker)
-        settings, network = self.settings, self.network
-        if settings is None and spec.settings is not type(None):
-            settings = spec.settings()
-        if network is None and spec.network is not None:
-            network = spec.network()
-        return replace(self, settings=settings, network=network)
-
-
-@cache
-def _of_design(tracker: str) -> type[TrackConfig]:
-    spec = TRACKERS.get(tracker)
-    made: list[Any] = [("tracker", str, field(default=tracker))]
-    if spec.settings is not type(None):
-        made.append(("settings", spec.settings, field(default_factory=spec.settings)))
-    if spec.network is not None:
-        made.append(("network", spec.network, field(default_factory=spec.network)))
-    return make_dataclass("TrackConfig", made, bases=(TrackConfig,), frozen=True)
 
 
 Report = Callable[[dict[str, Any]], None]

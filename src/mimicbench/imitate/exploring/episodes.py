@@ -10,18 +10,18 @@ is a value beyond. K ends none, so that holding on pays.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import torch
 from torch import Tensor
 
 from mimicbench.core.seeds import digest
-from mimicbench.core.settings import Positive
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.initial_states import InitialStates, stacked
 from mimicbench.envs.nearness import nearness
 from mimicbench.envs.rule_starts import Starts
 from mimicbench.envs.vec_env import EnvConfig, VecEnv
+from mimicbench.imitate.learners.ppo import ExploreConfig
 from mimicbench.imitate.policy import Senses
 from mimicbench.sensors.observations import Observations
 from mimicbench.sim.physics import PhysicsConfig, RobotState
@@ -31,20 +31,6 @@ from mimicbench.sim.timing import CONTROL_DT
 TOLD = ("episodes", "fell", "success", "frames", "reward", "near", "steps")
 """What is counted of training: episodes that ended, falls and K among them, their frames; and the sums of mean reward
 and mean nearness over control steps, with the number of these."""
-
-
-@dataclass(frozen=True)
-class ExploreConfig:
-    """How episodes of training start, and what a step is worth."""
-
-    num_envs: Positive = 256
-    """Robots side by side."""
-    starts: Positive = 2048
-    """Starts that are drawn in advance; each episode takes one of them."""
-    approach: float = 10.0
-    """Reward for each metre that a step came nearer [1/m]; with 0 the reward is nearness alone."""
-    change: float = 0.002
-    """Price of each squared unit by which the action changes."""
 
 
 class Exploration:

@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass, field
 
-from mimicbench.imitate.cloning import REMEMBERING, CloneImitation, cloner
 from mimicbench.imitate.learners.bc import BCConfig
-from mimicbench.imitate.train import TrainConfig
+from mimicbench.imitate.settings.cloning import TrainConfig
+from mimicbench.imitate.settings.inputs import REMEMBERING
+from mimicbench.imitate.spec import CloneImitation, cloner
 
 
 @dataclass(frozen=True)

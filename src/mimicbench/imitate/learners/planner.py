@@ -4,12 +4,57 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
-from mimicbench.core.progress import Pulse
-from mimicbench.envs.vec_env import EnvConfig
-from mimicbench.imitate.learn_planner import train_planner
-from mimicbench.imitate.planner import PlannerConfig, load_network, save_planner
+from mimicbench.core.settings import Positive, Share, Sizes
+from mimicbench.envs.settings import ClipStartConfig
 from mimicbench.imitate.spec import Given, ImitateConfig, LearnerSpec
-from mimicbench.track.checkpoint import load_tracker
+from mimicbench.track.settings import EndConfig, TrackingConfig
+
+
+@dataclass(frozen=True)
+class PlannerConfig:
+    """The planner's network and its training."""
+
+    hidden: Sizes = (512, 512, 256)
+    """Widths of the hidden layers."""
+    clock: bool = True
+    """See a clock, and settle a style once. Without either, what it does follows from its body and its goal as they are
+    now, and so can be learned by who sees no clock, such as ACT and BC, also where that got to itself: if the clock is
+    half a second off, what a planner with one says is other by half of its spread."""
+    pace: Share = 0.0
+    """How often a clip waits for a frame where the robot lags behind it on the way, and leaves one out where it is
+    ahead. Who sees no clock cannot know that the clip is ahead, and learns to hurry everywhere."""
+    mirrored: bool = False
+    """Learn from the mirror images of all clips, too: twice as many starts and objects for nothing."""
+    samples: Positive = 3_200_000
+    """Control steps to see, over all robots."""
+    num_envs: Positive = 256
+    """Robots side by side."""
+    steps: Positive = 24
+    """Control steps between rounds of learning."""
+    batches: Positive = 40
+    """Batches per round."""
+    batch: Positive = 768
+    """Frames per batch."""
+    memory: Positive = 400_000
+    """Most recent frames that are learned from."""
+    teacher_share: float = 0.2
+    """Part of the training over which the tracker on true references drives ever less."""
+    action_weight: float = 0.5
+    """Weight of the difference that the plan makes to the tracker's action."""
+    learning_rate: float = 1e-3
+    """Of Adam at the start; falls to a tenth along a cosine."""
+    save_every: float = 120.0
+    """Seconds between saves: what a kill can lose at most."""
+    threads: Positive = 2
+    """Threads of the network's arithmetic. Sums round differently with another number, so it is part of the result."""
+    tracking: TrackingConfig = field(
+        default_factory=lambda: TrackingConfig(
+            ClipStartConfig(first_frame=0.5), hold=4.0, push=0.2, ends=EndConfig(0.5, 1.0, 0.25, 0.3)
+        )
+    )
+    """Starts, disturbances and ends of training episodes. Pushed no harder than what the tracker survives: who falls
+    teaches nothing. They hold the last pose long enough for a slow drift to show, and the clock shows all times to the
+    time limit meanwhile (imitate.dagger)."""
 
 
 @dataclass(frozen=True)
@@ -26,6 +71,12 @@ class PlannerImitation(ImitateConfig):
 
 def learn(folder: Path, given: Given, config: PlannerImitation) -> dict[str, Any]:
     """Learn the planner over the tracker beside it."""
+    from mimicbench.core.progress import Pulse
+    from mimicbench.envs.vec_env import EnvConfig
+    from mimicbench.imitate.learn_planner import train_planner
+    from mimicbench.imitate.planner import load_network, save_planner
+    from mimicbench.track.checkpoint import load_tracker
+
     clips, context = given.clips, given.context
     tracker = load_tracker(folder.parent / "tracker", clips.robot)
 

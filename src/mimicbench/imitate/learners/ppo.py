@@ -1,101 +1,34 @@
-"""PPO on what the robot senses, from nothing: the paper's baseline that learns from nobody (Schulman et al. 2017).
+"""PPO from nothing: what can be set of it. Its network is imitate.networks.ppo; ppo_training is how it learns."""
 
-Actor and critic are a ResNet that reads the map and an MLP that reads its features beside the state. Actions are joint
-position targets around the robot's rest pose, `rest + scale * a`. Reward and ends are those of
-imitate.exploring.episodes, updates those of track.ppo. The paper says no more of it than that it is vision-based PPO.
+from __future__ import annotations
 
-On a processor the ResNet takes most of the time (560 of 850 microseconds a sample, of the smallest that made sense), so
-small networks read the map's cells by one linear layer, as is usual where robots walk over rough ground.
-"""
-
-import time
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-import msgspec
-import torch
-from torch import Tensor, nn
-from torch.nn import functional
-
-from mimicbench.core.checkpoint import beside
-from mimicbench.core.progress import Pulse
-from mimicbench.core.seeds import digest
 from mimicbench.core.settings import Amount, Positive, Sizes
-from mimicbench.core.training import TorchRandom, append_metrics, check_losses, resume_training, save_training
-from mimicbench.envs.vec_env import EnvConfig
-from mimicbench.imitate.encoder import Encoder, EncoderConfig
-from mimicbench.imitate.exploring.episodes import Exploration, ExploreConfig
-from mimicbench.imitate.goals import known_goal
-from mimicbench.imitate.inputs import Learner, NetworkConfig
-from mimicbench.imitate.learned import save_learner
-from mimicbench.imitate.policy import Senses
+from mimicbench.imitate.settings.encoder import EncoderConfig
+from mimicbench.imitate.settings.inputs import NetworkConfig
 from mimicbench.imitate.spec import Given, ImitateConfig, LearnerSpec
-from mimicbench.track.network import Blueprint, MLPConfig
-from mimicbench.track.ppo_config import PPOConfig, ppo_learner
+from mimicbench.track.ppo_config import PPOConfig
 
 if TYPE_CHECKING:
-    from mimicbench.track.ppo import PPOLearner
-
-HEIGHT_UNIT = 0.03
-"""What heights [m] of maps are multiplied by. All that is seen is divided by its deviation and 0.01 more, so cells are
-by a third of a metre at least: those that seldom hold anything would else be the largest numbers of all."""
+    from mimicbench.imitate.networks.ppo import Explorer
+    from mimicbench.track.network import Blueprint
 
 
 @dataclass(frozen=True)
-class SightConfig:
-    """Layers that take a state and, laid out behind it, maps: how actor and critic are made."""
+class ExploreConfig:
+    """How episodes of training start, and what a step is worth."""
 
-    encoder: EncoderConfig
-    """What reads the maps, whose channels and cells are those that it is given; 0 channels where there are none."""
-    convolves: bool
-    """Whether it is used: without, what follows it is given the cells themselves."""
-    features: int
-    """Numbers that its grid of features, or the cells, are brought down to."""
-    hidden: tuple[int, ...]
-    """Widths of the hidden layers."""
-
-    normalizes: ClassVar[bool] = True
-    widens: ClassVar[bool] = False
-
-    @property
-    def repeats(self) -> tuple[int, ...]:
-        """How many of everything that is repeated."""
-        return len(self.hidden), *self.encoder.layers
-
-    @property
-    def cells(self) -> int:
-        """Numbers of the maps."""
-        return self.encoder.channels * self.encoder.cells**2
-
-    def build(self, width: int, frames: int, outputs: int) -> nn.Module:
-        """(N, outputs) of (N, width) numbers, the maps last."""
-        return Sight(self, width * frames, outputs)
-
-
-class Sight(nn.Module):
-    """MLP(state, linear(ResNet(maps))), or MLP(state, linear(maps))."""
-
-    def __init__(self, config: SightConfig, inputs: int, outputs: int) -> None:
-        super().__init__()
-        self.config, size = config, inputs - config.cells
-        if config.cells:
-            grid = config.encoder.widths[-1] * config.encoder.side**2
-            self.encoder = Encoder(config.encoder) if config.convolves else nn.Identity()
-            self.squeeze = nn.Linear(grid if config.convolves else config.cells, config.features)
-            size += config.features
-        self.mlp = MLPConfig(config.hidden).build(size, 1, outputs)
-
-    def forward(self, seen: Tensor) -> Tensor:
-        """(N, outputs) from (N, inputs)."""
-        if not self.config.cells:
-            return self.mlp(seen)
-        state, cells = seen.split([seen.shape[1] - self.config.cells, self.config.cells], -1)
-        encoder = self.config.encoder
-        maps = cells.unflatten(1, (encoder.channels, encoder.cells, encoder.cells))
-        found = functional.elu(self.squeeze(self.encoder(maps).flatten(1)))
-        return self.mlp(torch.cat([state, found], -1))
+    num_envs: Positive = 256
+    """Robots side by side."""
+    starts: Positive = 2048
+    """Starts that are drawn in advance; each episode takes one of them."""
+    approach: float = 10.0
+    """Reward for each metre that a step came nearer [1/m]; with 0 the reward is nearness alone."""
+    change: float = 0.002
+    """Price of each squared unit by which the action changes."""
 
 
 @dataclass(frozen=True)
@@ -121,51 +54,25 @@ class PPONetworkConfig(NetworkConfig):
     @property
     def blueprint(self) -> Blueprint:
         """What actor and critic are built by."""
+        from mimicbench.imitate.networks.ppo import SightConfig
+        from mimicbench.track.network import Blueprint
+
         channels = self.inputs.seen_channels if self.inputs.sees else 0
         encoder = replace(self.encoder, channels=channels, cells=self.encoder.cells // self.encoder.pool, pool=1)
         sight = SightConfig(encoder, self.convolves, self.features, self.hidden)
         return Blueprint(sight, self.inputs.seen_size + sight.cells)
 
-    def build(self) -> "Explorer":
+    def build(self) -> Explorer:
         """A new network, with weights from torch's random numbers."""
+        from mimicbench.imitate.networks.ppo import Explorer
+
         return Explorer(self)
 
     @staticmethod
-    def small() -> "PPONetworkConfig":
+    def small() -> PPONetworkConfig:
         """For a CPU: the highest of 4 x 4 cells, by a linear layer; about 200 thousand parameters."""
         encoder = replace(EncoderConfig.small(), pool=4)
         return PPONetworkConfig(encoder=encoder, convolves=False, features=64, hidden=(256, 128))
-
-
-class Explorer(Learner):
-    """What was learned: state and maps -> joint targets. What it sees is normalized inside of its layers."""
-
-    kind = "ppo"
-
-    def __init__(self, config: PPONetworkConfig) -> None:
-        super().__init__(config.inputs, (config.action_size,))
-        self.config = config
-        self.network = config.blueprint.network(config.action_size)
-
-    def begin_at(self, pose: Tensor) -> None:
-        """Actions are around joint angles (A,) [rad]."""
-        self.action_mean.copy_(pose)
-        self.action_std.fill_(self.config.scale)
-
-    def flat(self, vector: Tensor, picture: Tensor | None) -> Tensor:
-        """(N, inputs) what the layers take, of vectors (N, ...) and maps (N, ..., 128, 128) as Senses gives them."""
-        if picture is None:
-            return vector.flatten(1)
-        maps = HEIGHT_UNIT * functional.max_pool2d(picture.flatten(1, -3), self.config.encoder.pool)
-        return torch.cat([vector.flatten(1), maps.flatten(1)], -1)
-
-    def targets(self, action: Tensor) -> Tensor:
-        """Joint targets (N, A) [rad] of actions (N, A)."""
-        return self.action_mean + self.action_std * action
-
-    def plan(self, vector: Tensor, picture: Tensor | None) -> Tensor:
-        """The targets (N, 1, A) [rad] of the mean action."""
-        return self.targets(self.network(self.flat(vector, picture)))[:, None]
 
 
 def _ppo() -> PPOConfig:
@@ -201,79 +108,11 @@ class PPOImitation(ImitateConfig):
         return self.network.inputs.memory
 
 
-REPORT_EVERY = 10
-"""Updates between the lines of `metrics.jsonl`."""
-
-
 def learn(folder: Path, given: Given, config: PPOImitation) -> dict[str, Any]:
-    """Learn into a folder, or go on learning there, to the same bytes."""
-    robot, task, context = given.clips.robot, given.clips.task, given.context
-    torch.manual_seed(digest(given.seed, "ppo") % (1 << 63))
-    torch.set_num_threads(1)
-    network: PPONetworkConfig = config.network.of(robot, task)
-    goal = known_goal(beside(folder, "perception"), robot, task) if network.inputs.memory else None
-    env_config = EnvConfig(device=context.device, workers=context.workers)
-    senses = Senses(network.inputs, goal)
-    env = Exploration(given.clips, senses, given.gains, config.explore, given.seed, env_config)
-    explorer = network.build().to(env.device)
-    explorer.begin_at(torch.tensor(robot.rest_pose))
-    learner = ppo_learner()(network.blueprint, network.action_size, config.explore.num_envs, config.ppo, env.device)
-    parts = {"env": env, "ppo": learner, "torch": TorchRandom(env.device)}
-    identity = {"config": _course(config), "seed": given.seed, "objects": sorted(given.clips.objects)}
-    progress = resume_training(folder, identity, parts, {"samples": 0, "updates": 0, "seconds": 0.0})
-    notes = {"seed": given.seed, "task": task.name, "gains": given.gains}
+    """Learn into a folder, or go on learning there."""
+    from mimicbench.imitate.learners.ppo_training import explore
 
-    def save() -> None:
-        explorer.network.load_tensors(learner.network_tensors())
-        save_learner(folder, explorer, robot.name, {**notes, **progress})
-
-    obs = explorer.flat(*env.seen)
-    pulse, now, saved = Pulse(context.say), time.monotonic(), time.monotonic()
-    while progress["samples"] < config.samples:
-        obs, losses = _round(env, learner, explorer, obs, config)
-        progress["samples"] += config.explore.num_envs * config.ppo.steps
-        progress["updates"] += 1
-        progress["seconds"], now = progress["seconds"] + time.monotonic() - now, time.monotonic()
-        check_losses(losses, folder, progress["samples"])
-        finished = progress["samples"] >= config.samples
-        if progress["updates"] % REPORT_EVERY == 0 or finished:
-            row = {**progress, **losses, **env.told()}
-            append_metrics(folder, row)
-            pulse(lambda row=row: _words(row, config.samples))
-        if finished or now - saved > config.save_every:
-            save_training(folder, identity, parts, progress)
-            save()
-            saved = now
-    env.close()
-    save()  # it may have been killed between the state and the checkpoint
-    return {"objects": len(given.clips.objects), "samples": progress["samples"]}
-
-
-def _round(
-    env: Exploration, learner: "PPOLearner", explorer: Explorer, obs: Tensor, config: PPOImitation
-) -> tuple[Tensor, dict[str, float]]:
-    """Collect and update: what is seen after it, and the losses."""
-    for _ in range(config.ppo.steps):
-        action = learner.act(obs)
-        reward, done, time_out = env.step(explorer.targets(action), action)
-        obs = explorer.flat(*env.seen)
-        learner.record(obs, reward, done, time_out)
-    torch.set_num_threads(config.threads)
-    losses = learner.update(obs)
-    torch.set_num_threads(1)
-    return obs, losses
-
-
-def _words(row: Mapping[str, float], samples: int) -> str:
-    done, rate = row["samples"] / 1e6, row["samples"] / max(row["seconds"], 1e-9)
-    told = f"reward {row['reward']:.3f}  each {row['seconds_each']:.1f} s  K {row['success']:.3f}"
-    return f"{done:6.2f} of {samples / 1e6:.2f} M samples  {rate:6.0f}/s  {told}  fell {row['fell']:.2f}"
-
-
-def _course(config: PPOImitation) -> dict[str, Any]:
-    """What decides the course of a training; it may run longer, and be saved more or less often."""
-    plain = msgspec.to_builtins(asdict(config))
-    return {name: value for name, value in plain.items() if name not in ("samples", "save_every")}
+    return explore(folder, given, config)
 
 
 LEARNER = LearnerSpec("ppo", PPOImitation, learn)

@@ -2,14 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Annotated
 
 import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion, BadObject, MimicbenchError
 from mimicbench.core.motion import HumanMotion, RobotMotion
-from mimicbench.core.settings import Positive, Seed, Within
+from mimicbench.imitate.learners.online import OnlineConfig
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body.body import Body
 from mimicbench.references.locomotion.states import (
@@ -23,34 +22,11 @@ from mimicbench.references.synthesis.planning import plan_on
 from mimicbench.references.synthesis.registry import courses, synthesize
 from mimicbench.retarget.acceptance import unsolved
 from mimicbench.retarget.clip import Clip
-from mimicbench.retarget.registry import DEFAULT_METHOD, METHODS
+from mimicbench.retarget.registry import METHODS
 from mimicbench.robots.description import Robot
 from mimicbench.sim.physics import RobotState
 from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.task import BodyPoints, Task
-
-
-@dataclass(frozen=True)
-class OnlineConfig:
-    """How to plan."""
-
-    method: str = DEFAULT_METHOD
-    """How plans are retargeted."""
-    tries: Positive = 4
-    """Styles that are tried until a plan is kept as a clip on the stand-in would be."""
-    rehearsals: Annotated[int, Within(0, 64)] = 0
-    """So many plans that are kept are rehearsed (imitate.online.rehearsal), and the best is followed; 0: the first."""
-    room: float = 0.0
-    """[m] Of plans that go well, those are better by whose end K could lose so much and still hold, as far as eyes err
-    about the object; what exceeds that counts no more. 0: as long as it holds, all are alike."""
-    pace: float = 0.15
-    """How fast a plan moves to where its goal is by now [m/s]; twice that in radians."""
-    anew: float = 0.35
-    """A plan is made anew where what is known of the goal by now differs by more than that from what it was made for
-    [m], [rad]; 0 for never."""
-    seed: Seed = 0
-    """Of the styles."""
-
 
 WALKS = 0.1
 """[m/s] Who is slower stands."""

@@ -10,10 +10,10 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.checkpoint import beside, load_checkpoint, save_checkpoint
 from mimicbench.envs.reference import Laid, ReferenceBank, lay
 from mimicbench.imitate.goals import KnownGoal, known_goal
+from mimicbench.imitate.learners.online import OnlineConfig
 from mimicbench.imitate.online.planning import (
     WALKS,
     Begin,
-    OnlineConfig,
     Planned,
     Planning,
     from_plan,
@@ -33,7 +33,7 @@ from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.task import Task
 from mimicbench.track.checkpoint import load_tracker
 from mimicbench.track.history import Follower
-from mimicbench.track.spec import Tracker
+from mimicbench.track.tracker import Tracker
 
 
 class OnlinePolicy:

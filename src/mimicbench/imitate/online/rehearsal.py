@@ -13,7 +13,7 @@ from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
 from mimicbench.tasks.task import BodyPoints, ObjectInfo, Task
 from mimicbench.track.rollout import RolloutConfig, track_clips
-from mimicbench.track.spec import Tracker
+from mimicbench.track.tracker import Tracker
 
 ASTRAY = 0.2
 """[m] Who ends farther from the plan with pelvis or an ankle does not do what was planned, though K may hold beside

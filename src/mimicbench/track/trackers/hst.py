@@ -1,17 +1,20 @@
 """Improved HST as the paper has it (appendix F): 578 inputs, absolute joint targets, rewards by task."""
 
-from dataclasses import dataclass
+from __future__ import annotations
 
-import torch
-from torch import Tensor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from mimicbench.core import rotations as rot
-from mimicbench.robots.description import Robot
-from mimicbench.sensors.context import StepContext, Transition
-from mimicbench.sensors.reference import reference_links
-from mimicbench.sim.physics import LinkState
 from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.track.spec import Terms, TrackerSpec
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from mimicbench.robots.description import Robot
+    from mimicbench.sensors.context import StepContext, Transition
+    from mimicbench.sim.physics import LinkState
 
 
 @dataclass(frozen=True)
@@ -43,7 +46,7 @@ class HSTConfig(AgreementConfig):
 def target(robot: Robot, next_joint_pos: Tensor, action: Tensor, settings: AgreementConfig) -> Tensor:
     """(N, J) joint targets [rad]: the action is the joint angle itself (F.2), kept within the limits."""
     low, high = action.new_tensor(robot.joint_range).T
-    return torch.clamp(action, low, high)
+    return action.clamp(low, high)
 
 
 def action(robot: Robot, next_joint_pos: Tensor, target: Tensor, settings: AgreementConfig) -> Tensor:
@@ -63,6 +66,8 @@ def reward(context: StepContext, step: Transition, settings: HSTConfig) -> Tenso
 
 def agreement(context: StepContext, settings: AgreementConfig) -> Tensor:
     """(N,) r_human x r_wrist where wrists have targets, r_human x r_w->o x r_object where the object moves (F.3)."""
+    from mimicbench.sensors.reference import reference_links
+
     links, wanted = context.links, reference_links(context.robot, context.reference(0))
     human = r_human(context, links, wanted, settings)
     wrists, wanted_wrists = _wrists(context.robot, links), _wrists(context.robot, wanted)
@@ -77,13 +82,13 @@ def agreement(context: StepContext, settings: AgreementConfig) -> Tensor:
 
 def near(difference: Tensor, settings: AgreementConfig) -> Tensor:
     """(...) exp(-10 |d|_1) of differences (..., 3) [m]."""
-    return torch.exp(-settings.distance * difference.abs().sum(-1))
+    return (-settings.distance * difference.abs().sum(-1)).exp()
 
 
 def r_human(context: StepContext, links: LinkState, wanted: LinkState, settings: AgreementConfig) -> Tensor:
     """(N,) r_pos + r_ori + r_root; r_ori is a sum over all links, so 20 at most."""
-    r_pos = torch.exp(-settings.position * ((links.pos_w - wanted.pos_w) ** 2).sum((-1, -2)))
-    r_ori = torch.exp(-rot.angle_between(links.quat_w, wanted.quat_w)).sum(-1)
+    r_pos = (-settings.position * ((links.pos_w - wanted.pos_w) ** 2).sum((-1, -2))).exp()
+    r_ori = (-rot.angle_between(links.quat_w, wanted.quat_w)).exp().sum(-1)
     away = links.pos_w[:, 0] - wanted.pos_w[:, 0]
     r_root = settings.root * near(away, settings) - context.task.height_weight * away[:, 2] ** 2
     return r_pos + r_ori + r_root
@@ -104,6 +109,8 @@ def r_reg(context: StepContext, step: Transition, settings: HSTConfig) -> Tensor
 
 def _wrists(robot: Robot, links: LinkState) -> Tensor:
     """(N, 2, 3) where left and right wrist are [m]."""
+    import torch
+
     found = []
     for side in ("left", "right"):
         link, offset = robot.keypoints[f"{side}_wrist"]

@@ -6,20 +6,21 @@ tilted: whoever sits or lies has failed. What HumanPlus does to the simulation m
 arrive a step late, and friction and mass change from robot to robot.
 """
 
-from dataclasses import dataclass
-from typing import ClassVar
+from __future__ import annotations
 
-import torch
-from torch import Tensor, nn
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.settings import Positive, Share
-from mimicbench.robots.description import Robot
-from mimicbench.sensors.context import StepContext, Transition
-from mimicbench.sensors.proprioception import tilt
-from mimicbench.sensors.reference import walk_of
 from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.track.spec import Terms, TrackerSpec
+
+if TYPE_CHECKING:
+    from torch import Tensor, nn
+
+    from mimicbench.robots.description import Robot
+    from mimicbench.sensors.context import StepContext, Transition
 
 BARE = ("pelvis", "hip", "shoulder", "elbow", "knee")
 """Links with any of this in their names must touch nothing."""
@@ -48,42 +49,9 @@ class TransformerConfig:
 
     def build(self, width: int, frames: int, outputs: int) -> nn.Module:
         """Actor or critic: neither has anything of the other."""
+        from mimicbench.track.trackers.transformer import Transformer
+
         return Transformer(self, width, frames, outputs)
-
-
-class Transformer(nn.Module):
-    """(N, frames * width) -> (N, outputs)."""
-
-    def __init__(self, config: TransformerConfig, width: int, frames: int, outputs: int) -> None:
-        super().__init__()
-        self.frames = frames
-        self.embed = nn.Sequential(nn.Linear(width, config.tokens), nn.Dropout(config.dropout))
-        self.positions = nn.Parameter(torch.randn(1, frames, config.tokens))
-        self.blocks = nn.Sequential(*(_Block(config) for _ in range(config.blocks)))
-        self.head = nn.Sequential(nn.LayerNorm(config.tokens), nn.Linear(config.tokens, outputs))
-
-    def forward(self, obs: Tensor) -> Tensor:
-        """(N, outputs) from (N, frames * width)."""
-        x = self.embed(obs.unflatten(-1, (self.frames, -1))) + self.positions
-        return self.head(self.blocks(x)[:, -1])
-
-
-class _Block(nn.Module):
-    """What attention and layers add is added to what was normalized, not to what came in."""
-
-    def __init__(self, config: TransformerConfig) -> None:
-        super().__init__()
-        size = config.tokens
-        self.norms = nn.ModuleList(nn.LayerNorm(size) for _ in range(2))
-        self.attention = nn.MultiheadAttention(size, config.heads, config.dropout, batch_first=True)
-        self.layers = nn.Sequential(
-            nn.Linear(size, 4 * size), nn.GELU(), nn.Linear(4 * size, size), nn.Dropout(config.dropout)
-        )
-
-    def forward(self, x: Tensor) -> Tensor:
-        x = self.norms[0](x)
-        x = self.norms[1](x + self.attention(x, x, x, need_weights=False)[0])
-        return x + self.layers(x)
 
 
 @dataclass(frozen=True)
@@ -107,7 +75,7 @@ class HSTOriginalConfig:
 def target(robot: Robot, next_joint_pos: Tensor, action: Tensor, settings: HSTOriginalConfig) -> Tensor:
     """(N, J) joint targets [rad]: the action is added to the rest pose, and kept within the limits."""
     low, high = action.new_tensor(robot.joint_range).T
-    return torch.clamp(action.new_tensor(robot.rest_pose) + action, low, high)
+    return (action.new_tensor(robot.rest_pose) + action).clamp(low, high)
 
 
 def action(robot: Robot, next_joint_pos: Tensor, target: Tensor, settings: HSTOriginalConfig) -> Tensor:
@@ -122,6 +90,8 @@ def next_joint_pos(robot: Robot, terms: Terms) -> Tensor:
 
 def reward(context: StepContext, step: Transition, settings: HSTOriginalConfig) -> Tensor:
     """(N,) r_target_jt + r_tracking_lin_vel + r_tracking_ang_vel of HumanPlus, for the time of a control step."""
+    from mimicbench.sensors.reference import walk_of
+
     state, ref = context.state, context.reference(0)
     joints = (state.joint_pos - ref.joint_pos).abs().mean(-1)
     wanted = walk_of(ref)
@@ -129,9 +99,9 @@ def reward(context: StepContext, step: Transition, settings: HSTOriginalConfig) 
     slip = ((velocity - wanted[:, :2]) ** 2).sum(-1)
     turn = (state.root_ang_vel_b[:, 2] - wanted[:, 2]) ** 2
     per_second = (
-        settings.joints * torch.exp(-4.0 * joints)
-        + settings.walk * torch.exp(-slip / 0.25)
-        + settings.turn * torch.exp(-turn / 0.25)
+        settings.joints * (-4.0 * joints).exp()
+        + settings.walk * (-slip / 0.25).exp()
+        + settings.turn * (-turn / 0.25).exp()
     )
     return CONTROL_DT * per_second
 
@@ -145,11 +115,15 @@ def touched(context: StepContext, settings: HSTOriginalConfig) -> Tensor:
 
 def rolled(context: StepContext, settings: HSTOriginalConfig) -> Tensor:
     """(N,) bool whether the root leans too far to a side."""
+    from mimicbench.sensors.proprioception import tilt
+
     return tilt(context.state)[:, 0].abs() > settings.max_tilt
 
 
 def pitched(context: StepContext, settings: HSTOriginalConfig) -> Tensor:
     """(N,) bool whether the root leans too far forward or back."""
+    from mimicbench.sensors.proprioception import tilt
+
     return tilt(context.state)[:, 1].abs() > settings.max_tilt
 
 

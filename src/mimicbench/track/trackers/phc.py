@@ -2,11 +2,17 @@
 inputs, and pays nothing for haste.
 """
 
-from torch import Tensor
+from __future__ import annotations
 
-from mimicbench.sensors.context import StepContext, Transition
+from typing import TYPE_CHECKING
+
 from mimicbench.track.spec import TrackerSpec
 from mimicbench.track.trackers.hst import AgreementConfig, action, agreement, next_joint_pos, target
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from mimicbench.sensors.context import StepContext, Transition
 
 
 def reward(context: StepContext, step: Transition, settings: AgreementConfig) -> Tensor:

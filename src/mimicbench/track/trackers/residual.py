@@ -1,13 +1,17 @@
 """Our tracker: actions move the reference's joint angles a little, and the observation is what that needs."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import torch
-from torch import Tensor
-
-from mimicbench.robots.description import Robot
-from mimicbench.sensors.context import StepContext, Transition
 from mimicbench.track.spec import Terms, TrackerSpec
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from mimicbench.robots.description import Robot
+    from mimicbench.sensors.context import StepContext, Transition
 
 GAINS = "improved"
 
@@ -70,25 +74,23 @@ def reward(context: StepContext, step: Transition, settings: ResidualConfig) -> 
     velocity = ((state.root_lin_vel_w - ref.root_lin_vel_w) ** 2).sum(-1)
     joint_velocity = ((state.joint_vel - ref.joint_vel) ** 2).sum(-1)
     agreement = (
-        settings.position * torch.exp(-10.0 * position)
+        settings.position * (-10.0 * position).exp()
         + settings.orientation / (1.0 + 5.0 * context.root_angle_error**2)
         + settings.joints / (1.0 + joints)
-        + settings.velocity * torch.exp(-2.0 * velocity)
-        + settings.joint_velocity * torch.exp(-0.02 * joint_velocity)
+        + settings.velocity * (-2.0 * velocity).exp()
+        + settings.joint_velocity * (-0.02 * joint_velocity).exp()
     )
     points = context.body_points
     wrists = (points.wrist_pos_w - ref.wrist_pos_w).norm(dim=-1)
     ankles = (points.ankle_pos_w - ref.ankle_pos_w).norm(dim=-1)
     agreement = (
-        agreement
-        + settings.wrists * torch.exp(-10.0 * wrists).mean(-1)
-        + settings.ankles * torch.exp(-5.0 * ankles).mean(-1)
+        agreement + settings.wrists * (-10.0 * wrists).exp().mean(-1) + settings.ankles * (-5.0 * ankles).exp().mean(-1)
     )
     if context.task.moves_object:
         away = (context.object.pos_w - ref.object.pos_w).norm(dim=-1)
-        agreement = (1 - settings.object) * agreement + settings.object * torch.exp(-10.0 * away)
+        agreement = (1 - settings.object) * agreement + settings.object * (-10.0 * away).exp()
     if settings.power:
-        agreement = agreement - settings.power * torch.log1p(step.effort / 1e6)
+        agreement = agreement - settings.power * (step.effort / 1e6).log1p()
     return agreement - settings.action_rate * ((step.action - step.previous.last_action) ** 2).sum(-1)
 
 

@@ -2,13 +2,17 @@
 rewarded for the same contacts.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
-from torch import Tensor
-
-from mimicbench.sensors.contact import bears, told_to_bear
-from mimicbench.sensors.context import StepContext, Transition
 from mimicbench.track.trackers import residual
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from mimicbench.sensors.context import StepContext, Transition
 
 
 @dataclass(frozen=True)
@@ -23,6 +27,8 @@ class ResidualContactConfig(residual.ResidualConfig):
 
 def reward(context: StepContext, step: Transition, settings: ResidualContactConfig) -> Tensor:
     """(N,) that of our tracker, and agreement about contacts."""
+    from mimicbench.sensors.contact import bears, told_to_bear
+
     agrees = bears(context, settings.least_force) == (told_to_bear(context.reference(0)) > 0.5)
     return residual.reward(context, step, settings) + settings.contact * agrees.float().mean(-1)
 
