@@ -1,11 +1,16 @@
 """Who may import whom, and what the command line must not import at all."""
 
 import ast
+import json
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from mimicbench.cli import COMMANDS
+from mimicbench.imitate.registry import LEARNERS
+from mimicbench.track.registry import TRACKERS
 
 SOURCE = Path(__file__).parents[1] / "src" / "mimicbench"
 LEVELS = (
@@ -31,6 +36,7 @@ LEVELS = (
 """Each may import what stands before it, and itself; never its neighbors on the same level."""
 LEVEL = {name: level for level, names in enumerate(LEVELS) for name in names}
 MODULES = sorted(SOURCE.rglob("*.py"))
+HEAVY = ("torch", "mujoco", "scipy", "matplotlib", "pyarrow", "rsl_rl")
 
 
 def imports(path):
@@ -77,30 +83,63 @@ def test_only_one_file_knows_rsl_rl():
     ] == ["track/ppo.py"]
 
 
+ASK = """
+import io, json, sys
+from contextlib import redirect_stderr, redirect_stdout
+from mimicbench.cli import main
+for arguments in json.loads(sys.argv[1]):
+    said, status = io.StringIO(), 0
+    try:
+        with redirect_stdout(said), redirect_stderr(said):
+            main(arguments)
+    except SystemExit as end:
+        status = end.code or 0
+    assert status == int(sys.argv[2]) and said.getvalue(), f"{arguments} ends with {status}: {said.getvalue()}"
+    found = {*sys.argv[3:]} & {*sys.modules}
+    assert not found, f"{arguments} imports {sorted(found)}"
+"""
+"""Calls commands one after the other, none of which may import anything of a list."""
+SETTINGS = (
+    *(["imitate", "--learner", name] for name in LEARNERS),
+    *(["track", "--tracker", name] for name in TRACKERS),
+    ["run", "--preset", "paper"],
+    ["run", "--preset", "omnih2o"],
+    ["run", "--train", "--profile", "smoke"],
+    ["compare", "clone-switches"],
+)
+"""What settings there are follows from these."""
+
+
+def ask(lines, status, without):
+    """Call commands in a process of their own, which all end with a status and import none of these."""
+    done = subprocess.run(
+        [sys.executable, "-c", ASK, json.dumps(lines), str(status), *without], capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+
+
 @pytest.mark.parametrize(
     ("arguments", "heavy"),
     [
         (["--help"], ["tyro", "numpy", "torch", "mujoco", "scipy", "matplotlib", "pyarrow", "rsl_rl"]),
         (["--version"], ["tyro", "numpy", "torch"]),
-        (["table", "--help"], ["torch", "mujoco", "matplotlib", "pyarrow", "rsl_rl"]),
-        (["retarget", "--help"], ["torch", "mujoco", "matplotlib", "pyarrow", "rsl_rl"]),
-        (["view", "--help"], ["torch", "mujoco", "viser", "trimesh", "pyarrow"]),
-        (["doctor", "--help"], ["torch", "mujoco", "matplotlib"]),
+        (["table", "--help"], ["numpy", "matplotlib", "pyarrow"]),
+        (["view", "--help"], ["numpy", "viser", "trimesh", "pyarrow"]),
+        (["doctor", "--help"], ["numpy", "matplotlib"]),
     ],
 )
 def test_help_is_free(arguments, heavy):
-    """Help of what learns needs the settings of trackers and learners, and with them torch."""
-    script = f"""
-import sys
-from mimicbench.cli import main
-sys.argv = ["mimicbench", *{arguments!r}]
-try:
-    main()
-except SystemExit as end:
-    assert not end.code, end.code
-found = set({heavy!r}) & set(sys.modules)
-assert not found, f"help imports {{sorted(found)}}"
-"""
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert "mimicbench" in done.stdout
+    ask([arguments], 0, heavy)
+
+
+@pytest.mark.parametrize("lines", [[name.split() for name in COMMANDS], SETTINGS], ids=["commands", "settings"])
+def test_help_needs_nothing_that_learns_or_simulates(lines):
+    """Completion asks for it, too. What takes a second to import would make it slow: settings stand in modules of their
+    own.
+    """
+    ask([[*line, "--help"] for line in lines], 0, HEAVY)
+
+
+def test_complaints_need_nothing_that_learns_or_simulates():
+    misspelt = ["--sampels", "3"]
+    ask([[*line, *misspelt] for line in (["track"], ["imitate", "--learner", "act"], ["run", "--train"])], 2, HEAVY)
