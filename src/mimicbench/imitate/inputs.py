@@ -1,4 +1,4 @@
-"""What learners see and give, the same for all of them: vectors, maps, and a chunk of actions."""
+"""What networks of learners have in common: vectors and maps in, a chunk of actions out, both normalized inside."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar
