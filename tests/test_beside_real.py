@@ -226,7 +226,7 @@ def test_the_command_judges(tmp_path: Path, sitters: list[HumanMotion], capsys: 
             motion.save(stage.folder / f"{motion.id}.npz")
         stage.finish()
     paths = tuple(DATA / "unihsi" / "motion_clips" / f"{name}.npy" for name in ("armchair", "armchair002"))
-    stats("sit-chair", beside_real=paths, workdir=tmp_path, as_json=True)
+    stats("sit-chair", beside_real=paths, workdir=tmp_path, source="given", as_json=True)
     found = json.loads(capsys.readouterr().out)["phases"]
     assert {row["phase"] for row in found} >= {"walk", "sit down", "rest seated"}
     assert all(0 <= row["area"] <= 1 and row["recordings"] == 2 for row in found)
