@@ -1,4 +1,7 @@
-"""No generic module names a task, a kind of object, a robot or a method: what knows one is listed here, with why."""
+"""No generic module names a task, a kind of object, a robot or a method: what knows one is listed here, with why.
+
+And commands that messages advise can be typed as they stand.
+"""
 
 import ast
 import re
@@ -140,3 +143,14 @@ def test_every_exception_is_needed():
 )
 def test_names_are_found(source, found):
     assert names_in(source) == found
+
+
+def test_commands_that_are_advised_can_be_typed():
+    """Whoever is told to run a command with a workdir gets it in quotes where it has blanks."""
+    advice = [
+        (path.name, found)
+        for path in SOURCE.rglob("*.py")
+        for found in re.findall(r"--workdir \{(\w+)", path.read_text("utf-8"))
+    ]
+    assert len(advice) > 5
+    assert {what for _, what in advice} == {"typed"}, advice

@@ -18,6 +18,7 @@ from mimicbench.benchmark.shipped import SHIPPED
 from mimicbench.core.checkpoint import CONFIG, copy_checkpoint
 from mimicbench.core.errors import BadFile, BadMotion
 from mimicbench.core.files import read_json
+from mimicbench.core.names import typed
 from mimicbench.core.parallel import end_if_imported_by_worker
 from mimicbench.core.run import RunContext
 from mimicbench.core.stage import Stage, StageKey, opened
@@ -172,7 +173,7 @@ def _tell_tracker(run: Run) -> None:
     if keys.tracker_folder(run) is None:
         run.context.say(
             f"no tracker of this recipe is here, nor one shipped for {run.recipe.task}: one is trained first, as by "
-            f"`mimicbench track --task {run.recipe.task} --workdir {run.workdir}`"
+            f"`mimicbench track --task {run.recipe.task} --workdir {typed(run.workdir)}`"
         )
 
 

@@ -9,6 +9,7 @@ from mimicbench.benchmark.experts import demonstrated_gains
 from mimicbench.benchmark.graph import demonstrated
 from mimicbench.benchmark.keys import Run
 from mimicbench.core.errors import BadFile
+from mimicbench.core.names import typed
 from mimicbench.core.stage import read_stage
 
 
@@ -27,7 +28,7 @@ def verify_demos(run: Run) -> dict[str, Any]:
     if tracker is None or stage is None or not keys.is_complete(stage):
         raise BadFile(
             f"this recipe has no demonstrations in {run.workdir}; make them with `mimicbench demos --task "
-            f"{run.recipe.task} --workdir {run.workdir}`"
+            f"{run.recipe.task} --workdir {typed(run.workdir)}`"
         )
     demos = load_demos(stage / DATASET, run.recipe.robot, state=False)
     wrong = unfulfilled(demos, demonstrated(run))

@@ -15,6 +15,7 @@ from mimicbench.benchmark.shipped import best_shipped, shipped, shipped_for, shi
 from mimicbench.core.checkpoint import CONFIG, MODEL, checkpoint_kind, checkpoint_tasks, used_by
 from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
 from mimicbench.core.files import digest_of
+from mimicbench.core.names import typed
 from mimicbench.core.settings import identity
 from mimicbench.imitate.registry import LEARNERS
 
@@ -130,5 +131,5 @@ def _nobody(run: Run, command: str, name: str, tasks: Sequence[str]) -> Mimicben
     own = any(identity(run.part(stage)) != identity(stage_type(stage)()) for stage in ("retarget", "track", "demos"))
     return MimicbenchError(
         f"{told}no {name} was made by this recipe in {run.workdir}; make it with `mimicbench {command} --task {task}"
-        f"{of} --workdir {run.workdir}`" + (", and the presets and settings that are given here" if own else "")
+        f"{of} --workdir {typed(run.workdir)}`" + (", and the presets and settings that are given here" if own else "")
     )

@@ -14,6 +14,7 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion, BadObject, MimicbenchError, UnknownName
 from mimicbench.core.motion import RobotMotion
+from mimicbench.core.names import typed
 from mimicbench.core.seeds import rng
 from mimicbench.core.stage import HEADER, read_stage
 from mimicbench.envs.clips import ClipSet
@@ -221,7 +222,7 @@ def _read_workdir(
     if not motions:
         raise BadMotion(
             f"{workdir} holds no retargeted clips; run `mimicbench retarget --task {task.name} "
-            f"--workdir {workdir}` first"
+            f"--workdir {typed(workdir)}` first"
         )
     stage = read_stage(headers[0].parent)
     return {**read_objects(stage.folder.parents[1] / stage.header["reads"]["objects"]), **own}, motions

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from mimicbench.core.errors import BadFile
 from mimicbench.core.files import read_record
+from mimicbench.core.names import typed
 from mimicbench.core.stage import HEADER
 from mimicbench.tasks.registry import TASKS
 
@@ -133,7 +134,7 @@ class Catalog:
             )
         if not self.tasks():
             raise BadFile(
-                f"{self.workdir} holds nothing to look at; run `mimicbench retarget --workdir {self.workdir}`"
+                f"{self.workdir} holds nothing to look at; run `mimicbench retarget --workdir {typed(self.workdir)}`"
             )
 
     def tasks(self) -> list[str]:
