@@ -2,11 +2,20 @@
 
 import json
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from mimicbench.core.checkpoint import BadCheckpoint, load_checkpoint, save_checkpoint
+import mimicbench
+from mimicbench.core.checkpoint import (
+    BadCheckpoint,
+    checkpoint_digest,
+    copy_checkpoint,
+    load_checkpoint,
+    save_checkpoint,
+)
+from mimicbench.core.files import digest_of
 
 
 @dataclass(frozen=True)
@@ -93,3 +102,33 @@ def test_not_finite_is_not_written(folder):
     with pytest.raises(BadCheckpoint, match="diverged"):
         save_checkpoint(folder, "tracker", "h1", Config(), {"weight": np.array([np.nan])})
     assert (folder / "model.safetensors").read_bytes() == before
+
+
+def test_numbers_of_another_folder(folder, tmp_path):
+    same = tmp_path / "task" / "net"
+    same.mkdir(parents=True)
+    (same / "config.json").write_bytes((folder / "config.json").read_bytes())
+    (same / "model.same-as").write_text("../../net\n")
+    found = load_checkpoint(same, "tracker", "h1")
+    assert found.matching({"weight": (4, 3), "count": ()})["weight"].tolist() == TENSORS["weight"].tolist()
+    assert checkpoint_digest(same) == checkpoint_digest(folder)
+    copy_checkpoint(same, tmp_path / "copy")  # which is whole by itself
+    assert sorted(path.name for path in (tmp_path / "copy").iterdir()) == ["config.json", "model.safetensors"]
+    save_checkpoint(same, "tracker", "h1", Config(hidden=(8, 2)), {"weight": -TENSORS["weight"]})
+    assert (load_checkpoint(same).tensors["weight"] <= 0).all()  # its own come first
+    assert (load_checkpoint(folder).tensors["weight"] >= 0).all()
+
+
+@pytest.mark.parametrize("way", ["", "../nowhere\n", "\0\n", "x" * 5000, "\xff"])
+def test_numbers_of_a_folder_that_is_not_there(folder, way):
+    (folder / "model.safetensors").unlink()
+    (folder / "model.same-as").write_bytes(way.encode("latin-1"))
+    with pytest.raises(BadCheckpoint, match="does not exist"):
+        load_checkpoint(folder)
+
+
+def test_what_is_shipped_is_stored_once():
+    files = [path for path in Path(mimicbench.__file__).parent.glob("checkpoints/**/*.safetensors")]
+    large = [path for path in files if path.stat().st_size > 1000]
+    by_bytes = {digest_of(path): path for path in large}
+    assert large and len(by_bytes) == len(large), set(large) - set(by_bytes.values())

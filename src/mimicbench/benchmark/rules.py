@@ -122,7 +122,7 @@ def tracked_together(recipe: Recipe) -> None:
     """A tracker of several tasks names each once, and begins from a tracker that is there."""
     if recipe.track is None:
         return
-    from mimicbench.core.checkpoint import MODEL
+    from mimicbench.core.checkpoint import model_file
     from mimicbench.tasks.registry import TASKS
 
     also, begin_from = recipe.track.also, recipe.track.begin_from
@@ -138,7 +138,7 @@ def tracked_together(recipe: Recipe) -> None:
         raise BadSetting(
             f"track.shares has {len(recipe.track.shares)} numbers for {1 + len(also)} tasks; give one each"
         )
-    if begin_from and not (Path(begin_from) / MODEL).is_file():
+    if begin_from and not model_file(Path(begin_from)).is_file():
         raise BadSetting(f"track.begin_from is {begin_from!r}, where no tracker is; give the folder of its checkpoint")
 
 
@@ -146,10 +146,10 @@ def learner_finds_policies(recipe: Recipe) -> None:
     """Who begins from another policy's weights, or learns from its rounds, finds them, before clips or demonstrations
     are made for it.
     """
-    from mimicbench.core.checkpoint import MODEL
+    from mimicbench.core.checkpoint import model_file
 
     begin_from = getattr(recipe.imitate, "begin_from", "")
-    if begin_from and not (Path(begin_from) / MODEL).is_file():
+    if begin_from and not model_file(Path(begin_from)).is_file():
         raise BadSetting(f"imitate.begin_from is {begin_from!r}, where no policy is; give the folder of its checkpoint")
     dagger = getattr(recipe.imitate, "dagger", None)
     for driver in dagger.rounds_of if dagger else ():

@@ -12,7 +12,7 @@ from mimicbench.benchmark import keys
 from mimicbench.benchmark.keys import Run
 from mimicbench.benchmark.recipe import Recipe, stage_type
 from mimicbench.benchmark.shipped import best_shipped, shipped, shipped_for, shipped_names, shipped_trackers
-from mimicbench.core.checkpoint import CONFIG, MODEL, checkpoint_kind, checkpoint_tasks, used_by
+from mimicbench.core.checkpoint import CONFIG, checkpoint_kind, checkpoint_tasks, model_file, used_by
 from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
 from mimicbench.core.files import digest_of
 from mimicbench.core.names import typed
@@ -65,7 +65,7 @@ class Who:
         if self.folder.suffix in FILES:
             return {PROGRAM: digest_of(self.folder)}
         used = used_by(self.folder, BESIDE)
-        return {name: digest_of(folder / MODEL) + digest_of(folder / CONFIG) for name, folder in used.items()}
+        return {name: digest_of(model_file(folder)) + digest_of(folder / CONFIG) for name, folder in used.items()}
 
 
 def networks_of(made_from: Mapping[str, Any]) -> dict[str, Any]:

@@ -3,9 +3,13 @@
 Whoever loads a checkpoint names the kind and the robot that it must be of; the arrays are compared with the shapes
 that the network built from the configuration has. Nothing in either file is executed. `model.safetensors` is written
 first and `config.json` last, each atomically, so a folder with a `config.json` is a whole checkpoint.
+
+Where two checkpoints have the same numbers, as the trackers of two tasks that were learned together, one may have
+`model.same-as` in place of them: a line with the way to the folder of the other, from its own.
 """
 
 import dataclasses
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,6 +27,8 @@ from mimicbench.core.settings import BadSetting
 FORMAT = 1
 CONFIG = "config.json"
 MODEL = "model.safetensors"
+SAME_AS = "model.same-as"
+MAX_WAY = 200  # bytes of it
 MAX_BYTES = 4 << 30  # the largest network here has 100 million parameters: 0.4 GiB
 
 Config = TypeVar("Config")
@@ -143,10 +149,11 @@ def load_checkpoint(folder: Path, kind: str | None = None, robot: str | None = N
             f"{folder} is a checkpoint of another robot, {header['robot']!r}; train one for "
             f"{robot!r}, or choose that robot"
         )
-    tensors = read_tensors(folder / MODEL)
-    if header.get("model", "") not in ("", digest_of(folder / MODEL)):
+    path = model_file(folder)
+    tensors = read_tensors(path)
+    if header.get("model", "") not in ("", digest_of(path)):
         raise BadCheckpoint(
-            f"{folder / MODEL} is not what its {CONFIG} was written beside; it is damaged or of another training: copy "
+            f"{path} is not what its {CONFIG} was written beside; it is damaged or of another training: copy "
             "or train the whole checkpoint again"
         )
     return Checkpoint(folder, header["kind"], header["robot"], header["config"], tensors, header["notes"])
@@ -181,7 +188,17 @@ def checkpoint_digest(folder: Path) -> str:
     BadCheckpoint.
     """
     header = _read_header(folder)
-    return digest_of(folder / MODEL) + digest_of_json([header["kind"], header["robot"], header["config"]])
+    return digest_of(model_file(folder)) + digest_of_json([header["kind"], header["robot"], header["config"]])
+
+
+def model_file(folder: Path) -> Path:
+    """The file with the arrays of a checkpoint: its own, or that of the folder which its `model.same-as` names."""
+    pointer = folder / SAME_AS
+    if (folder / MODEL).exists() or not pointer.is_file():
+        return folder / MODEL
+    with pointer.open("rb") as stream:
+        way = stream.read(MAX_WAY).decode(errors="replace").strip().replace("\0", "")
+    return Path(os.path.normpath(folder / way)) / MODEL
 
 
 def read_tensors(path: Path) -> dict[str, np.ndarray]:
@@ -244,8 +261,8 @@ def _by(shape: tuple[int, ...]) -> str:
 
 def copy_checkpoint(source: Path, target: Path) -> None:
     """Copy a checkpoint's two files, whole or not at all."""
-    for name in (MODEL, CONFIG):  # config.json last: a folder with it is whole
-        data = (source / name).read_bytes()
+    for name, path in {MODEL: model_file(source), CONFIG: source / CONFIG}.items():  # with the last it is whole
+        data = path.read_bytes()
         write_atomic(target / name, lambda stream, data=data: stream.write(data))
 
 
@@ -261,4 +278,4 @@ def used_by(folder: Path, names: Sequence[str]) -> dict[str, Path]:
     """The `checkpoint` in a folder, and those of these names that are beside it, which it may run on."""
     others = {name: beside(folder, name) for name in names}
     found = {"checkpoint": folder, **{name: other for name, other in others.items() if other != folder}}
-    return {name: other for name, other in found.items() if (other / MODEL).exists()}
+    return {name: other for name, other in found.items() if model_file(other).exists()}
