@@ -51,6 +51,8 @@ class TrackingConfig:
     can be learned of it."""
     assist_steps: Positive = 5000
     """Control steps over which it fades to nothing."""
+    wait: Share = 0.0
+    """Share of the episodes in which the clip waits for a robot whose joints lag behind, for 3 s in all at most."""
     ends: EndConfig = field(default_factory=EndConfig)
     """When an episode has failed."""
 

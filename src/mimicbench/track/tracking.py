@@ -28,6 +28,44 @@ ENDS = ("position", "angle", "drop", "ankle", "object", "diverged", "clip over")
 """Why episodes of all trackers end; a design may add to them."""
 
 
+class _Waiting:
+    """Clips that stay where they are while the robot's joints are more than `LAG` from them, `LONGEST` steps of an
+    episode at most, in some of the episodes. Nothing is drawn, and there is no state, where none may.
+    """
+
+    LAG = 0.14  # rad, root mean square over the joints
+    LONGEST = round(3.0 / CONTROL_DT)
+
+    def __init__(self, share: float, num_envs: int, device: str) -> None:
+        self.share = share
+        self.may = torch.zeros(num_envs, dtype=torch.bool, device=device)
+        self.waited = torch.zeros(num_envs, dtype=torch.long, device=device)
+
+    def begin(self, rows: Rows, random: torch.Generator) -> None:
+        """Episodes begin."""
+        if self.share:
+            self.may[rows.ids] = torch.rand(len(rows), generator=random, device=self.may.device) < self.share
+            self.waited[rows.ids] = 0
+
+    def hold_back(self, env: VecEnv) -> None:
+        """Before a step, which goes on by a frame, go back by one where the clip waits."""
+        if self.share:
+            behind = env.context.state.joint_pos - env.context.reference(0).joint_pos
+            waits = behind.square().mean(-1).sqrt() > self.LAG
+            waits &= self.may & (self.waited < self.LONGEST) & (env.index > 0)
+            self.waited += waits
+            env.index -= waits.long()
+
+    def state_tensors(self) -> dict[str, Tensor]:
+        """All that decides how it goes on."""
+        return {"may": self.may.clone(), "waited": self.waited.clone()} if self.share else {}
+
+    def load_state_tensors(self, tensors: Mapping[str, Tensor]) -> None:
+        """The inverse of `state_tensors`."""
+        if self.share:
+            self.may, self.waited = (tensors[name].to(self.may.device) for name in ("may", "waited"))
+
+
 class TrackingEnv:
     """Steps all robots together; episodes that end start again at once, each with a clip and object drawn anew."""
 
@@ -76,6 +114,7 @@ class TrackingEnv:
         """Why episodes end, in words."""
         self.ended = torch.zeros(len(self.ends), dtype=torch.long, device=device)
         """How many episodes ended for each of `ends`."""
+        self._waiting = _Waiting(config.wait, num_envs, device)
         self._start(Rows.every(num_envs, device))
 
     @property
@@ -122,6 +161,7 @@ class TrackingEnv:
         if self.history.remembers:
             self.history.add(self.layout.flat(self.terms()))
         self.env.measures_effort = self.spec.measures_effort(settings)
+        self._waiting.hold_back(self.env)
         transition = self.env.step(target, action)
         self._count(self._stepped + 1)
         reward = self.spec.reward(self.context, transition, settings)
@@ -149,14 +189,19 @@ class TrackingEnv:
         """Put robots on frames drawn at random, with noise, and exchange their objects."""
         self.history.begin(rows)
         if len(rows):
+            self._waiting.begin(rows, self.random)
             self.env.reset(rows, self.starts.draw(len(rows), self.random, self.failures.chances(self.config.focus)))
+
+    @property
+    def _parts(self) -> dict[str, VecEnv | Failures | History | _Waiting]:
+        """All that has a state of its own."""
+        return {"env": self.env, "failures": self.failures, "history": self.history, "waiting": self._waiting}
 
     def state_tensors(self) -> dict[str, Tensor]:
         """All that decides how the episodes go on, between steps."""
         own = {"starts": self.random.get_state(), "ended": self.ended.clone(), "stepped": torch.tensor(self._stepped)}
-        parts = {"env": self.env, "failures": self.failures, "history": self.history}
         return own | {
-            f"{name}/{key}": value for name, part in parts.items() for key, value in part.state_tensors().items()
+            f"{name}/{key}": value for name, part in self._parts.items() for key, value in part.state_tensors().items()
         }
 
     def load_state_tensors(self, tensors: Mapping[str, Tensor]) -> None:
@@ -164,7 +209,7 @@ class TrackingEnv:
         self.random.set_state(tensors["starts"].cpu())
         self.ended = tensors["ended"].to(self.device)
         self._count(int(tensors["stepped"]))
-        for name, part in {"env": self.env, "failures": self.failures, "history": self.history}.items():
+        for name, part in self._parts.items():
             chosen = {n.removeprefix(f"{name}/"): v for n, v in tensors.items() if n.startswith(f"{name}/")}
             part.load_state_tensors(chosen)
 
