@@ -42,6 +42,26 @@ def test_a_stage_is_unfinished_until_it_is_finished(tmp_path):
     assert read_stage(folder).header["recipe"] == {"task": "sit-chair"}
 
 
+def test_an_item_that_is_gone_is_made_again(tmp_path):
+    folder = key().folder(tmp_path)
+    with opened(folder, key()) as stage:
+        for name in "abc":
+            (folder / f"{name}.npz").write_bytes(b"")
+        stage.finish(made=3)
+    assert read_stage(folder).complete
+    (folder / "d.npz").write_bytes(b"")  # one more does no harm
+    assert read_stage(folder).complete
+    (folder / "b.npz").unlink()
+    (folder / "d.npz").unlink()
+    with pytest.raises(BadFile, match="lacks 1 of its 3 files"):
+        read_stage(folder)
+    with opened(folder, key()) as again:
+        assert not again.complete
+        (folder / "b.npz").write_bytes(b"")
+        again.finish(made=3)
+    assert read_stage(folder).summary == {"made": 3}
+
+
 @pytest.mark.parametrize(
     "change", [{"settings": {"sizes": [1, 3]}}, {"seed": 1}, {"task": "lie-bed"}, {"made_from": {"shapes": "1"}}]
 )

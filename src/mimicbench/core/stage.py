@@ -26,7 +26,7 @@ SCHEMA = 2
 HEADER = "header.json"
 _DETERMINES = ("schema", "stage", "task", "seed", "settings", "made_from")
 _NEEDED = {*_DETERMINES, "amounts", "raised_from", "complete", "summary"}
-_TOLD = {"reads", "recipe", "mimicbench"}
+_TOLD = {"reads", "recipe", "mimicbench", "items"}
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class Stage:
 
     def finish(self, **summary: Any) -> "Stage":
         """Everything that was wanted is there; keep the stage's summary numbers in the header."""
-        header = {**self.header, "complete": True, "summary": summary}
+        header = {**self.header, "complete": True, "summary": summary, "items": _items(self.folder)}
         if not self.ahead:
             write_record(self.folder / HEADER, header)
         return replace(self, header=header)
@@ -169,6 +169,8 @@ def read_stage(folder: Path) -> Stage:
     header = _read_header(folder)
     if not header["complete"]:
         raise BadFile(f"{folder} is unfinished; the command that makes it goes on where it stopped")
+    if missing := _missing(folder, header):
+        raise BadFile(f"{folder} lacks {missing} of its {header['items']} files; delete it and make it again")
     return Stage(folder, header)
 
 
@@ -188,12 +190,12 @@ def _take_up(folder: Path, key: StageKey, recipe: Mapping[str, Any] | None, trai
         )
     have, want = found["amounts"], wanted["amounts"]
     if have == want:
-        return Stage(folder, found)
+        return Stage(folder, wanted if _missing(folder, found) else found)  # what is gone is made again
     if all(have.get(name, 0) >= amount for name, amount in want.items()):
         if trained:
             raise MimicbenchError(
-                f"{folder} has been trained for {_told(have)}, more than the {_told(want)} that are asked for; ask for "
-                "as much, or use another --workdir"
+                f"{folder} has been trained for {_told(have, want)}, more than the {_told(want, have)} that are asked "
+                "for; ask for as much, or use another --workdir"
             )
         # of what was stopped on its way to more, less may be finished
         return Stage(folder, wanted, ahead=bool(found["complete"]))
@@ -233,8 +235,20 @@ def _digest(header: Mapping[str, Any], more: tuple[str, ...] = ()) -> str:
     return hashlib.blake2b(text.encode(), digest_size=8 if more else 4).hexdigest()
 
 
-def _told(amounts: Mapping[str, int | float]) -> str:
-    return " and ".join(f"{amount} {name.rpartition('.')[2]}" for name, amount in amounts.items())
+def _items(folder: Path) -> int:
+    """How many files with an item each are there."""
+    return sum(path.suffix in (".npz", ".json") and path.name != HEADER for path in folder.iterdir())
+
+
+def _missing(folder: Path, header: Mapping[str, Any]) -> int:
+    """How many items are no longer there."""
+    return max(0, header.get("items", 0) - _items(folder))
+
+
+def _told(amounts: Mapping[str, int | float], among: Mapping[str, int | float]) -> str:
+    """Those amounts that are not the same as others."""
+    differ = {name: amount for name, amount in amounts.items() if among.get(name) != amount}
+    return " and ".join(f"{amount} {name.rpartition('.')[2]}" for name, amount in differ.items())
 
 
 def _remove_empty(folders: list[Path]) -> None:
