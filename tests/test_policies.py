@@ -159,7 +159,7 @@ def test_targets_may_be_more_precise_than_what_is_observed(tmp_path):
 @pytest.mark.parametrize(
     ("body", "told", "failed", "steps"),
     [
-        ('assert self.steps < 4, "tired"', "act raised AssertionError: tired", [0, 1, 2], [3, 3, 3]),
+        ('assert self.steps < 4, "tired"', "act raised AssertionError: tired (odd.py, line 17)", [0, 1, 2], [3, 3, 3]),
         ("target = target[:, :7]", "act gave a tensor of (3, 7) instead of a tensor of (3, 19)", [0, 1, 2], [0, 0, 0]),
         ("return target.long()", "act gave torch.int64 on cpu instead of numbers on cpu", [0, 1, 2], [0, 0, 0]),
         ("return target.numpy()", "act gave ndarray instead of a tensor of (3, 19)", [0, 1, 2], [0, 0, 0]),
@@ -239,6 +239,7 @@ def test_files_that_make_no_policy(tmp_path):
         load_policy(tmp_path / "none.py", H1, SIT_CHAIR)
     assert "make_policy()" in told("x = 1")
     assert "SyntaxError" in told("def make_policy(:")
+    assert "(odd.py, line 2)" in told("import torch\ntorch.zeros(-1)"), "not the line in the library"
     assert "ZeroDivisionError" in told("def make_policy():\n    return 1 / 0")
     assert "SystemExit" in told("import sys\n\nsys.exit(0)"), "it does not end the command as if all were done"
     assert "SystemExit" in told("def make_policy():\n    raise SystemExit")

@@ -1,9 +1,14 @@
 """Errors that a user can act on."""
 
+import os
 from collections.abc import Iterable
 from difflib import get_close_matches
+from pathlib import Path
 
 from mimicbench.core.names import printable
+
+PACKAGE = str(Path(__file__).parents[1])
+STANDARD = os.path.dirname(os.__file__)
 
 
 def guess(name: str, known: Iterable[str]) -> str:
@@ -22,6 +27,19 @@ class MimicbenchError(Exception):
 
     def __str__(self) -> str:
         return printable(super().__str__())
+
+
+def told(error: BaseException) -> str:
+    """What an exception of somebody else's program says, and on which line of which of their files it was raised."""
+    import traceback  # not above: every command imports this
+
+    own = [
+        frame
+        for frame in traceback.extract_tb(error.__traceback__)
+        if "site-packages" not in frame.filename and not frame.filename.startswith((PACKAGE, STANDARD, "<frozen"))
+    ]
+    where = f" ({Path(own[-1].filename).name}, line {own[-1].lineno})" if own else ""
+    return f"{type(error).__name__}{f': {error}' if str(error) else ''}{where}"
 
 
 class BadFile(MimicbenchError):

@@ -12,7 +12,7 @@ import torch
 from mujoco import mjMAXVAL
 from torch import Tensor
 
-from mimicbench.core.errors import MimicbenchError
+from mimicbench.core.errors import MimicbenchError, told
 from mimicbench.core.files import back_again
 from mimicbench.envs.policy import Policy
 from mimicbench.sensors.observations import Observations
@@ -87,7 +87,7 @@ class Guard:
             self._error = f"{what} took more than {patience:g} s"
             return None
         except (Exception, SystemExit) as error:  # noqa: BLE001 somebody else's program may raise anything
-            self._error = f"{what} raised {type(error).__name__}" + (f": {error}" if str(error) else "")
+            self._error = f"{what} raised {told(error)}"
             return None
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from types import ModuleType
 
 from mimicbench.core.checkpoint import BadCheckpoint, checkpoint_kind, checkpoint_task
-from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
+from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName, told
 from mimicbench.core.files import back_again
 from mimicbench.envs.policy import Policy, refuse_privileged
 from mimicbench.policies.onnx_file import load_onnx
@@ -60,9 +60,7 @@ def _of_file(path: Path, robot: Robot, task: Task) -> Policy:
     except MimicbenchError:
         raise
     except (Exception, SystemExit) as error:
-        raise MimicbenchError(
-            f"{path} makes no policy ({type(error).__name__}: {error}); mend its make_policy()"
-        ) from error
+        raise MimicbenchError(f"{path} makes no policy: {told(error)}; mend it") from error
     lacking = [name for name in ("observations", "gains", "to", "reset", "act") if not hasattr(policy, name)]
     if lacking:
         raise MimicbenchError(
