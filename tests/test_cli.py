@@ -63,7 +63,7 @@ def called(*words: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
         ("objects --preset mine", "unknown preset 'mine'; known are:"),
         ("objects --config nowhere.toml", "nowhere.toml does not exist"),
         ("objects --source ../x", "objects.source is '../x'"),
-        ("references --source mine", "`mimicbench import --to mine --workdir work` makes the set 'mine'"),
+        ("references --source mine", "`mimicbench import FILE --to mine --workdir work` makes the set 'mine'"),
         ("retarget --method guess", "unknown retargeting method 'guess'"),
         ("retarget --method omnih2o --variant improved", "omnih2o"),
         ("references --references.source a --objects.source b", "brings its own objects"),
@@ -136,6 +136,17 @@ def test_what_learns_is_refused_before_any_work(words, said, tmp_path, monkeypat
     status, message = called(*words.split(), capsys=capsys)
     assert status == 2 and message.startswith("mimicbench: ") and said in message
     assert not list(tmp_path.iterdir()), "a refused call leaves nothing behind"
+
+
+def test_files_of_policies_are_told_apart(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for path in ("mine.py", "a/mine.py"):
+        (tmp_path / path).parent.mkdir(exist_ok=True)
+        (tmp_path / path).write_text("")
+    _, message = called("evaluate", "--policy", "mine.py", "a/mine.py", capsys=capsys)
+    assert "mine.py and a/mine.py are both called 'mine' in rows and tables; rename one" in message
+    _, message = called("evaluate", "--policy", "mine", capsys=capsys)
+    assert message.strip().endswith("for the file, give --policy mine.py")
 
 
 def test_names_of_folders_do_not_steer_the_terminal(capsys):

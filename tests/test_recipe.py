@@ -426,6 +426,18 @@ def test_motions_of_an_earlier_run_are_not_beside_new_rows(judged, tmp_path):
     assert after(0) == [], "who gives up at once leaves nothing to be seen, and nothing of before either"
 
 
+def test_fewer_episodes_of_a_program_do_not_replace_more(judged, tmp_path):
+    policy = tmp_path / "odd_too.py"
+    policy.write_text(ODD)
+    policy.with_suffix(".txt").write_text("4")
+    judge(judged, str(policy))
+    (path,) = judged.workdir.glob("sit-chair/evaluate/odd_too-*.parquet")
+    one = replace(judged, recipe=replace(judged.recipe, evaluate=EvaluateConfig(episodes=1)))
+    before = sorted(path.with_suffix("").iterdir())
+    assert len(judge(one, str(policy))) == 1 and len(read_rows(path)) == 2
+    assert sorted(path.with_suffix("").iterdir()) == before
+
+
 def test_rows_of_another_network_or_other_clips_are_others(judged, tmp_path):
     before = set(judged.workdir.glob("sit-chair/evaluate/*.parquet"))
     other = replace(judged, recipe=replace(judged.recipe, seed=2))
@@ -486,7 +498,7 @@ def test_a_cloner_that_begins_where_no_policy_is_is_refused_at_once():
 
 def test_recordings_to_learn_from_must_be_there(tmp_path):
     run = start(read_recipe({"task": "sit-chair", "track": {"recorded": ["people"]}}), tmp_path)
-    with pytest.raises(BadFile, match="mimicbench import --to people"):
+    with pytest.raises(BadFile, match="mimicbench import FILE --to people"):
         keys.tracked(run)
 
 

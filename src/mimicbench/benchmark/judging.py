@@ -86,7 +86,8 @@ def judge(run: Run, name: str) -> list[EpisodeRow]:
         rows, positions = judge_tracker(run, who, clips.set), dict[int, "np.ndarray"]()
     else:
         rows, positions = judge_policy(run, who, clips.set, _first_batch(count), policy)
-    if there < count or who.is_program:  # the last, smaller batch of fewer may round differently, and is not kept
+    # the last, smaller batch of fewer may round differently, and is not kept
+    if there < count or (who.is_program and there == count):
         forget(path.with_suffix(""))
         write_rows(path, rows, {**source, "episodes": count})
         if positions:

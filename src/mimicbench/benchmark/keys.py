@@ -70,7 +70,7 @@ class Run:
             how = {"objects": "objects import", "references": "import"}.get(stage)
             of = "" if self.recipe.task == Recipe.task else f" --task {self.recipe.task}"
             advice = (
-                f"`mimicbench {how}{of} --to {typed(name)} --workdir {typed(self.workdir)}` makes"
+                f"`mimicbench {how} FILE{of} --to {typed(name)} --workdir {typed(self.workdir)}` makes"
                 if how
                 else "give the --workdir that has"
             )

@@ -110,6 +110,10 @@ def who_of(run: Run, name: str) -> Who:
         if tasks := shipped_for(name):
             told = f"no {name} is shipped for {task} (only for {', '.join(tasks)}), and none is learned by that name"
             raise MimicbenchError(f"{told}; name another, or give the folder of a checkpoint") from None
+        for suffix in FILES:
+            if Path(f"{name}{suffix}").is_file():
+                told = f"no policy is called {name!r}; for the file, give --policy {name}{suffix}"
+                raise BadFile(told) from None
         names = dict.fromkeys(["best", keys.TRACKER, *error.args[2], *shipped_names(task)])
         raise UnknownName("policy", name, list(names)) from None
     if not best and (tracker is not None or not config.references):

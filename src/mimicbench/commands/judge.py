@@ -30,7 +30,18 @@ def evaluate(argv: Sequence[str]) -> None:
     for at, run in enumerate(runs):
         for name in run.recipe.evaluate.policy:
             wanted.setdefault((at, who_of(run, name).folder), name)
+    _tell_apart([(at, who_of(runs[at], name).name, name) for (at, _), name in wanted.items()])
     tell_rates([judge(runs[at], name) for (at, _), name in wanted.items()], call.options.json)
+
+
+def _tell_apart(judged: Sequence[tuple[int, str, str]]) -> None:
+    """Raises MimicbenchError if two of one recipe have the same name, by which rows and tables tell them apart."""
+    seen: dict[tuple[int, str], str] = {}
+    for at, called, given in judged:
+        if other := seen.get((at, called)):
+            told = f"{other} and {given} are both called {called!r} in rows and tables"
+            raise MimicbenchError(f"{told}; rename one of them, or judge each by a command of its own")
+        seen[at, called] = given
 
 
 Profile = Literal["smoke", "default", "full"]
