@@ -107,5 +107,5 @@ def draw_sizes(axis: Axes, size: str, parts: Sequence[Part]) -> None:
             axis.plot([middle], [100 * rate.rate], "o", color=color, markersize=4)  # objects of one size have no line
     axis.set_xlabel(f"{size} [m]")
     axis.xaxis.set_major_locator(MaxNLocator(4))
-    axis.set_ylim(-2, 104)
+    axis.set_ylim(-2, 108)
     axis.set_yticks([0, 25, 50, 75, 100], ["0", "25", "50", "75", "100 %"])

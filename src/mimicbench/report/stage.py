@@ -32,6 +32,9 @@ from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.track.checkpoint import load_tracker
 from mimicbench.track.rollout import RolloutConfig, track_clips
 
+LEAST_POINTS = 3
+"""Evaluations that make a learning curve: fewer show nothing."""
+
 
 def report(run: Run, rows: Sequence[EpisodeRow], policy: str, show: ShowConfig | None = None) -> Path:
     """Write the report on these rows; `policy` is shown in pictures, which are drawn by `show`. Returns the page."""
@@ -84,7 +87,9 @@ def _curves(run: Run, policy: str) -> tuple[Curve, ...]:
     for name, folder in places.items():
         if (folder / METRICS).exists():
             is_shipped = SHIPPED in folder.parents
-            found.append(read_curve(folder / METRICS, f"{name} (shipped): its last training" if is_shipped else name))
+            curve = read_curve(folder / METRICS, f"{name} (shipped): its last training" if is_shipped else name)
+            if any(len(points) >= LEAST_POINTS for points in curve.series.values()):
+                found.append(curve)
     return tuple(found)
 
 
