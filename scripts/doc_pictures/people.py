@@ -50,7 +50,7 @@ def draw(motion: HumanMotion, obj: SceneObject) -> np.ndarray:
     """Moments of a clip from one place, near enough for hands and feet."""
     frames = moments(motion, obj)
     camera = frame_all(
-        obj, motion.root_pos_w[frames], PICTURE.width / PICTURE.height, 1.75, 0.3, heading(motion, frames)
+        obj, motion.root_pos_w[frames], PICTURE.width / PICTURE.height, 1.95, 0.35, heading(motion, frames)
     )
     pictures = human_frames(build_model(ROBOT, obj, visuals=True), motion, frames / motion.fps, camera, PICTURE)
     return strip(list(pictures), [f"{frame / motion.fps:.1f} s" for frame in frames], 2)

@@ -84,7 +84,7 @@ def _strip(phase: str, motion: HumanMotion, obj: SceneObject) -> np.ndarray:
     times = np.linspace(start, end, MOMENTS)
     frames = np.round(times * motion.fps).astype(int).clip(0, motion.frames - 1)
     heading = -125.0 if motion.root_pos_w[frames, 1].mean() >= 0 else 125.0
-    camera = frame_all(obj, motion.root_pos_w[frames], STILL.width / STILL.height, 1.95, 0.3, heading)
+    camera = frame_all(obj, motion.root_pos_w[frames], STILL.width / STILL.height, 2.05, 0.4, heading)
     drawn = human_frames(build_model(ROBOTS.get("h1"), obj, visuals=True), motion, frames / motion.fps, camera, STILL)
     return strip(list(drawn), [phase, *[""] * (MOMENTS - 1)], 2)
 

@@ -44,8 +44,8 @@ def frame_all(
     obj: SceneObject,
     root_pos_w: np.ndarray,
     aspect: float = 1.6,
-    height: float = 1.8,
-    reach: float = 0.4,
+    height: float = 1.95,
+    reach: float = 0.45,
     azimuth: float | None = None,
 ) -> Camera:
     """The nearest camera that sees an object and a whole walk to it, three-quarters from the front.

@@ -52,7 +52,8 @@ def _captioned(frame: np.ndarray, text: str) -> np.ndarray:
     image = Image.fromarray(frame)
     size = max(11, frame.shape[0] // 15)
     font = ImageFont.truetype(str(Path(get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), size)
-    ImageDraw.Draw(image).text((0.6 * size, frame.shape[0] - 1.6 * size), text, fill=(70, 74, 82), font=font)
+    place, halo = (0.6 * size, frame.shape[0] - 1.6 * size), (240, 242, 245)  # dark furniture may be behind it
+    ImageDraw.Draw(image).text(place, text, (70, 74, 82), font, stroke_width=max(1, size // 8), stroke_fill=halo)
     return np.asarray(image)
 
 
