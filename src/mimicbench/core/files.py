@@ -34,6 +34,9 @@ def write_atomic(path: Path, write: Callable[[IO[bytes]], object]) -> None:
         with open(temporary, "wb") as stream:
             write(stream)
         os.replace(temporary, path)
+    except OSError as error:
+        error.filename = error.filename or str(path)  # of a full disk the system says no more than that it is full
+        raise
     finally:
         temporary.unlink(missing_ok=True)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import http
 import io
+import logging
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stdout
 from typing import TYPE_CHECKING, Any
@@ -59,6 +60,8 @@ def open_server(port: int) -> viser.ViserServer:
         raise _missing(error) from None
     with _guarded() as calls, redirect_stdout(io.StringIO()):  # it would print where else it could be opened
         server = viser.ViserServer(host=HOST, port=port, verbose=False)
+    # of who asks for no page, such as a monitor that sends HEAD, it would print tracebacks
+    logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
     # a page may ask for a tunnel that shows it to everybody: not this one
     server.request_share_url = _no_tunnel
     if not calls:
