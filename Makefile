@@ -12,7 +12,7 @@ TASK ?= sit-chair
 PROFILE ?=
 # Anything else for the command, such as ARGS="--train --workdir out".
 ARGS ?=
-# The CPU build of torch: from where pip looks anyway, or else from TORCH_INDEX. For a GPU: make TORCH=torch==2.13.0 TORCH_INDEX=https://pypi.org/simple
+# The CPU build of torch: from where pip looks anyway, or else from TORCH_INDEX. For a GPU: make setup TORCH=torch==2.13.0 TORCH_INDEX=https://pypi.org/simple
 TORCH ?= torch==2.13.0+cpu
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 # Processes that run the tests.
