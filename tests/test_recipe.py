@@ -16,6 +16,7 @@ from mimicbench.benchmark.judging import judge, rows_path
 from mimicbench.benchmark.presets import PRESETS, Chosen, preset_tree
 from mimicbench.benchmark.recipe import EvaluateConfig, check_recipe, read_recipe, recipe_tree, stage_type
 from mimicbench.benchmark.shipped import SHIPPED
+from mimicbench.commands.judge import check_acted
 from mimicbench.commands.parsing import read_call
 from mimicbench.core.checkpoint import CONFIG
 from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
@@ -436,6 +437,17 @@ def test_fewer_episodes_of_a_program_do_not_replace_more(judged, tmp_path):
     before = sorted(path.with_suffix("").iterdir())
     assert len(judge(one, str(policy))) == 1 and len(read_rows(path)) == 2
     assert sorted(path.with_suffix("").iterdir()) == before
+
+
+def test_a_program_that_never_acts_ends_with_an_error(judged, tmp_path):
+    policy = tmp_path / "tired.py"
+    policy.write_text(ODD)
+    policy.with_suffix(".txt").write_text("0")
+    rows = judge(judged, str(policy))
+    assert len(rows) == 2
+    with pytest.raises(MimicbenchError, match=r"tired acts in none of 2 episodes: .*tired.*; mend it first"):
+        check_acted(rows)
+    check_acted([*rows, replace(rows[0], error="")])
 
 
 def test_rows_of_another_network_or_other_clips_are_others(judged, tmp_path):

@@ -31,7 +31,16 @@ def evaluate(argv: Sequence[str]) -> None:
         for name in run.recipe.evaluate.policy:
             wanted.setdefault((at, who_of(run, name).folder), name)
     _tell_apart([(at, who_of(runs[at], name).name, name) for (at, _), name in wanted.items()])
-    tell_rates([judge(runs[at], name) for (at, _), name in wanted.items()], call.options.json)
+    judged = [judge(runs[at], name) for (at, _), name in wanted.items()]
+    tell_rates(judged, call.options.json)
+    for rows in judged:
+        check_acted(rows)
+
+
+def check_acted(rows: Sequence[EpisodeRow]) -> None:
+    """Raises MimicbenchError if the policy failed to act in every episode, which is no result but a mistake in it."""
+    if all(row.error for row in rows):
+        raise MimicbenchError(f"{rows[0].policy} acts in none of {len(rows)} episodes: {rows[0].error}; mend it first")
 
 
 def _tell_apart(judged: Sequence[tuple[int, str, str]]) -> None:
