@@ -192,7 +192,10 @@ def test_one_lies_on_the_side_of_the_bed_from_which_one_comes() -> None:
     bed, body = make_bed(0), unihsi_body()
     left, right = (find_bed_berth(bed, body, np.array([1.0, y])) for y in (1.8, -1.8))
     assert left.pelvis_xy[1] > 0 > right.pelvis_xy[1]
-    assert left.turn == pytest.approx(-np.pi / 2) and right.turn == pytest.approx(np.pi / 2)
+    quarter = np.pi / 2 + 0.10  # and a little more: feet lie farther from the edge than heads do
+    assert left.turn == pytest.approx(-quarter) and right.turn == pytest.approx(quarter)
+    assert all(np.linalg.norm(berth.head) == pytest.approx(1.0) for berth in (left, right))
+    assert left.head @ left.out == right.head @ right.out == pytest.approx(np.sin(0.10))
 
 
 def test_a_sofa_is_lain_on_with_the_head_at_its_pillow() -> None:

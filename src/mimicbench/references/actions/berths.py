@@ -21,7 +21,7 @@ class Berth:
     head: np.ndarray
     """(2,) unit vector from pelvis to pillow."""
     out: np.ndarray
-    """(2,) unit vector across it, off the free edge."""
+    """(2,) unit vector off the free edge, across `head` or nearly so: where who sits there faces."""
     pelvis_xy: np.ndarray
     """(2,) of who lies."""
     seat_xy: np.ndarray
@@ -37,8 +37,9 @@ class Berth:
 
     @property
     def turn(self) -> float:
-        """From facing outwards to facing the foot end [rad]."""
-        return -float(np.sign(self.out[0] * self.head[1] - self.out[1] * self.head[0])) * np.pi / 2
+        """From facing outwards to facing the feet of who lies [rad]."""
+        across = self.out[1] * self.head[0] - self.out[0] * self.head[1]
+        return float(np.arctan2(across, -self.out @ self.head))
 
 
 def perch(body: Body, height: float, gap: float) -> tuple[float, float]:
