@@ -23,8 +23,8 @@ from mimicbench.references.synthesis.synthesis import Synthesis
 INSIDE = 0.32
 """How far behind the edge the pelvis of who lies is, at most [m]: nobody pushes the hips farther in than needed."""
 SLANT = 0.10
-"""How far people lie from parallel to the edge [rad], their feet farther in: a robot turns less than it is told, by 0.07
-rad in the median, which would leave an ankle over the edge.
+"""How far people lie from parallel to the edge [rad], feet farther in: robots turn less than they are told, by 0.07 rad
+in the median, which would leave an ankle over the edge.
 """
 TURNS = 5.8
 """When on the clock somebody turns onto the side: after lying on the back [s]."""
