@@ -250,7 +250,7 @@ def test_a_stage_of_variants(tmp_path):
     assert read_stage(folders[0]).complete
     again = make_augmented(*arguments)
     assert again.header["summary"] == summary
-    # killed before its last clip, it makes that one again, and no other
+    # killed before its last clip, it makes that one, and no other
     for folder in folders:
         write_record(folder / HEADER, {**read_record(folder / HEADER), "complete": False, "summary": {}})
     last = sorted(path for path in paths if path.stem.startswith(source.clips[-1].stem))
@@ -258,7 +258,16 @@ def test_a_stage_of_variants(tmp_path):
     last[0].unlink()
     assert last[0].name == source.clips[-1].name and make_augmented(*arguments).header["summary"] == summary
     assert [path.read_bytes() for path in last] == content
-    assert {path for path in paths if path.stat().st_mtime_ns != stamps[path]} == set(last)
+    assert {path for path in paths if path.stat().st_mtime_ns != stamps[path]} == {last[0]}
+    # variants and objects that are gone from a finished set are made again as they were
+    objects = sorted(path for path in folders[0].glob("*.json") if path.name != HEADER)
+    for gone in (last[1:], objects[-1:], [*last, *objects[:1]]):
+        before = [path.read_bytes() for path in gone]
+        for path in gone:
+            path.unlink()
+        assert make_augmented(*arguments).header["summary"] == summary
+        assert [path.read_bytes() for path in gone] == before
+        assert all(read_stage(folder).complete for folder in folders)
     with pytest.raises(MimicbenchError, match="the variants of 'more' need a name of their own"):
         make_augmented(
             tmp_path, "more", replace(source, references=stage), config, task.fulfilled_by_human, making.QUIET
@@ -280,7 +289,7 @@ def test_all_tasks_are_those_that_have_the_set(tmp_path, capsys):
         assert words in capsys.readouterr().err
     with pytest.raises(SystemExit):
         cli.main(["references", "augment", "--workdir", str(tmp_path), "--source", "mind", "--task", "lie-bed"])
-    how = f"`mimicbench import --task lie-bed --to mind --workdir {tmp_path}` makes the set 'mind'"
+    how = f"`mimicbench import FILE --task lie-bed --to mind --workdir {tmp_path}` makes the set 'mind'"
     assert how in capsys.readouterr().err
 
 

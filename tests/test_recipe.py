@@ -12,7 +12,7 @@ from mimicbench import cli
 from mimicbench.benchmark import Recipe, keys, run_stage
 from mimicbench.benchmark.finding import stages_of
 from mimicbench.benchmark.graph import start
-from mimicbench.benchmark.judging import judge, rows_path
+from mimicbench.benchmark.judging import episodes_of, episodes_to_show, judge, rows_path
 from mimicbench.benchmark.presets import PRESETS, Chosen, preset_tree
 from mimicbench.benchmark.recipe import EvaluateConfig, check_recipe, read_recipe, recipe_tree, stage_type
 from mimicbench.benchmark.shipped import SHIPPED
@@ -435,17 +435,23 @@ def test_fewer_episodes_of_a_program_do_not_replace_more(judged, tmp_path):
     (path,) = judged.workdir.glob("sit-chair/evaluate/odd_too-*.parquet")
     one = replace(judged, recipe=replace(judged.recipe, evaluate=EvaluateConfig(episodes=1)))
     before = sorted(path.with_suffix("").iterdir())
-    assert len(judge(one, str(policy))) == 1 and len(read_rows(path)) == 2
+    policy.with_suffix(".txt").write_text("2")
+    rows = judge(one, str(policy))
+    assert len(rows) == 1 and len(read_rows(path)) == 2
+    # what is shown is of these rows, and what is kept of those
+    ((row, motion),) = episodes_to_show(one, str(policy), episodes_of(one, 1), rows)
+    kept = RobotMotion.load(path.with_suffix("") / f"{row.id}.npz")
+    assert row == rows[0] and row.steps == 2 and motion.frames == kept.frames - 2
     assert sorted(path.with_suffix("").iterdir()) == before
 
 
-def test_a_program_that_never_acts_ends_with_an_error(judged, tmp_path):
+def test_a_program_that_always_fails_ends_with_an_error(judged, tmp_path):
     policy = tmp_path / "tired.py"
     policy.write_text(ODD)
     policy.with_suffix(".txt").write_text("0")
     rows = judge(judged, str(policy))
     assert len(rows) == 2
-    with pytest.raises(MimicbenchError, match=r"tired acts in none of 2 episodes: .*tired.*; mend it first"):
+    with pytest.raises(MimicbenchError, match=r"tired failed in all of 2 episodes: .*tired.*; mend it first"):
         check_acted(rows)
     check_acted([*rows, replace(rows[0], error="")])
 

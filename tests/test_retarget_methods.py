@@ -414,12 +414,13 @@ def test_unreachable_goals_end_here(tmp_path: Path) -> None:
         header = read_record(made.folder / "header.json")
         assert isinstance(header, dict)
         (made.folder / "header.json").write_text(json.dumps({**header, "complete": False}))
-    (stage.folder / "near.npz").unlink()
+    alone = tmp_path / "alone"
+    given(alone, [far], box)
     recipe = making.Recipe(
         "lift-box", references=ReferencesConfig("given"), retarget=RetargetConfig(method="copy-rotation")
     )
     with pytest.raises(BadMotion, match="goal_error 1"):
-        making.make("retarget", tmp_path, recipe)
+        making.make("retarget", alone, recipe)
 
 
 def test_bad_input_is_named(tmp_path: Path) -> None:

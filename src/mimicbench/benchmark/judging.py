@@ -6,13 +6,14 @@ import hashlib
 import json
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mimicbench.benchmark import keys
 from mimicbench.benchmark.graph import Clips, env_config, retargeted
-from mimicbench.benchmark.kept import forget, keep, kept
+from mimicbench.benchmark.kept import as_motion, forget, keep, kept, worth_keeping
 from mimicbench.benchmark.keys import Run
 from mimicbench.benchmark.who import Who, who_of
 from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError
@@ -86,7 +87,8 @@ def judge(run: Run, name: str) -> list[EpisodeRow]:
         rows, positions = judge_tracker(run, who, clips.set), dict[int, "np.ndarray"]()
     else:
         rows, positions = judge_policy(run, who, clips.set, _first_batch(count), policy)
-    # the last, smaller batch of fewer may round differently, and is not kept
+    # the last, smaller batch of fewer may round differently, and is not kept; programs, whose other files may have
+    # changed, are judged each time, and fewer of their episodes do not take the place of more either
     if there < count or (who.is_program and there == count):
         forget(path.with_suffix(""))
         write_rows(path, rows, {**source, "episodes": count})
@@ -103,16 +105,23 @@ def episodes_to_show(
     As they were kept when its rows were made; else its first batch runs again, exactly as it was judged.
     """
     who = who_of(run, name)
-    folder = rows_path(run, who, _source(run, who, clips)).with_suffix("")
-    first = _first_batch(len(rows))
+    from mimicbench.evaluate.rows import rows_made_from
+
+    path = rows_path(run, who, _source(run, who, clips))
+    folder, first = path.with_suffix(""), _first_batch(len(rows))
     of_batch = [row for row in rows if row.episode in first]
-    try:
-        return kept(folder, of_batch)
-    except (BadFile, BadMotion):
-        run.context.say(f"{len(of_batch)} episodes of {who.name} run once more, to be drawn")
+    # what is kept of a program may be of another run than these rows, if that had more episodes
+    is_of_these = not who.is_program or rows_made_from(path).get("episodes") == len(rows)
+    if is_of_these:
+        with suppress(BadFile, BadMotion):
+            return kept(folder, of_batch)
+    run.context.say(f"{len(of_batch)} episodes of {who.name} run once more, to be drawn")
     positions = judge_policy(run, who, clips.set.first(len(of_batch)), first)[1]
-    keep(folder, of_batch, positions, clips.set)
-    return kept(folder, of_batch)
+    if is_of_these:
+        keep(folder, of_batch, positions, clips.set)
+        return kept(folder, of_batch)
+    there = [row for row in of_batch if row.episode in positions]
+    return [(row, as_motion(row, positions[row.episode], clips.set)) for row in worth_keeping(there)]
 
 
 def _first_batch(count: int) -> range:

@@ -38,9 +38,9 @@ def evaluate(argv: Sequence[str]) -> None:
 
 
 def check_acted(rows: Sequence[EpisodeRow]) -> None:
-    """Raises MimicbenchError if the policy failed to act in every episode, which is no result but a mistake in it."""
+    """Raises MimicbenchError if a policy failed in every episode, which is no result but a mistake in it."""
     if all(row.error for row in rows):
-        raise MimicbenchError(f"{rows[0].policy} acts in none of {len(rows)} episodes: {rows[0].error}; mend it first")
+        raise MimicbenchError(f"{rows[0].policy} failed in all of {len(rows)} episodes: {rows[0].error}; mend it first")
 
 
 def _tell_apart(judged: Sequence[tuple[int, str, str]]) -> None:
@@ -165,4 +165,7 @@ def _learn(one: Run) -> None:
 def _judged(one: Run) -> list[EpisodeRow]:
     from mimicbench.benchmark.judging import judge
 
-    return [row for name in one.recipe.evaluate.policy for row in judge(one, name)]
+    judged = [judge(one, name) for name in one.recipe.evaluate.policy]
+    for rows in judged:
+        check_acted(rows)
+    return [row for rows in judged for row in rows]

@@ -1,14 +1,16 @@
 """Errors that a user can act on."""
 
 import os
+import re
 from collections.abc import Iterable
 from difflib import get_close_matches
 from pathlib import Path
 
 from mimicbench.core.names import printable
 
-PACKAGE = str(Path(__file__).parents[1])
-STANDARD = os.path.dirname(os.__file__)
+PACKAGE = str(Path(__file__).parents[1]) + os.sep
+STANDARD = os.path.dirname(os.__file__) + os.sep
+INSTALLED = re.compile(r"[\\/](site|dist)-packages[\\/]")
 
 
 def guess(name: str, known: Iterable[str]) -> str:
@@ -36,10 +38,14 @@ def told(error: BaseException) -> str:
     own = [
         frame
         for frame in traceback.extract_tb(error.__traceback__)
-        if "site-packages" not in frame.filename and not frame.filename.startswith((PACKAGE, STANDARD, "<frozen"))
+        if not INSTALLED.search(frame.filename) and not frame.filename.startswith((PACKAGE, STANDARD, "<frozen"))
     ]
     where = f" ({Path(own[-1].filename).name}, line {own[-1].lineno})" if own else ""
-    return f"{type(error).__name__}{f': {error}' if str(error) else ''}{where}"
+    try:
+        text = str(error)
+    except Exception:
+        text = ""  # who cannot even say what is wrong
+    return f"{type(error).__name__}{f': {text}' if text else ''}{where}"
 
 
 class BadFile(MimicbenchError):

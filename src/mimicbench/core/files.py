@@ -35,7 +35,8 @@ def write_atomic(path: Path, write: Callable[[IO[bytes]], object]) -> None:
             write(stream)
         os.replace(temporary, path)
     except OSError as error:
-        error.filename = error.filename or str(path)  # of a full disk the system says no more than that it is full
+        if error.errno is not None and error.filename is None:
+            error.filename = str(path)  # of a full disk the system says no more than that it is full
         raise
     finally:
         temporary.unlink(missing_ok=True)

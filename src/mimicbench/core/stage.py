@@ -170,7 +170,9 @@ def read_stage(folder: Path) -> Stage:
     if not header["complete"]:
         raise BadFile(f"{folder} is unfinished; the command that makes it goes on where it stopped")
     if missing := _missing(folder, header):
-        raise BadFile(f"{folder} lacks {missing} of its {header['items']} files; delete it and make it again")
+        raise BadFile(
+            f"{folder} lacks {missing} of its {header['items']} files; give the command that made it once more"
+        )
     return Stage(folder, header)
 
 

@@ -195,8 +195,8 @@ def make_augmented(
 ) -> Stage:
     """The clips of a stage and good variants of them: the set `name` of objects and of references.
 
-    Killed and started again, it goes on with the clips whose originals are missing, for these are written last. Raises
-    MimicbenchError if that is the name of the set that they are made of.
+    Killed and started again, it makes what is missing. Raises MimicbenchError if that is the name of the set that they
+    are made of.
     """
     header = source.references.header
     task, seed = header["task"], header["seed"]
@@ -208,7 +208,7 @@ def make_augmented(
         made_from = {"objects": there.fingerprint, "references": source.references.fingerprint}
         key = StageKey("references", task, seed, identity(config), made_from, reads={"objects": there.folder})
         with opened(workdir / task / "references" / name, key) as stage:
-            if stage.complete:
+            if stage.complete and there.complete:
                 return stage
             for obj in read_objects(source.objects.folder).values():
                 save_object(there.folder, obj)
@@ -216,6 +216,8 @@ def make_augmented(
             work = partial(_augment_one, places, fulfils, config, seed)
             kept = map_items(work, source.clips, context.workers, "variants of clips", context.quiet)
             there.finish(count=len(object_ids(there.folder)))
+            if stage.complete:
+                return stage  # only objects of its clips were gone
             added = {kind: sum(names.count(kind) for names in kept) for kind in config.kinds}
             return stage.finish(clips=len(source.clips) + sum(added.values()), originals=len(source.clips), **added)
 
@@ -223,26 +225,32 @@ def make_augmented(
 def _augment_one(
     places: tuple[Path, Path, Path], fulfils: Fulfils, config: AugmentConfig, seed: int, path: Path
 ) -> list[str]:
-    """Save a clip and its good variants; which kinds were good. Where the clip is, its variants are already."""
+    """Save a clip and those of its good variants that are not there yet; which kinds are good."""
     objects_to, references_to, objects = places
     motion = HumanMotion.load(path)
     obj = load_object(objects, motion.object_id)
-    if (references_to / path.name).exists():
-        named = [(kind, _variant_id(one.id, kind, copy)) for one, _, kind, copy in _variants_of(motion, obj, config)]
-        return [kind for kind, name in named if (references_to / f"{name}.npz").exists()]
     original, good = check_clip(motion, obj), []
     for one, on, kind, copy in _variants_of(motion, obj, config):
+        name = _variant_id(one.id, kind, copy)
+        if (there := references_to / f"{name}.npz").exists() and _has_object(objects_to, there):
+            good.append(kind)
+            continue
         try:
             other, other_obj = variant(one, on, kind, config, seed, copy)
         except BadMotion:
             continue
         if not gate(other, other_obj, fulfils, original=original):
-            other = replace(other, id=_variant_id(one.id, kind, copy))
             save_object(objects_to, other_obj)
-            other.save(references_to / f"{other.id}.npz")
+            replace(other, id=name).save(there)
             good.append(kind)
-    motion.save(references_to / path.name)
+    if not (references_to / path.name).exists():
+        motion.save(references_to / path.name)
     return good
+
+
+def _has_object(objects: Path, clip: Path) -> bool:
+    """Whether the object of a clip is there."""
+    return HumanMotion.load(clip).object_id in object_ids(objects)
 
 
 def _variant_id(name: str, kind: str, copy: int) -> str:
