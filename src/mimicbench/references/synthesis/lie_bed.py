@@ -78,8 +78,8 @@ def lie_bed_courses(obj: SceneObject, style: LieStyle) -> tuple[Course, ...]:
 
 
 def find_berth(obj: SceneObject, body: Body, start_xy: np.ndarray) -> Berth:
-    """Where a body lies that comes from `start_xy` (2,) [m]: along the nearer side of the bed, half an arm's length
-    from its edge.
+    """Where a body lies that comes from `start_xy` (2,) [m]: nearly along the nearer side of the bed, half an arm's
+    length from its edge.
     """
     height = obj.require_seat()
     low, high = obj.seat_polygon.min(0), obj.seat_polygon.max(0)
