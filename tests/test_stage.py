@@ -55,6 +55,7 @@ def test_an_item_that_is_gone_is_made_again(tmp_path):
     (folder / "d.npz").unlink()
     with pytest.raises(BadFile, match="lacks 1 of its 3 files"):
         read_stage(folder)
+    assert read_stage(folder, whole=False).summary == {"made": 3}, "to be told of, all of it is not needed"
     with opened(folder, key()) as again:
         assert not again.complete
         (folder / "b.npz").write_bytes(b"")

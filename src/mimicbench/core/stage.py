@@ -162,14 +162,16 @@ def locked(folder: Path) -> Iterator[None]:
         os.close(handle)
 
 
-def read_stage(folder: Path) -> Stage:
-    """A finished stage as it is. Raises BadFile if it is missing, unfinished or no stage."""
+def read_stage(folder: Path, whole: bool = True) -> Stage:
+    """A finished stage as it is. Raises BadFile if it is missing, unfinished or no stage; or lacks files, if all of it is
+    needed.
+    """
     if not (folder / HEADER).exists():
         raise BadFile(f"{folder} holds no stage")
     header = _read_header(folder)
     if not header["complete"]:
         raise BadFile(f"{folder} is unfinished; the command that makes it goes on where it stopped")
-    if missing := _missing(folder, header):
+    if whole and (missing := _missing(folder, header)):
         raise BadFile(
             f"{folder} lacks {missing} of its {header['items']} files; give the command that made it once more"
         )

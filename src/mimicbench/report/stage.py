@@ -63,9 +63,10 @@ def report(run: Run, rows: Sequence[EpisodeRow], policy: str, show: ShowConfig |
 
 
 def _provenance(run: Run, clips: Clips) -> Provenance:
-    stages = {"references": read_stage(clips.human), "retarget": clips.stage}
+    # only told of: whoever asks for fewer clips than there are does not need them all
+    stages = {"references": read_stage(clips.human, whole=False), "retarget": clips.stage}
     objects = run.workdir / run.recipe.task / stages["retarget"].header["reads"]["objects"]
-    stages = {"objects": read_stage(objects), **stages}
+    stages = {"objects": read_stage(objects, whole=False), **stages}
     command = shlex.join(["mimicbench", *sys.argv[1:]])
     return Provenance(
         run.recipe.seed,
