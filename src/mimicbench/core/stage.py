@@ -163,8 +163,8 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def read_stage(folder: Path, whole: bool = True) -> Stage:
-    """A finished stage as it is. Raises BadFile if it is missing, unfinished or no stage; or if it lacks files, where the
-    `whole` of it is needed.
+    """A finished stage as it is. Raises BadFile if it is missing, unfinished or no stage; or if it lacks files, where
+    it is needed `whole`.
     """
     if not (folder / HEADER).exists():
         raise BadFile(f"{folder} holds no stage")
