@@ -132,7 +132,7 @@ def test_a_run_has_each_policy_once(run, tmp_path):
     assert _each_once(named("best", "bc", best), False).recipe.evaluate.policy == ("best", "bc")
     assert _each_once(named("bc", "tracker", "bc"), True).recipe.evaluate.policy == ("bc", "tracker")
     shutil.copytree(who_of(run, "bc").folder, tmp_path / "bc")
-    with pytest.raises(MimicbenchError, match="two of --evaluate.policy are called 'bc'"):
+    with pytest.raises(MimicbenchError, match="are both called 'bc' in rows and tables"):
         _each_once(named("bc", str(tmp_path / "bc")), False)
 
 

@@ -132,9 +132,7 @@ def _each_once(one: Run, train: bool) -> Run:
     wanted: dict[Path, str] = {}
     for name in config.policy:
         wanted.setdefault(who_of(one, name).folder, name)
-    called = [who_of(one, name).name for name in wanted.values()]
-    if twice := next((name for name in called if called.count(name) > 1), None):
-        raise MimicbenchError(f"two of --evaluate.policy are called {twice!r} in a report; rename one of the folders")
+    _tell_apart([(0, who_of(one, name).name, name) for name in wanted.values()])
     return one.changed(evaluate=replace(config, policy=tuple(wanted.values())))
 
 

@@ -250,7 +250,7 @@ def _augment_one(
 
 def _has_object(objects: Path, clip: Path) -> bool:
     """Whether the object of a clip is there."""
-    return HumanMotion.load(clip).object_id in object_ids(objects)
+    return (objects / f"{HumanMotion.load(clip).object_id}.json").exists()
 
 
 def _variant_id(name: str, kind: str, copy: int) -> str:
