@@ -118,7 +118,7 @@ def test_the_papers_clone_sees_what_it_is_told(demonstrated, tmp_path):
     config = BCImitation(train=TrainConfig(steps=2, batch=8))
     cloning.clone(tmp_path / "policy", Given(clips, folder, 0, "improved", making.QUIET), config)
     policy = load_policy(tmp_path / "policy", ROBOT, clips.task)
-    assert {"heightmap", "target_elevation"} <= set(policy.observations) and policy.learner.inputs.channels == 2
+    assert {"elevation", "target_elevation"} <= set(policy.observations) and policy.learner.inputs.channels == 2
     assert not run_policy(policy, replace(clips, task=replace(clips.task, time_limit=0.1)), env_config=ONE)[0].errors
 
 
@@ -140,11 +140,12 @@ def test_a_clone_knows_its_goal(name, demonstrated, tmp_path):
     assert not run.errors
 
 
+@pytest.mark.parametrize("cameras", [True, False])
 @pytest.mark.parametrize("name", OTHERS)
-def test_what_is_learned_from_is_what_will_be_observed(name, demonstrated):
+def test_what_is_learned_from_is_what_will_be_observed(name, cameras, demonstrated):
     """Body, memory and map of a demonstration's frame, and of an environment in the same state."""
     clips, folder = demonstrated(name)
-    inputs = replace(BCClockImitation().network.inputs, elevation=True).of(ROBOT, clips.task)
+    inputs = replace(BCClockImitation().network.inputs, elevation=True, cameras=cameras).of(ROBOT, clips.task)
     demos = load_demos(folder, ROBOT.name, state=False)
     scene = list(clips.objects.values())
     frames = DemoFrames(
@@ -155,7 +156,7 @@ def test_what_is_learned_from_is_what_will_be_observed(name, demonstrated):
     starts = ClipStarts(bank, env.physics.add_objects(clips.scenes), ROBOT)
     env.reset(Rows.every(1, env.device), starts.at(torch.zeros(1).long(), torch.zeros(1).long()))
     known = GivenGoal(clips.task.goal)
-    senses = ("proprio", "time", "odometry", "heightmap", "targets", "hands", "target_elevation", "views")
+    senses = ("proprio", "time", "odometry", inputs.map_term, "targets", "hands", "target_elevation", "views")
     obs = first = env.observe(senses)
     dict(first)  # while the robot is there
     for step in range(int(bank.lengths[0])):
@@ -169,7 +170,8 @@ def test_what_is_learned_from_is_what_will_be_observed(name, demonstrated):
     batch = frames.batch(last)
     assert batch.picture is not None
     torch.testing.assert_close(batch.vector[:, : 48 + 13], inputs_of(obs), atol=1e-4, rtol=0)
-    torch.testing.assert_close(batch.picture[:, 0], obs["heightmap"], atol=2e-3, rtol=0)
+    same = (batch.picture[:, 0] - obs[inputs.map_term]).abs() < 2e-3
+    assert same.float().mean() > (0.9998 if cameras else 0.999999), "but for pixels on an edge"
     if clips.task.goal.given:
         told = frames.pictures(torch.tensor([0]))[:, 1]
         assert 1 <= (told > -first["proprio"][:, 3] + 0.1).sum() <= 2, "each target in one cell"

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 import torch
 
+from mimicbench.benchmark.recipe import read_recipe
 from mimicbench.core import rotations as rot
 from mimicbench.core.checkpoint import BadCheckpoint
 from mimicbench.core.errors import BadFile, MimicbenchError
+from mimicbench.core.settings import BadSetting
 from mimicbench.imitate.clock import clock_features
 from mimicbench.imitate.dataset import DemoFrames, EpisodeGoals, proprioception
 from mimicbench.imitate.encoder import Encoder
@@ -21,9 +23,11 @@ from mimicbench.imitate.lerobot import Demos
 from mimicbench.imitate.perception import Perception, save_perception
 from mimicbench.imitate.policy import VisionPolicy
 from mimicbench.imitate.registry import LEARNERS
+from mimicbench.imitate.settings.cloning import MapErrors
 from mimicbench.imitate.settings.encoder import EncoderConfig
 from mimicbench.imitate.settings.inputs import InputConfig, Window
 from mimicbench.imitate.settings.perception import PerceptionConfig
+from mimicbench.imitate.stored.map_errors import disturbed
 from mimicbench.imitate.train import Course, train
 from mimicbench.objects.families.chair import make_chair
 from mimicbench.policies.loading import load_policy
@@ -350,6 +354,63 @@ def test_every_learner_is_whole(name):
     assert config.learner == name and type(config).chosen({"learner": name}) is spec.config
     assert spec.config.tracker in (None, "residual") and isinstance(spec.config.clones, bool)
     assert spec.config.references or (config.gains and not spec.config.clones and spec.config.tracker is None)
+
+
+def test_maps_are_less_than_perfect_as_they_are_told_to_be():
+    """Each error by hand, on maps that slope so that every cell is another one."""
+    slope = torch.arange(128.0).repeat(6, 128, 1) / 128 + torch.arange(128.0)[:, None] - 1.0
+    heights = torch.linspace(0.503, 1.003, 6)
+
+    def wrong(**errors):
+        return disturbed(slope, heights, MapErrors(**errors), torch.Generator().manual_seed(0))
+
+    assert wrong() is slope
+    assert (wrong(cells=0.02) - slope).std() == pytest.approx(0.02, rel=0.02)
+    offsets = (wrong(height=0.1) - slope).flatten(1)
+    assert offsets.std(1).max() < 1e-4 and 0.03 < offsets.mean(1).std() < 0.3, "all of a map together"
+    gone = wrong(missing=0.25) != slope
+    assert gone.float().mean() == pytest.approx(0.25, abs=0.03)
+    assert (wrong(missing=1.0) == -heights[:, None, None]).all(), "at floor level"
+    squares = gone.unflatten(1, (16, 8)).unflatten(3, (16, 8)).float().mean((2, 4))
+    assert set(squares.unique().tolist()) <= {0.0, 1.0}
+    shifted = wrong(shift=4.0)
+    for i in range(6):
+        one, other = (torch.nonzero(shifted[i] == slope[i, at, at])[0] - at for at in (60, 66))
+        assert torch.equal(one, other) and one.abs().max() < 20, "as one"
+    assert not (shifted == slope).flatten(1).all(1).any()
+
+
+def test_late_maps_are_of_where_the_robot_was(demos, chairs):
+    config = tiny("bc", INPUTS["paper"])
+    late = DemoFrames(demos, chairs, config.inputs, config.window, errors=MapErrors(late=3))
+    frames = torch.tensor([0, 1, *[9] * 24])
+    seen = late.pictures(frames, torch.Generator().manual_seed(0))
+    earlier = [
+        {frame for frame in range(10) if torch.equal(picture, late.pictures(torch.tensor([frame]))[0])}
+        for picture in seen
+    ]
+    assert earlier[0] == {0} and earlier[1] <= {0, 1}, "not before the episode"
+    assert set.union(*earlier[2:]) == {6, 7, 8, 9}
+    assert torch.equal(late.pictures(frames)[2], late.pictures(frames)[3]), "no errors where it is judged"
+
+
+def test_only_who_sees_maps_is_told_of_their_errors():
+    with pytest.raises(BadSetting, match="does not see"):
+        read_recipe({"imitate": {"learner": "bc-clock", "train": {"maps": {"missing": 0.1}}}})
+    with pytest.raises(BadSetting, match="does not see"):
+        read_recipe(
+            {"imitate": {"learner": "bc", "network": {"inputs": {"views": True}}, "train": {"maps": {"late": 2}}}}
+        )
+
+
+def test_checkpoints_that_do_not_say_what_made_their_maps_saw_by_straight_rays(tmp_path):
+    config = tiny("bc", INPUTS["paper"])
+    save_learner(tmp_path, config.build(), "h1")
+    assert load_learner(tmp_path, H1, type(config))[0].inputs.cameras
+    told = json.loads((tmp_path / "config.json").read_text())
+    del told["config"]["inputs"]["cameras"], told["digest"]
+    (tmp_path / "config.json").write_text(json.dumps(told))
+    assert load_learner(tmp_path, H1, type(config))[0].inputs.map_term == "heightmap"
 
 
 def test_nothing_is_learned_from_the_frames_that_judge(demos, chairs, tmp_path):

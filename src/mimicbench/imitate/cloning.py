@@ -125,13 +125,24 @@ def demo_frames(demos: Demos, clips: ClipSet, network: NetworkConfig, config: Cl
     maps = _maker(scene, clips.task, network.inputs) if network.inputs.sees else None
     finds, inputs = network.goal_weight > 0, network.inputs
     goals = _goals(demos, clips, finds) if inputs.memory or inputs.targets or finds else None
-    return DemoFrames(demos, clips.objects, inputs, network.window, maps, goals, config.plans(demos, clips))
+    plans, errors = config.plans(demos, clips), config.train.maps
+    return DemoFrames(demos, clips.objects, inputs, network.window, maps, goals, plans, errors)
 
 
 def _maker(scene: list[SceneObject], task: Task, inputs: InputConfig) -> MapMaker:
-    """What a learner sees: maps as vertical rays make them (sensors.elevation.down_map), or the cameras' views."""
+    """What a learner sees: maps as cameras or vertical rays make them (sensors.elevation), or the cameras' views."""
     if inputs.views:
         return CameraViews(scene, task.rig).sample
+    if inputs.cameras:
+        eyes = ElevationMaps(scene, MapView(task.rig, task.map_cell), workers=1)
+
+        def see(
+            index: Tensor, root_pos: Tensor, root_quat: Tensor, pose: Tensor | None, places: np.ndarray | None
+        ) -> Tensor:
+            there = (None, None) if pose is None else (pose[:, :3], pose[:, 3:])
+            return eyes.sample(root_pos, root_quat, *there, index)
+
+        return see
     still, moved = ObjectMaps(scene), ElevationMaps(scene, MapView(None, task.map_cell))
 
     def make(

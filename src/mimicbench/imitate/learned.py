@@ -25,6 +25,8 @@ def load_learner(folder: Path, robot: Robot, config_type: type[NetworkConfig]) -
     config = checkpoint.config_as(config_type)
     if not config.inputs.joints:  # those of 0.1.0 do not say
         config = replace(config, inputs=config.inputs.on(robot))
+    if "cameras" not in (checkpoint.config.get("inputs") or {}):  # those of before saw what rays straight down see
+        config = replace(config, inputs=replace(config.inputs, cameras=False))
     return built(checkpoint, config.build, config.layers), checkpoint.notes
 
 

@@ -24,7 +24,7 @@ class Senses:
             raise MimicbenchError("this policy remembers its goal; give it what it knows of that, too")
         self._inputs, self.goal = inputs, goal if inputs.memory else None
         self._maps = (
-            *(("views",) if inputs.views else ("heightmap",) if inputs.elevation else ()),
+            *(("views",) if inputs.views else (inputs.map_term,) if inputs.elevation else ()),
             *(("target_elevation",) if inputs.targets and not inputs.views else ()),
         )
         wanted = (

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from mimicbench.imitate.settings.cloning import DaggerConfig, TrainConfig
+from mimicbench.core.settings import BadSetting
+from mimicbench.imitate.settings.cloning import DaggerConfig, MapErrors, TrainConfig
 from mimicbench.imitate.settings.perception import PerceptionConfig
 
 if TYPE_CHECKING:  # what learns brings torch, which who only asks what can be set does without
@@ -66,6 +67,11 @@ class CloneImitation(ImitateConfig):
     that policy does not have, such as a head that finds goals, begins as it would have."""
     train: TrainConfig = field(default_factory=TrainConfig)
     dagger: DaggerConfig = field(default_factory=DaggerConfig)
+
+    def __post_init__(self) -> None:
+        inputs = getattr(self.network, "inputs", None)
+        if self.train.maps != MapErrors() and inputs is not None and (inputs.views or not inputs.elevation):
+            raise BadSetting("train.maps is of elevation maps, which this learner does not see; leave it out")
 
     @property
     def remembers(self) -> bool:

@@ -8,6 +8,24 @@ from mimicbench.track.settings import DrivenConfig
 
 
 @dataclass(frozen=True)
+class MapErrors:
+    """What is wrong with the elevation maps that are learned from, drawn anew for each of them: a robot's own are less
+    than perfect, too.
+    """
+
+    cells: Annotated[float, Within(0, 10)] = 0.0
+    """[m] deviation of the height of each cell."""
+    height: Annotated[float, Within(0, 10)] = 0.0
+    """[m] deviation of the height of all of them together."""
+    missing: Share = 0.0
+    """Part of the squares of 8 x 8 cells of which nothing is known, so that they are at floor level."""
+    shift: Annotated[float, Within(0, 64)] = 0.0
+    """[cells] deviation of how far the map is shifted, forward and to the side."""
+    late: Annotated[int, Within(0, 1000)] = 0
+    """[control steps] A map is up to so old, seen from where the robot was then."""
+
+
+@dataclass(frozen=True)
 class TrainConfig:
     """How long and how. The defaults are for a CPU."""
 
@@ -24,6 +42,7 @@ class TrainConfig:
     soon: Share = 0.0
     """Part of every batch that comes from the first second of episodes. All begin at rest, and who does not take the
     first step as it has to be taken slowly sinks and tips over, whatever it knows of later ones."""
+    maps: MapErrors = field(default_factory=MapErrors)
     learning_rate: float = 1e-3
     """The highest."""
     schedule: Literal["cosine", "constant"] = "cosine"

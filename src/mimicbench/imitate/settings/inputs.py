@@ -34,6 +34,9 @@ class InputConfig:
     """Numbers in that memory. The task decides."""
     elevation: bool = True
     """Show the elevation map of the present frame."""
+    cameras: bool = True
+    """Make that map of what the robot's cameras see, as the paper does (C.2): what is hidden from them lacks. Without,
+    rays straight down make it, from which nothing is hidden."""
     views: bool = False
     """Show color and depth of the robot's cameras in its place (C.2)."""
     targets: bool = False
@@ -69,6 +72,11 @@ class InputConfig:
     def sees(self) -> bool:
         """Whether it sees anything but its body."""
         return self.elevation or self.views
+
+    @property
+    def map_term(self) -> str:
+        """The observation that its map is."""
+        return "elevation" if self.cameras else "heightmap"
 
     @property
     def channels(self) -> int:
