@@ -138,3 +138,13 @@ def test_a_dump_that_does_not_fit(tmp_path):
         replay(load_broken(tmp_path / "scene.npz"))
     with pytest.raises(BadFile, match="does not exist"):
         load_broken(tmp_path / "none.npz")
+
+
+def test_a_scene_that_cannot_be_written_ends_no_run(tmp_path, caplog):
+    (tmp_path / "file").write_text("")
+    physics = three(tmp_path / "file" / "folder")
+    physics.qpos()[1, 10] = np.nan
+    with caplog.at_level(logging.WARNING):
+        physics.step(targets(physics))
+    assert physics.diverged.tolist() == [False, True, False] and physics.broken.count == 1
+    assert "could not be written" in caplog.text and not physics.broken.paths

@@ -35,6 +35,7 @@ from mimicbench.imitate.settings.inputs import InputConfig, Window
 from mimicbench.imitate.settings.perception import PerceptionConfig
 from mimicbench.imitate.spec import Given
 from mimicbench.imitate.stored.demo_writer import Demonstration, DemoWriter
+from mimicbench.imitate.stored.sight import Sight
 from mimicbench.imitate.stored.verify import replayed, unfulfilled
 from mimicbench.policies.loading import load_policy
 from mimicbench.sensors.scene import PICTURE
@@ -140,6 +141,11 @@ def test_a_clone_knows_its_goal(name, demonstrated, tmp_path):
     assert not run.errors
 
 
+def sight(scene, task, inputs):
+    """What a learner sees without errors."""
+    return Sight(cloning._maker(scene, task, inputs))
+
+
 @pytest.mark.parametrize("cameras", [True, False])
 @pytest.mark.parametrize("name", OTHERS)
 def test_what_is_learned_from_is_what_will_be_observed(name, cameras, demonstrated):
@@ -149,7 +155,12 @@ def test_what_is_learned_from_is_what_will_be_observed(name, cameras, demonstrat
     demos = load_demos(folder, ROBOT.name, state=False)
     scene = list(clips.objects.values())
     frames = DemoFrames(
-        demos, clips.objects, inputs, Window(), cloning._maker(scene, clips.task, inputs), cloning._goals(demos, clips)
+        demos,
+        clips.objects,
+        inputs,
+        Window(),
+        Sight(cloning._maker(scene, clips.task, inputs)),
+        cloning._goals(demos, clips),
     )
     bank = ReferenceBank(clips.motions, ROBOT)
     env = VecEnv(clips.task, ROBOT, clips.scenes, ONE, bank=bank)
@@ -181,7 +192,12 @@ def test_what_is_learned_from_is_what_will_be_observed(name, cameras, demonstrat
     sees = InputConfig(views=True, elevation=False).of(ROBOT, clips.task)
     demos = load_demos(folder, ROBOT.name)
     frames = DemoFrames(
-        demos, clips.objects, sees, Window(), cloning._maker(scene, clips.task, sees), cloning._goals(demos, clips)
+        demos,
+        clips.objects,
+        sees,
+        Window(),
+        Sight(cloning._maker(scene, clips.task, sees)),
+        cloning._goals(demos, clips),
     )
     picture = frames.batch(last).picture
     assert picture is not None and picture.shape == obs["views"].shape

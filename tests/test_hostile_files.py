@@ -17,12 +17,15 @@ import pytest
 
 import recordings
 import shapes
-from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError, UnknownName
+from mimicbench.core.errors import BadFile, BadMotion, BadObject, MimicbenchError, UnknownName
+from mimicbench.core.files import read_npz, write_npz
 from mimicbench.core.names import LONGEST, printable, safe_name, typed
 from mimicbench.imitate.lerobot import load_demos, load_episode
 from mimicbench.imitate.stored.tables import read_table
+from mimicbench.objects.families.chair import make_chair
 from mimicbench.objects.importing.mesh import read_mesh
 from mimicbench.objects.importing.own import ImportConfig, import_objects
+from mimicbench.objects.shape import SceneObject
 from mimicbench.references.importers.recording import Wishes
 from mimicbench.references.importers.registry import FORMATS, detect_format, import_recording
 from mimicbench.references.recordings.real_clips import find_clips
@@ -51,6 +54,38 @@ def command(*arguments, cwd):
 
 
 # -- archives and data sets
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        f"{{'descr': '<f4', 'fortran_order': False, 'shape': ({2**70},), }}",
+        "{'descr': '<f4', 'fortran_order': False, 'shape': (3, ",
+        "{'descr': '<f4', 'fortran_order': False, 'shape': (3,), 1: 2}",
+        "{'descr': [('a',)], 'fortran_order': False, 'shape': (3,), }",
+    ],
+    ids=["huge", "cut off", "a number for a name", "half a type"],
+)
+def test_arrays_that_lie_about_themselves(header, tmp_path):
+    path, raw = tmp_path / "clip.npz", header.encode() + b"\n"
+    write_npz(path, {"type": "clip"}, {})
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("pos.npy", b"\x93NUMPY\x01\x00" + struct.pack("<H", len(raw)) + raw + bytes(64))
+    refused(lambda path: read_npz(path, "clip"), path)
+
+
+def test_arrays_that_are_packed_in_an_unusual_way(tmp_path):
+    path = tmp_path / "clip.npz"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_LZMA) as archive:
+        archive.writestr("header.npy", bytes(1000))
+    assert "unusual way" in refused(lambda path: read_npz(path, "clip"), path)
+
+
+def test_objects_of_numbers_beyond_all_measure(tmp_path):
+    told = make_chair(0).to_dict()
+    told["box_pos"] = [[10**400, 0, 0]] * len(told["box_pos"])
+    with pytest.raises(BadObject, match="not an object description"):
+        SceneObject.from_dict(told)
 
 
 def test_names_in_an_archive_lead_nowhere(tmp_path):

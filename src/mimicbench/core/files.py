@@ -8,6 +8,7 @@ carries a digest, which is checked on reading.
 import hashlib
 import json
 import os
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -142,6 +143,10 @@ def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     write_atomic(path, write)
 
 
+_PACKED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+"""The other methods may be told to reserve gigabytes."""
+
+
 def read_npz(
     path: Path, kind: str, only: Collection[str] | None = None
 ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
@@ -153,6 +158,8 @@ def read_npz(
         raise BadFile(f"{path} is a folder; give a file in it" if path.is_dir() else f"{path} does not exist")
     try:
         with zipfile.ZipFile(path) as archive:
+            if any(entry.compress_type not in _PACKED for entry in archive.infolist()):
+                raise BadFile(f"{path} is packed in an unusual way; it was not written by mimicbench")
             unpacked = sum(entry.file_size for entry in archive.infolist())
             if unpacked > MAX_UNPACKED:
                 raise BadFile(
@@ -176,6 +183,9 @@ def read_npz(
         SyntaxError,
         MemoryError,
         NotImplementedError,
+        OverflowError,
+        TypeError,
+        tokenize.TokenError,
         RuntimeError,
         zlib.error,
     ) as error:

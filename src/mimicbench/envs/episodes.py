@@ -18,7 +18,6 @@ from mimicbench.envs.vec_env import EnvConfig, VecEnv
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.registry import DEFAULT_ROBOT, ROBOTS
 from mimicbench.sensors.observations import TERMS, chosen_terms
-from mimicbench.sensors.term import BOUND
 from mimicbench.sim.backends import check_device
 from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.rows import Rows
@@ -188,8 +187,7 @@ class Episodes:
 
     def _make(self, scenes: list[SceneObject]) -> VecEnv:
         config = self.config
-        room = any(not isinstance(obj, str) and obj.hulls for obj in (*(config.objects or ()), *scenes))
-        physics = PhysicsConfig(config.gains, config.control, meshes=room)
+        physics = PhysicsConfig(config.gains, config.control, meshes=self._starts.has_hulls)
         env_config = EnvConfig(config.device, config.workers, physics, config.cameras)
         return VecEnv(self.task, self.robot, scenes, env_config)
 
@@ -238,11 +236,12 @@ class Episodes:
         """What all robots sense now, one row a robot. See gym.TaskEnv."""
         obs = self.env.observe([term.name for term in self.terms])
         seen = {name: values.cpu().numpy() for name, values in obs.items()}
-        for values in seen.values():
-            if not (values.max() <= BOUND and values.min() >= -BOUND):
+        for term in self.terms:
+            values = seen[term.name]
+            if not (values.max() <= term.high and values.min() >= term.low):
                 # of a scene that broke: its episode ends with `diverged`, but what is returned has to be in the space
                 np.nan_to_num(values, copy=False)
-                np.clip(values, -BOUND, BOUND, out=values)
+                np.clip(values, term.low, term.high, out=values)
         return seen
 
     def info(self) -> dict[str, np.ndarray]:

@@ -52,7 +52,7 @@ class TaskEnv(gymnasium.Env[Observation, np.ndarray]):
       (19).
     - `state` (300): the paper's S_current (appendix G.1): joint angles, joint velocities; of all 20 links relative to
       the root positions (60), rotation vectors (60), linear (60) and angular velocities (60), in the root frame; the
-      last action (19; 0 at first); direction of gravity (3).
+      last joint targets (19; 0 at first); direction of gravity (3).
     - `time` (1): since the start of the episode [s].
     - `elevation` (128, 128): height [m] relative to the root of the highest point that the cameras see in each cell
       of 4 cm, for TouchPoints 1 cm (appendix C.2); row along the robot's heading, column to its left, the robot in the
@@ -75,8 +75,10 @@ class TaskEnv(gymnasium.Env[Observation, np.ndarray]):
     ## Rewards
 
     `reward="sparse"`: 1 in the step in which an episode ends with K fulfilled, 0 in every other: the sum over an
-    episode is its success. `reward="dense"`: in every step exp(-d), d being what is missing of the condition of K in
-    all [m]: 1 while it holds, 0 after a fall. Episodes then go on to the time limit, so that holding on pays.
+    episode is its success. (For shorter episodes give `time_limit`: with `max_episode_steps`, `gymnasium.make` ends
+    them from outside, where the environment does not know of it; `make_vec` tells it.) `reward="dense"`: in every
+    step exp(-d), d being what is missing of the condition of K in all [m]: 1 while it holds, 0 after a fall.
+    Episodes then go on to the time limit, so that holding on pays.
 
     ## Starting state
 

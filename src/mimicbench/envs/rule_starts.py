@@ -151,11 +151,11 @@ class Starts:
         pool: int,
         motions: Sequence[RobotMotion] | Path | str | None,
     ) -> None:
-        """See gym.EnvConfig for `split`, `objects`, `pool`, and `motions`, which is its `starts`."""
+        """See episodes.GymConfig for `split`, `objects`, `pool`, and `motions`, which is its `starts`."""
         if split not in SPLITS:
             raise UnknownName("split", split, list(SPLITS))
         self.task, self.robot, self._stance = task, robot, Stance.of(robot)
-        own = {obj.id: obj for obj in objects or () if isinstance(obj, SceneObject)}
+        own = _by_id([obj for obj in objects or () if isinstance(obj, SceneObject)])
         if isinstance(motions, Path | str):
             own, motions = _read_workdir(Path(motions), task, robot, own)
         self._own: Mapping[str, SceneObject] = own
@@ -177,6 +177,11 @@ class Starts:
                 f"there is no object of split {split!r} to start beside; give a larger pool, other "
                 "objects or another split"
             )
+
+    @property
+    def has_hulls(self) -> bool:
+        """Whether any object that it may draw has convex pieces; those made from their ids are of boxes."""
+        return any(obj.hulls for obj in self._own.values())
 
     def draw(self, seed: int, number: int | None = None) -> tuple[InitialState, int]:
         """The start of the episode `seed`, and its number: the place of its motion, or of its object.
@@ -204,6 +209,15 @@ class Starts:
         return obj
 
 
+def _by_id(objects: Sequence[SceneObject]) -> dict[str, SceneObject]:
+    """The objects by their ids. Raises BadObject if two that differ have one id."""
+    found: dict[str, SceneObject] = {}
+    for obj in objects:
+        if found.setdefault(obj.id, obj) is not obj and found[obj.id].to_dict() != obj.to_dict():
+            raise BadObject(f"two objects are called {obj.id}; give each an id of its own")
+    return found
+
+
 @lru_cache(maxsize=4096)
 def _made(object_id: str) -> SceneObject:
     return make_object(object_id)
@@ -225,4 +239,4 @@ def _read_workdir(
             f"--workdir {typed(workdir)}` first"
         )
     stage = read_stage(headers[0].parent)
-    return {**read_objects(stage.folder.parents[1] / stage.header["reads"]["objects"]), **own}, motions
+    return {**read_objects(stage.folder.resolve().parents[1] / stage.header["reads"]["objects"]), **own}, motions

@@ -1,7 +1,7 @@
 """N episodes of a task side by side, on tensors of the physics' device. Everything that learns or judges steps here.
 
     env = VecEnv(task, robot, objects, EnvConfig(), seed)
-    env.reset(rows, states)         where and how episodes begin: see envs/starts
+    env.reset(rows, states)         where and how episodes begin: see envs.initial_states
     env.step(target)                one control step of 0.02 s
     env.observe(["proprio", ...])   what the robots observe now, computed when looked up
     env.metrics                     K, P, falls, who stays
@@ -156,7 +156,7 @@ class VecEnv:
             self.last_action = torch.where(running[:, None], action, self.last_action)
             self.index, self.steps = self.index + running, self.steps + running
         state = self.physics.state()
-        self.odometry.update(state, CONTROL_DT)
+        self.odometry.update(state, CONTROL_DT, running)
         self._context = self._look(state)
         if self.metrics is not None:
             self.metrics.update(self._context.links, running)

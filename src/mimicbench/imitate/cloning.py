@@ -14,7 +14,7 @@ from mimicbench.core.errors import BadFile, MimicbenchError
 from mimicbench.core.seeds import digest
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.vec_env import EnvConfig
-from mimicbench.imitate.dataset import DemoFrames, EpisodeGoals, MapMaker
+from mimicbench.imitate.dataset import DemoFrames, EpisodeGoals
 from mimicbench.imitate.demos import make_driven
 from mimicbench.imitate.goals import goals_of, known_goal
 from mimicbench.imitate.learned import load_learner, save_learner
@@ -23,6 +23,7 @@ from mimicbench.imitate.policy import VisionPolicy
 from mimicbench.imitate.settings.cloning import DaggerConfig
 from mimicbench.imitate.settings.inputs import InputConfig, NetworkConfig
 from mimicbench.imitate.spec import CloneImitation, Given
+from mimicbench.imitate.stored.sight import MapMaker, Sight
 from mimicbench.imitate.train import Course, train
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
@@ -125,8 +126,8 @@ def demo_frames(demos: Demos, clips: ClipSet, network: NetworkConfig, config: Cl
     maps = _maker(scene, clips.task, network.inputs) if network.inputs.sees else None
     finds, inputs = network.goal_weight > 0, network.inputs
     goals = _goals(demos, clips, finds) if inputs.memory or inputs.targets or finds else None
-    plans, errors = config.plans(demos, clips), config.train.maps
-    return DemoFrames(demos, clips.objects, inputs, network.window, maps, goals, plans, errors)
+    sight = None if maps is None else Sight(maps, config.train.maps)
+    return DemoFrames(demos, clips.objects, inputs, network.window, sight, goals, config.plans(demos, clips))
 
 
 def _maker(scene: list[SceneObject], task: Task, inputs: InputConfig) -> MapMaker:

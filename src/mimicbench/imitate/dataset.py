@@ -2,7 +2,7 @@
 what to do.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -16,20 +16,13 @@ from mimicbench.core.errors import BadFile
 from mimicbench.core.seeds import digest
 from mimicbench.imitate.inputs import Batch
 from mimicbench.imitate.lerobot import Demos
-from mimicbench.imitate.settings.cloning import MapErrors
 from mimicbench.imitate.settings.inputs import InputConfig, Window
-from mimicbench.imitate.stored.map_errors import disturbed
 from mimicbench.imitate.stored.sampler import Sampler
 from mimicbench.imitate.stored.scratch import scratch
+from mimicbench.imitate.stored.sight import Sight, disturbed, surfaces_of
 from mimicbench.objects.shape import SceneObject
-from mimicbench.sensors.heightmap import ObjectMaps
 from mimicbench.sensors.targets import TARGET_CELL, target_map
 from mimicbench.tasks.goal import GoalSpec
-
-MapMaker = Callable[[Tensor, Tensor, Tensor, Tensor | None, np.ndarray | None], Tensor]
-"""(object index (N,), root position (N, 3) and orientation (N, 4), the object's position and quaternion (N, 7), None
-where it stands still at the origin, places (N, 2, 3) that the robot is told, None if it is told none) -> maps
-(N, 128, 128) relative to the root [m], or what the cameras see, (N, channels, 128, 128)."""
 
 
 @dataclass(frozen=True)
@@ -78,10 +71,9 @@ class DemoFrames:
         objects: Mapping[str, SceneObject],
         inputs: InputConfig,
         window: Window,
-        maps: MapMaker | None = None,
+        sight: Sight | None = None,
         goals: EpisodeGoals | None = None,
         plans: Plans | None = None,
-        errors: MapErrors | None = None,
         validation: float = 0.1,
     ) -> None:
         """Prepare everything but the maps, which are made batch by batch.
@@ -91,11 +83,9 @@ class DemoFrames:
             objects: By id, at least those of the demonstrations.
             inputs: What the learner sees.
             window: Which frames it is shown.
-            maps: Makes the elevation maps, or what the cameras see; by default the surfaces of objects that stay where
-                they are, as seen from the root.
+            sight: What makes that; by default maps of the surfaces of objects that stay where they are.
             goals: What they were to do; needed if the learner has a memory, is told, or finds them.
             plans: What it is to say; joint targets by default.
-            errors: What is wrong with its maps; nothing by default.
             validation: Share of the episodes that is kept apart.
         """
         self.demos, self.inputs, self.window, self._plans = demos, inputs, window, plans
@@ -121,9 +111,7 @@ class DemoFrames:
         self.time = (torch.arange(demos.frames) - self.starts[self.episode]) / demos.fps
         rest = demos.qpos[:, 7 + len(demos.joint_names) :]
         self.object_pose = torch.from_numpy(rest.astype(np.float32)) if rest.shape[1] else None
-        self._maps, self._errors = maps, errors or MapErrors()
-        if inputs.sees and maps is None:
-            self._surfaces = ObjectMaps(scene)
+        self._sight = sight or Sight(surfaces_of(scene))
         self._finds = goals is not None and goals.to_find
         if goals is not None:
             self._goals = goals
@@ -218,7 +206,7 @@ class DemoFrames:
         seen = self._around(self._earlier(frames, generator), places)
         if self.inputs.views:
             return seen
-        seen = seen if generator is None else disturbed(seen, self.root_pos[frames, 2], self._errors, generator)
+        seen = seen if generator is None else disturbed(seen, self.root_pos[frames, 2], self._sight.errors, generator)
         if places is None:
             return seen[:, None]
         heading = rot.from_yaw(self.root_yaw[frames].numpy())
@@ -227,18 +215,16 @@ class DemoFrames:
 
     def _earlier(self, frames: Tensor, generator: torch.Generator | None) -> Tensor:
         """(B,) the frames, of the same episodes, of which the maps are that come in frames (B,)."""
-        if generator is None or not self._errors.late:
+        if generator is None or not self._sight.errors.late:
             return frames
-        age = torch.randint(self._errors.late + 1, frames.shape, generator=generator)
+        age = torch.randint(self._sight.errors.late + 1, frames.shape, generator=generator)
         return torch.maximum(frames - age, self.starts[self.episode[frames]])
 
     def _around(self, frames: Tensor, places: np.ndarray | None) -> Tensor:
         """(B, 128, 128), or (B, channels, 128, 128), what surrounds the robots."""
         index, root_pos = self.object_index[self.episode[frames]], self.root_pos[frames]
-        if self._maps is not None:
-            pose = None if self.object_pose is None else self.object_pose[frames]
-            return self._maps(index, root_pos, self.root_quat[frames], pose, places)
-        return self._surfaces.sample(index, root_pos, self.root_yaw[frames], occlusion=True)
+        pose = None if self.object_pose is None else self.object_pose[frames]
+        return self._sight.make(index, root_pos, self.root_quat[frames], pose, places)
 
 
 def _apart(demos: Demos, share: float) -> np.ndarray:

@@ -191,7 +191,7 @@ class SceneObject:
                 friction=data["friction"],
                 hulls=tuple(np.array(hull, dtype=float) for hull in data["hulls"]),
             )
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
+        except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
             raise BadObject(f"not an object description: {error}") from None
 
 

@@ -197,16 +197,20 @@ class Odometry:
         self._cos, self._sin = torch.cos(self._heading), torch.sin(self._heading)
         rows.put(self._velocity, self._in_start_frame(state)[rows.ids])
 
-    def update(self, state: RobotState, dt: float) -> None:
-        """One control step of `dt` seconds later."""
+    def update(self, state: RobotState, dt: float, running: torch.Tensor | None = None) -> None:
+        """One control step of `dt` seconds later, of the robots that are `running` (N,) bool; None: of all."""
         # the heading comes from an inertial sensor; wrapping keeps it continuous over many turns
         velocity = self._in_start_frame(state)
         xp, (yaw, heading, start, pos, now, before) = own(
             self.yaw, _heading(state), self._heading, self.pos, velocity, self._velocity
         )
-        self.yaw = tensor(xp, yaw + rot.wrap_angle(heading - start - yaw))
-        self.pos = tensor(xp, pos + 0.5 * dt * (now + before))
-        self._velocity = velocity
+        turned = tensor(xp, yaw + rot.wrap_angle(heading - start - yaw))
+        moved = tensor(xp, pos + 0.5 * dt * (now + before))
+        if running is not None:
+            turned = torch.where(running, turned, self.yaw)
+            moved = torch.where(running[:, None], moved, self.pos)
+            velocity = torch.where(running[:, None], velocity, self._velocity)
+        self.yaw, self.pos, self._velocity = turned, moved, velocity
 
     def _in_start_frame(self, state: RobotState) -> torch.Tensor:
         xp, (velocity, cos, sin) = own(state.root_lin_vel_w, self._cos, self._sin)

@@ -166,9 +166,13 @@ class BrokenLog:
         self.count += 1
         told = f"scene {broken.scene} with object {broken.obj.id} was ended: {broken.reason}"
         if len(self.paths) < MAX_KEPT:
-            self.folder = self.folder or Path(tempfile.mkdtemp(prefix="mimicbench-broken-"))
-            path = self.folder / f"broken-{len(self.paths)}-scene-{broken.scene}.npz"
-            broken.save(path)
+            try:
+                self.folder = self.folder or Path(tempfile.mkdtemp(prefix="mimicbench-broken-"))
+                path = self.folder / f"broken-{len(self.paths)}-scene-{broken.scene}.npz"
+                broken.save(path)
+            except OSError as error:  # a full disk ends no run
+                _log.warning("%s; it could not be written: %s", told, error)
+                return
             self.paths.append(path)
             _log.warning("%s; mimicbench.sim.broken.replay runs its last step again from %s", told, path)
         elif self.count & (self.count - 1) == 0:  # each power of two, so that a thousand of them stay readable

@@ -16,6 +16,7 @@ import mimicbench
 from mimicbench.core.errors import UnknownName
 from mimicbench.drawing.opengl import NoPictures
 from mimicbench.sensors.scene import PICTURE, SCENE
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.registry import DEFAULT_TASK, TASKS
 
 SUITE = "mimicbench"
@@ -70,6 +71,8 @@ def make_one(
         raise UnknownName("task", task, list(TASK_IDS))
     observe = ("state", "scene", *([PICTURE] if images else []))  # targets of the wrists come wherever there are any
     given = {"render_mode": "rgb_array", "height": 240, "width": 320, "max_episode_steps": max_steps, **arguments}
+    if max_steps is not None:  # Gymnasium ends an episode from outside, where nothing is rewarded any more
+        given = {"time_limit": max_steps * CONTROL_DT, **given}
     env = gymnasium.make(f"mimicbench:{TASK_IDS[task]}", split=split, observe=observe, **given)
     return AsLeRobotSees(env, TASKS.get(task).title, images)
 
