@@ -247,8 +247,8 @@ def test_the_stated_share_of_demonstrations_is_without_noise(run, share, clean):
     parts = batches(clips, DemosConfig(clean_share=share, action_noise=0.3, batch=3))
     assert [motion.id for part, _ in parts for motion in part.motions] == [motion.id for motion in clips.motions]
     assert all(1 <= len(part) <= 3 for part, _ in parts)
-    noise = [level for part, level in parts for _ in part.motions]
-    assert noise == [0.0] * clean + [0.3] * (8 - clean)
+    undisturbed = [level for part, level in parts for _ in part.motions]
+    assert undisturbed == [True] * clean + [False] * (8 - clean)
 
 
 # --- what the gate lets pass

@@ -27,6 +27,24 @@ def expert_of(run: Run, tracker: Path) -> Expert:
     return SensingExpert(load_policy(folder, run.robot, run.task))
 
 
+def who_demonstrated(run: Run, demos: Stage, tracker: Path) -> tuple[Expert | None, bool]:
+    """Who demonstrated, for rounds of DAgger, and whether it followed clips; None where nobody here can have done that.
+
+    Raises BadSetting if there are to be rounds nevertheless.
+    """
+    from mimicbench.benchmark.published import follow_clips
+
+    if run.part("demos").source == MADE or follow_clips(demos):
+        expert = expert_of(run, tracker)
+        return expert, expert.follows
+    if run.part("imitate").dagger.rounds:
+        raise BadSetting(
+            f"the demonstrations {run.part('demos').source!r} follow no clips, so the tracker cannot have made them, "
+            "and who did is not told: leave imitate.dagger.rounds out, or make demonstrations here (demos.expert)"
+        )
+    return None, False
+
+
 def demonstrated_gains(run: Run, demos: Stage, tracker: Path) -> str:
     """Which of the robot's gains demonstrations were made with, as their data set says.
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mimicbench.benchmark import keys
-from mimicbench.benchmark.experts import cloned_gains, expert_of
+from mimicbench.benchmark.experts import cloned_gains, expert_of, who_demonstrated
 from mimicbench.benchmark.finding import objects_of_split, training_objects
 from mimicbench.benchmark.keys import Run
 from mimicbench.benchmark.published import published_clips
@@ -248,9 +248,9 @@ def make_imitate_stage(run: Run) -> Stage:
     with _opened(run, keys.imitate_key(run, tracker), *PARTS, trained=True) as stage:
         if stage.complete:
             return stage
-        gains, expert = config.gains or "", None
+        gains, expert, follows = config.gains or "", None, True
         if tracker is not None and demos is not None:
-            gains, expert = cloned_gains(run, demos, tracker), expert_of(run, tracker)
+            gains, (expert, follows) = cloned_gains(run, demos, tracker), who_demonstrated(run, demos, tracker)
         elif tracker is not None:
             gains = gains or load_tracker(tracker, run.robot).spec.gains
         if tracker is not None:
@@ -258,7 +258,7 @@ def make_imitate_stage(run: Run) -> Stage:
         if eyes is not None:
             copy_checkpoint(eyes.folder, stage.folder / keys.PERCEPTION)
         dataset = None if demos is None else demos.folder / DATASET
-        given = Given(clips, dataset, run.recipe.seed, gains, run.context, load_policy, expert)
+        given = Given(clips, dataset, run.recipe.seed, gains, run.context, load_policy, expert, follows)
         summary = LEARNERS.get(config.learner).learn(stage.folder / keys.POLICY, given, config)
         return stage.finish(**summary, device=run.context.device)
 

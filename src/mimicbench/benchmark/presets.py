@@ -174,7 +174,8 @@ def _paper_size(chosen: Chosen) -> Tree:
     task = chosen.task
     if task not in PAPER_SETS:
         raise UnknownName("task of the paper", task, list(PAPER_SETS))
-    return {"objects": {"count": PAPER_SETS[task].objects}, "references": {"count": PAPER_SETS[task].clips}}
+    clips = PAPER_SETS[task].clips
+    return {"objects": {"count": PAPER_SETS[task].objects}, "references": {"count": clips}, "demos": {"clips": clips}}
 
 
 def _paper(chosen: Chosen) -> Tree:

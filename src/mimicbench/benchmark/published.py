@@ -26,10 +26,12 @@ def published_clips(run: Run) -> ClipSet | None:
     if run.part("demos").source == MADE:
         return None
     demos = run.named("demos", run.part("demos").source)
-    reads = demos.header["reads"]
-    if "objects" in reads:
-        return _stood(run, demos)
-    return _followed(run, reads.get("retarget"))
+    return _followed(run, demos.header["reads"].get("retarget")) if follow_clips(demos) else _stood(run, demos)
+
+
+def follow_clips(demos: Stage) -> bool:
+    """Whether demonstrations with a name follow clips, and do not only begin where starts were drawn."""
+    return "objects" not in demos.header["reads"]
 
 
 def _stood(run: Run, demos: Stage) -> ClipSet:

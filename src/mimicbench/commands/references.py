@@ -97,7 +97,7 @@ def augment(
     for recipe in recipes(task, how.seed, source, count, how.workdir):
         run = start(recipe, how.workdir, how.context())
         human = make_reference_stage(run)
-        clips = ClipSource(make_object_stage(run), human, clips_of(human))
+        clips = ClipSource(make_object_stage(run), human, clips_of(human)[:count])
         fulfils = run.task.fulfilled_by_human
         made.append(make_augmented(how.workdir, to, clips, config, fulfils, run.context))
     tell([stage_summary(one) for one in made], how.as_json, "\n".join(stage_line(one) for one in made))

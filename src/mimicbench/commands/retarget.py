@@ -69,7 +69,9 @@ def _beside_its_person(stage: Stage, name: str) -> SideBySide:
 
 def compare(
     task: Tasks = "all",
-    clips: Annotated[Count, tyro.conf.arg(help="the first so many clips of each task; made if not there")] = 16,
+    clips: Annotated[
+        Count, tyro.conf.arg(help="the first so many clips of each task, made if not there; of a named set, all")
+    ] = 16,
     variant: Annotated[Literal["improved", "paper"], tyro.conf.arg(help="of the methods that have both")] = "paper",
     source: Source = "made",
     pictures: Annotated[

@@ -11,6 +11,7 @@ from mimicbench.benchmark.graph import make_imitate_stage, make_track_stage, sta
 from mimicbench.benchmark.judging import judge
 from mimicbench.benchmark.keys import CHECKPOINT, TRACKER, Run, tracker_folder
 from mimicbench.benchmark.recipe import Recipe
+from mimicbench.benchmark.who import who_of
 from mimicbench.comparisons.spec import Comparison, Variant
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.files import digest_of_json
@@ -49,7 +50,7 @@ def compare(
         context: How to run.
 
     Variants that train no tracker of their own, and say nothing different of one, have the same: that of the first of
-    them, for another's clips would otherwise mean another one.
+    these recipes, for another's clips would otherwise mean another one.
 
     A variant that cannot be learned or judged, such as one whose clips all fail, does not keep the others from it.
 
@@ -98,5 +99,6 @@ def _judged(comparison: Comparison, variant: Variant, run: Run) -> Compared:
         folder = make_track_stage(run).folder / CHECKPOINT if comparison.learns else tracker_for_learning(run)
         name = TRACKER
     else:
-        folder, name = make_imitate_stage(run).folder, run.part("imitate").learner
+        name = run.part("imitate").learner
+        folder = make_imitate_stage(run).folder if comparison.learns else who_of(run, name).folder
     return Compared(variant, folder, judge(run, name))

@@ -58,10 +58,10 @@ def make_demos(
     shown = (*scene_terms(task), *([PICTURE] if config.images else []))
     clips = clips.first(config.clips)
     parts = batches(clips, config)
-    for part, noise in progress(parts, len(parts), "demonstrations", quiet):
+    for part, clean in progress(parts, len(parts), "demonstrations", quiet):
         if any(motion.id in written for motion in part.motions):
             continue
-        world = Disturbance(action_noise=noise, push=config.push if noise else 0.0)
+        world = Disturbance() if clean else Disturbance(action_noise=config.action_noise, push=config.push)
         rollout = roll_out(expert, part, RolloutConfig(True, world, seed, settle=None, observe=shown), env_config)
         for demo in demonstrations(rollout, part, seed):
             writer.add(demo)
@@ -90,12 +90,12 @@ def scene_names(task: Task) -> list[str]:
     return [*around, *(targets if task.wrist_goals else [])]
 
 
-def batches(clips: ClipSet, config: DemosConfig) -> list[tuple[ClipSet, float]]:
-    """The clips that are tracked together, and with how much noise: the first of them with none, the stated share."""
+def batches(clips: ClipSet, config: DemosConfig) -> list[tuple[ClipSet, bool]]:
+    """The clips that are tracked together, and whether undisturbed: the first of them, the stated share."""
     clean = round(config.clean_share * len(clips))
     starts = [*range(0, clean, config.batch), *range(clean, len(clips), config.batch), len(clips)]
     return [
-        (replace(clips, motions=clips.motions[first:end]), 0.0 if first < clean else config.action_noise)
+        (replace(clips, motions=clips.motions[first:end]), first < clean)
         for first, end in zip(starts[:-1], starts[1:], strict=True)
     ]
 

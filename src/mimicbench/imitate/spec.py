@@ -102,7 +102,9 @@ class Given:
     load_policy: Callable[[Path, Robot, Task], Policy] | None = None
     """Reads what was learned, for who drives with it while it learns."""
     expert: Expert | None = None
-    """Who demonstrates, for who asks it while it learns."""
+    """Who demonstrates, for who asks it while it learns; None where that is not known."""
+    follows: bool = True
+    """Whether the demonstrations follow the clips."""
 
 
 @dataclass(frozen=True)

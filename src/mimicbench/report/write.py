@@ -7,6 +7,7 @@ from typing import IO
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.files import write_atomic
 from mimicbench.drawing.opengl import NoPictures
+from mimicbench.evaluate.failures import failure
 from mimicbench.evaluate.rows import EpisodeRow, Summary, write_rows
 from mimicbench.report import plots
 from mimicbench.report.curves import Curve
@@ -67,7 +68,7 @@ def draw_plots(task: str, episodes: Episodes, curves: Sequence[Curve], narrow: b
         if not plots.shown(curve):  # stopped before it recorded anything
             continue
         drawn[f"curve-{i}"] = plots.curve_plot(f"curve-{i}{known}", curve, narrow)
-    if any(not row.success for row in episodes.rows):
+    if any(failure(row) for row in episodes.rows):
         by_policy = {label(s): failures(rows) for s, rows in episodes.methods}
         drawn["failures"] = plots.failures_plot(f"failures{known}", by_policy, narrow)
     policies = [one for one in episodes.methods if one[0].stage == "imitate"][:COMPARED]

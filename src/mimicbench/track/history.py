@@ -43,7 +43,7 @@ class History:
 
     def load_state_tensors(self, tensors: Mapping[str, Tensor]) -> None:
         """The inverse of `state_tensors`."""
-        self.past = tensors["past"].to(self.past.device) if self.remembers else self.past
+        self.past = tensors["past"].to(self.past.device, copy=True) if self.remembers else self.past
 
 
 class Follower:

@@ -205,6 +205,8 @@ def _plain(settings: Any) -> dict[str, Any]:
 
 
 def _course(config: TrackConfig) -> dict[str, Any]:
-    """What decides the course of a training; it may run longer, and be saved more or less often."""
-    free = ("samples", "until", "save_every")
+    """What decides the course of a training; it may run longer, be saved more or less often, and what it began from may
+    have been moved: the stage that it is part of knows the tracker itself.
+    """
+    free = ("samples", "until", "save_every", "begin_from")
     return {name: value for name, value in msgspec.to_builtins(asdict(config)).items() if name not in free}

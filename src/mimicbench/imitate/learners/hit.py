@@ -110,8 +110,7 @@ def learn(folder: Path, given: Given, config: HITImitation) -> dict[str, Any]:
 
     clips = given.clips
     check_told(clips.robot, clips.task, load_tracker(beside(folder, "tracker"), clips.robot), config.network.chunk)
-    follows = given.expert is None or given.expert.follows
-    return clone(folder, given, config if follows else OwnPoses(**vars(config)))
+    return clone(folder, given, config if given.follows else OwnPoses(**vars(config)))
 
 
 LEARNER = LearnerSpec("hit", HITImitation, learn)

@@ -27,7 +27,9 @@ class Sampler:
         self.by_experts = frames[shown]
         """Of demonstrations, which succeeded."""
         self.by_learners = frames[~shown]
-        """Of what a learner drove, judged by nobody."""
+        """Of episodes that a learner drove from some moment on, what the expert drove before it among them; judged by
+        nobody.
+        """
         since = frames - torch.from_numpy(np.repeat(demos.starts[:-1], np.diff(demos.starts)))[frames]
         self.soon = frames[since < SOON * demos.fps]
         """Of the beginnings of all episodes."""
@@ -35,7 +37,7 @@ class Sampler:
 
     def draw(self, count: int, soon: float, driven: float, wrong: float, generator: torch.Generator) -> Tensor:
         """(count,) frames, part `soon` of them from the beginnings of episodes, and part `driven` of the others from
-        what a learner drove, if there is any; 0: as much as there is.
+        episodes that a learner drove, if there is any; 0: as much as there is.
 
         Part `wrong` of those are drawn by how far what the learner did was from what it should have done.
         """
