@@ -1,4 +1,4 @@
-"""Let a cloned policy see maps that cameras made: `python by_cameras.py <folder of its checkpoint> <folder to write>`."""
+"""Let a clone see maps that cameras made: `python by_cameras.py <folder of its checkpoint> <folder to write>`."""
 
 import sys
 from pathlib import Path
