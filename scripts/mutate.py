@@ -77,7 +77,10 @@ GUARDS = (
         "tests/test_guards.py -k demonstrations_are",
     ),
     Change(
-        "imitate/demos.py", "0.0 if first < clean else", "0.0 if first <= clean else", "tests/test_guards.py -k share"
+        "imitate/demos.py",
+        "motions[first:end]), first < clean)",
+        "motions[first:end]), first <= clean)",
+        "tests/test_guards.py -k share",
     ),
     Change(
         "imitate/lerobot.py", 'if row["success"] or not only_success', "if True", "tests/test_lerobot.py -k round_trip"
