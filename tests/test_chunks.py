@@ -13,6 +13,7 @@ from mimicbench.imitate.lerobot import Demos
 from mimicbench.imitate.policy import Ensemble, VisionPolicy
 from mimicbench.imitate.registry import LEARNERS
 from mimicbench.imitate.settings.inputs import InputConfig
+from mimicbench.imitate.stored.scenery import Scenery
 from mimicbench.objects.families.chair import make_chair
 from mimicbench.robots.registry import ROBOTS
 from mimicbench.sensors.observations import Observations
@@ -102,7 +103,9 @@ def test_relative_targets_are_said_from_where_the_joints_are(kind, tmp_path):
     torch.manual_seed(0)
     learner, demos = config.build(), glide()
     plans = replace(LEARNERS.get(kind).config(), network=config).plans(demos, None)
-    data = DemoFrames(demos, {"chair": make_chair(0)}, config.inputs, config.window, plans=plans, validation=0.0)
+    chair = make_chair(0)
+    scenery = Scenery.of([chair], SIT_CHAIR, config.inputs)
+    data = DemoFrames(demos, {"chair": chair}, config.inputs, config.window, scenery, plans=plans, validation=0.0)
     at = torch.arange(20)
     label = data.batch(at).actions
     torch.testing.assert_close(label[:, 0], (0.5 + 0.01 * at)[:, None].expand(-1, 19))

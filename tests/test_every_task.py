@@ -35,7 +35,7 @@ from mimicbench.imitate.settings.inputs import InputConfig, Window
 from mimicbench.imitate.settings.perception import PerceptionConfig
 from mimicbench.imitate.spec import Given
 from mimicbench.imitate.stored.demo_writer import Demonstration, DemoWriter
-from mimicbench.imitate.stored.sight import Sight
+from mimicbench.imitate.stored.scenery import Scenery
 from mimicbench.imitate.stored.verify import replayed, unfulfilled
 from mimicbench.policies.loading import load_policy
 from mimicbench.sensors.scene import PICTURE
@@ -141,9 +141,10 @@ def test_a_clone_knows_its_goal(name, demonstrated, tmp_path):
     assert not run.errors
 
 
-def sight(scene, task, inputs):
-    """What a learner sees without errors."""
-    return Sight(cloning._maker(scene, task, inputs))
+def frames_of(demos, clips, inputs):
+    """A data set's frames as a learner with these inputs is shown them."""
+    scenery = Scenery.of(list(clips.objects.values()), clips.task, inputs)
+    return DemoFrames(demos, clips.objects, inputs, Window(), scenery, cloning._goals(demos, clips))
 
 
 @pytest.mark.parametrize("cameras", [True, False])
@@ -153,15 +154,7 @@ def test_what_is_learned_from_is_what_will_be_observed(name, cameras, demonstrat
     clips, folder = demonstrated(name)
     inputs = replace(BCClockImitation().network.inputs, elevation=True, cameras=cameras).of(ROBOT, clips.task)
     demos = load_demos(folder, ROBOT.name, state=False)
-    scene = list(clips.objects.values())
-    frames = DemoFrames(
-        demos,
-        clips.objects,
-        inputs,
-        Window(),
-        Sight(cloning._maker(scene, clips.task, inputs)),
-        cloning._goals(demos, clips),
-    )
+    frames = frames_of(demos, clips, inputs)
     bank = ReferenceBank(clips.motions, ROBOT)
     env = VecEnv(clips.task, ROBOT, clips.scenes, ONE, bank=bank)
     starts = ClipStarts(bank, env.physics.add_objects(clips.scenes), ROBOT)
@@ -191,14 +184,7 @@ def test_what_is_learned_from_is_what_will_be_observed(name, cameras, demonstrat
         torch.testing.assert_close(memory, known.recall(obs), atol=5e-3, rtol=0)
     sees = InputConfig(views=True, elevation=False).of(ROBOT, clips.task)
     demos = load_demos(folder, ROBOT.name)
-    frames = DemoFrames(
-        demos,
-        clips.objects,
-        sees,
-        Window(),
-        Sight(cloning._maker(scene, clips.task, sees)),
-        cloning._goals(demos, clips),
-    )
+    frames = frames_of(demos, clips, sees)
     picture = frames.batch(last).picture
     assert picture is not None and picture.shape == obs["views"].shape
     assert (picture - obs["views"]).abs().mean() < 0.01, "but for pixels on an edge"

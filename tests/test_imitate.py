@@ -27,13 +27,12 @@ from mimicbench.imitate.settings.cloning import MapErrors
 from mimicbench.imitate.settings.encoder import EncoderConfig
 from mimicbench.imitate.settings.inputs import InputConfig, Window
 from mimicbench.imitate.settings.perception import PerceptionConfig
-from mimicbench.imitate.stored.sight import Sight, disturbed, surfaces_of
+from mimicbench.imitate.stored.scenery import Scenery, disturbed
 from mimicbench.imitate.train import Course, train
 from mimicbench.objects.families.chair import make_chair
 from mimicbench.policies.loading import load_policy
 from mimicbench.robots.registry import ROBOTS
 from mimicbench.sensors.observations import Observations
-from mimicbench.sensors.sight.views import CameraViews
 from mimicbench.tasks.sit_chair import TASK as SIT_CHAIR
 
 TINY = EncoderConfig(pool=4, widths=(8, 8, 8, 8), blocks=(1, 1, 1, 1))
@@ -116,9 +115,9 @@ def frames(demos, chairs, network):
     """Frames of demonstrations as a network is shown them."""
     plans = Waves(network) if network.action_size != 19 else None
     scene = [chairs[name] for name in sorted(set(demos.object_ids))]
-    views = Sight(CameraViews(scene, SIT_CHAIR.rig).sample) if network.inputs.views else None
+    scenery = Scenery.of(scene, SIT_CHAIR, network.inputs)
     goals = replace(goals_of(demos, chairs), to_find=network.goal_weight > 0)
-    return DemoFrames(demos, chairs, network.inputs, network.window, views, goals, plans)
+    return DemoFrames(demos, chairs, network.inputs, network.window, scenery, goals, plans)
 
 
 class Waves:
@@ -383,7 +382,9 @@ def test_maps_are_less_than_perfect_as_they_are_told_to_be():
 def test_late_maps_are_of_where_the_robot_was(demos, chairs):
     config = tiny("bc", INPUTS["paper"])
     scene = [chairs[name] for name in sorted(set(demos.object_ids))]
-    late = DemoFrames(demos, chairs, config.inputs, config.window, Sight(surfaces_of(scene), MapErrors(late=3)))
+    late = DemoFrames(
+        demos, chairs, config.inputs, config.window, Scenery.of(scene, SIT_CHAIR, config.inputs, MapErrors(late=3))
+    )
     frames = torch.tensor([0, 1, *[9] * 24])
     seen = late.pictures(frames, torch.Generator().manual_seed(0))
     earlier = [

@@ -81,7 +81,7 @@ def augment(
         ),
     ] = ("mirror", "speed", "start", "size"),
     copies: Annotated[Count, tyro.conf.arg(help="variants of each kind; more than one: of the mirror image, too")] = 1,
-    count: Annotated[Count, tyro.conf.arg(help="clips to make variants of; made if they are not there")] = 2000,
+    count: Annotated[Count, tyro.conf.arg(help="made clips to make variants of; of a named set, all")] = 2000,
     source: Source = "made",
     to: SetName = "augmented",
     how: How = AS_USUAL,
@@ -97,7 +97,7 @@ def augment(
     for recipe in recipes(task, how.seed, source, count, how.workdir):
         run = start(recipe, how.workdir, how.context())
         human = make_reference_stage(run)
-        clips = ClipSource(make_object_stage(run), human, clips_of(human)[:count])
+        clips = ClipSource(make_object_stage(run), human, clips_of(human))
         fulfils = run.task.fulfilled_by_human
         made.append(make_augmented(how.workdir, to, clips, config, fulfils, run.context))
     tell([stage_summary(one) for one in made], how.as_json, "\n".join(stage_line(one) for one in made))

@@ -4,11 +4,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from mimicbench.core import rotations as rot
 from mimicbench.core.checkpoint import beside
 from mimicbench.core.errors import BadFile, MimicbenchError
 from mimicbench.core.seeds import digest
@@ -21,15 +19,11 @@ from mimicbench.imitate.learned import load_learner, save_learner
 from mimicbench.imitate.lerobot import DATASET, Demos, load_demos
 from mimicbench.imitate.policy import VisionPolicy
 from mimicbench.imitate.settings.cloning import DaggerConfig
-from mimicbench.imitate.settings.inputs import InputConfig, NetworkConfig
+from mimicbench.imitate.settings.inputs import NetworkConfig
 from mimicbench.imitate.spec import CloneImitation, Given
-from mimicbench.imitate.stored.sight import MapMaker, Sight
+from mimicbench.imitate.stored.scenery import Scenery
 from mimicbench.imitate.train import Course, train
-from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
-from mimicbench.sensors.elevation import ElevationMaps
-from mimicbench.sensors.heightmap import MapView, ObjectMaps
-from mimicbench.sensors.sight.views import CameraViews
 from mimicbench.sim.devices import tensor_device
 from mimicbench.tasks.task import Task
 
@@ -123,38 +117,10 @@ def rounds_of(policy: str) -> list[Path]:
 def demo_frames(demos: Demos, clips: ClipSet, network: NetworkConfig, config: CloneImitation) -> DemoFrames:
     """The frames of demonstrations that follow these clips, as a network is shown them."""
     scene = [clips.objects[object_id] for object_id in sorted(set(demos.object_ids) & set(clips.objects))]
-    maps = _maker(scene, clips.task, network.inputs) if network.inputs.sees else None
     finds, inputs = network.goal_weight > 0, network.inputs
     goals = _goals(demos, clips, finds) if inputs.memory or inputs.targets or finds else None
-    sight = None if maps is None else Sight(maps, config.train.maps)
-    return DemoFrames(demos, clips.objects, inputs, network.window, sight, goals, config.plans(demos, clips))
-
-
-def _maker(scene: list[SceneObject], task: Task, inputs: InputConfig) -> MapMaker:
-    """What a learner sees: maps as cameras or vertical rays make them (sensors.elevation), or the cameras' views."""
-    if inputs.views:
-        return CameraViews(scene, task.rig).sample
-    if inputs.cameras:
-        eyes = ElevationMaps(scene, MapView(task.rig, task.map_cell), workers=1)
-
-        def see(
-            index: Tensor, root_pos: Tensor, root_quat: Tensor, pose: Tensor | None, places: np.ndarray | None
-        ) -> Tensor:
-            there = (None, None) if pose is None else (pose[:, :3], pose[:, 3:])
-            return eyes.sample(root_pos, root_quat, *there, index)
-
-        return see
-    still, moved = ObjectMaps(scene), ElevationMaps(scene, MapView(None, task.map_cell))
-
-    def make(
-        index: Tensor, root_pos: Tensor, root_quat: Tensor, pose: Tensor | None, places: np.ndarray | None
-    ) -> Tensor:
-        root_yaw = rot.yaw_of(root_quat).float()
-        if pose is None:
-            return still.sample(index, root_pos, root_yaw, cell=task.map_cell)
-        return moved.sample(root_pos, rot.from_yaw(root_yaw), pose[:, :3], pose[:, 3:], index)
-
-    return make
+    scenery = Scenery.of(scene, clips.task, inputs, config.train.maps)
+    return DemoFrames(demos, clips.objects, inputs, network.window, scenery, goals, config.plans(demos, clips))
 
 
 def _goals(demos: Demos, clips: ClipSet, to_find: bool = False) -> EpisodeGoals:

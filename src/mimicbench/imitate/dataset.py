@@ -18,8 +18,8 @@ from mimicbench.imitate.inputs import Batch
 from mimicbench.imitate.lerobot import Demos
 from mimicbench.imitate.settings.inputs import InputConfig, Window
 from mimicbench.imitate.stored.sampler import Sampler
+from mimicbench.imitate.stored.scenery import Scenery, disturbed
 from mimicbench.imitate.stored.scratch import scratch
-from mimicbench.imitate.stored.sight import Sight, disturbed, surfaces_of
 from mimicbench.objects.shape import SceneObject
 from mimicbench.sensors.targets import TARGET_CELL, target_map
 from mimicbench.tasks.goal import GoalSpec
@@ -71,7 +71,7 @@ class DemoFrames:
         objects: Mapping[str, SceneObject],
         inputs: InputConfig,
         window: Window,
-        sight: Sight | None = None,
+        scenery: Scenery | None = None,
         goals: EpisodeGoals | None = None,
         plans: Plans | None = None,
         validation: float = 0.1,
@@ -83,7 +83,7 @@ class DemoFrames:
             objects: By id, at least those of the demonstrations.
             inputs: What the learner sees.
             window: Which frames it is shown.
-            sight: What makes that; by default maps of the surfaces of objects that stay where they are.
+            scenery: What makes what surrounds it; needed if it sees that.
             goals: What they were to do; needed if the learner has a memory, is told, or finds them.
             plans: What it is to say; joint targets by default.
             validation: Share of the episodes that is kept apart.
@@ -98,7 +98,6 @@ class DemoFrames:
         if inputs.body == "state" and demos.state is None:
             raise BadFile("the demonstrations were read without S_current, which this learner sees; read them with it")
         ids = sorted(set(demos.object_ids))
-        scene = [objects[object_id] for object_id in ids]
         self.episode = torch.from_numpy(np.repeat(np.arange(demos.episodes), np.diff(demos.starts)))
         self.starts = torch.from_numpy(demos.starts)
         self.object_index = torch.tensor([ids.index(object_id) for object_id in demos.object_ids])
@@ -111,7 +110,10 @@ class DemoFrames:
         self.time = (torch.arange(demos.frames) - self.starts[self.episode]) / demos.fps
         rest = demos.qpos[:, 7 + len(demos.joint_names) :]
         self.object_pose = torch.from_numpy(rest.astype(np.float32)) if rest.shape[1] else None
-        self._sight = sight or Sight(surfaces_of(scene))
+        if scenery is not None:
+            self._scenery = scenery
+        elif inputs.sees:
+            raise ValueError("this learner sees what surrounds it; say what makes that")
         self._finds = goals is not None and goals.to_find
         if goals is not None:
             self._goals = goals
@@ -206,7 +208,7 @@ class DemoFrames:
         seen = self._around(self._earlier(frames, generator), places)
         if self.inputs.views:
             return seen
-        seen = seen if generator is None else disturbed(seen, self.root_pos[frames, 2], self._sight.errors, generator)
+        seen = seen if generator is None else disturbed(seen, self.root_pos[frames, 2], self._scenery.errors, generator)
         if places is None:
             return seen[:, None]
         heading = rot.from_yaw(self.root_yaw[frames].numpy())
@@ -215,16 +217,16 @@ class DemoFrames:
 
     def _earlier(self, frames: Tensor, generator: torch.Generator | None) -> Tensor:
         """(B,) the frames, of the same episodes, of which the maps are that come in frames (B,)."""
-        if generator is None or not self._sight.errors.late:
+        if generator is None or not self._scenery.errors.late:
             return frames
-        age = torch.randint(self._sight.errors.late + 1, frames.shape, generator=generator)
+        age = torch.randint(self._scenery.errors.late + 1, frames.shape, generator=generator)
         return torch.maximum(frames - age, self.starts[self.episode[frames]])
 
     def _around(self, frames: Tensor, places: np.ndarray | None) -> Tensor:
         """(B, 128, 128), or (B, channels, 128, 128), what surrounds the robots."""
         index, root_pos = self.object_index[self.episode[frames]], self.root_pos[frames]
         pose = None if self.object_pose is None else self.object_pose[frames]
-        return self._sight.make(index, root_pos, self.root_quat[frames], pose, places)
+        return self._scenery.make(index, root_pos, self.root_quat[frames], pose, places)
 
 
 def _apart(demos: Demos, share: float) -> np.ndarray:

@@ -205,8 +205,9 @@ def _plain(settings: Any) -> dict[str, Any]:
 
 
 def _course(config: TrackConfig) -> dict[str, Any]:
-    """What decides the course of a training; it may run longer, be saved more or less often, and what it began from may
+    """What decides the course of a training; it may run longer, and be saved more or less often. What it began from may
     have been moved: the stage that it is part of knows the tracker itself.
     """
-    free = ("samples", "until", "save_every", "begin_from")
-    return {name: value for name, value in msgspec.to_builtins(asdict(config)).items() if name not in free}
+    free, begun = ("samples", "until", "save_every"), "given" if config.begin_from else ""
+    plain = msgspec.to_builtins(asdict(replace(config, begin_from=begun)))
+    return {name: value for name, value in plain.items() if name not in free}

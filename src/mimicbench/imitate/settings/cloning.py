@@ -43,6 +43,7 @@ class TrainConfig:
     """Part of every batch that comes from the first second of episodes. All begin at rest, and who does not take the
     first step as it has to be taken slowly sinks and tips over, whatever it knows of later ones."""
     maps: MapErrors = field(default_factory=MapErrors)
+    """What is wrong with the elevation maps that are learned from."""
     learning_rate: float = 1e-3
     """The highest."""
     schedule: Literal["cosine", "constant"] = "cosine"

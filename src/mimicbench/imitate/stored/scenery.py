@@ -11,8 +11,12 @@ from torch import Tensor
 
 from mimicbench.core import rotations as rot
 from mimicbench.imitate.settings.cloning import MapErrors
+from mimicbench.imitate.settings.inputs import InputConfig
 from mimicbench.objects.shape import SceneObject
-from mimicbench.sensors.heightmap import ObjectMaps
+from mimicbench.sensors.elevation import ElevationMaps
+from mimicbench.sensors.heightmap import MapView, ObjectMaps
+from mimicbench.sensors.sight.views import CameraViews
+from mimicbench.tasks.task import Task
 
 MapMaker = Callable[[Tensor, Tensor, Tensor, Tensor | None, np.ndarray | None], Tensor]
 """(object index (N,), root position (N, 3) and orientation (N, 4), the object's position and quaternion (N, 7), None
@@ -21,7 +25,7 @@ where it stands still at the origin, places (N, 2, 3) that the robot is told, No
 
 
 @dataclass(frozen=True)
-class Sight:
+class Scenery:
     """What a learner sees of what surrounds it."""
 
     make: MapMaker
@@ -29,13 +33,42 @@ class Sight:
     errors: MapErrors = field(default_factory=MapErrors)
     """What is wrong with these maps."""
 
+    @staticmethod
+    def of(
+        scene: Sequence[SceneObject], task: Task, inputs: InputConfig, errors: MapErrors | None = None
+    ) -> "Scenery | None":
+        """For a learner with these inputs, beside these objects, by their place among them; None if it sees nothing."""
+        if not inputs.sees:
+            return None
+        if inputs.views:
+            return Scenery(CameraViews(scene, task.rig).sample)
+        make = _by_cameras if inputs.cameras else _from_above
+        return Scenery(make(scene, task), errors or MapErrors())
 
-def surfaces_of(scene: Sequence[SceneObject]) -> MapMaker:
-    """Maps of the surfaces of objects that stay where they are, as seen from the root."""
-    surfaces = ObjectMaps(scene)
 
-    def make(index: Tensor, root_pos: Tensor, root_quat: Tensor, *_: object) -> Tensor:
-        return surfaces.sample(index, root_pos, rot.yaw_of(root_quat).float(), occlusion=True)
+def _by_cameras(scene: Sequence[SceneObject], task: Task) -> MapMaker:
+    # one thread: the others learn, or make other batches
+    eyes = ElevationMaps(scene, MapView(task.rig, task.map_cell), workers=1)
+
+    def make(
+        index: Tensor, root_pos: Tensor, root_quat: Tensor, pose: Tensor | None, places: np.ndarray | None
+    ) -> Tensor:
+        there = (None, None) if pose is None else (pose[:, :3], pose[:, 3:])
+        return eyes.sample(root_pos, root_quat, *there, index)
+
+    return make
+
+
+def _from_above(scene: Sequence[SceneObject], task: Task) -> MapMaker:
+    still, moved = ObjectMaps(scene), ElevationMaps(scene, MapView(None, task.map_cell))
+
+    def make(
+        index: Tensor, root_pos: Tensor, root_quat: Tensor, pose: Tensor | None, places: np.ndarray | None
+    ) -> Tensor:
+        root_yaw = rot.yaw_of(root_quat).float()
+        if pose is None:
+            return still.sample(index, root_pos, root_yaw, cell=task.map_cell)
+        return moved.sample(root_pos, rot.from_yaw(root_yaw), pose[:, :3], pose[:, 3:], index)
 
     return make
 
