@@ -16,7 +16,6 @@ from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion, MimicbenchError
 from mimicbench.core.files import read_record, write_record
 from mimicbench.core.motion import HumanMotion
-from mimicbench.core.skeleton import Skeleton
 from mimicbench.core.stage import HEADER, read_stage
 from mimicbench.objects.make import read_objects
 from mimicbench.objects.registry import FAMILIES
@@ -124,12 +123,27 @@ def test_variants_of_an_object_stay_in_its_split():
     assert all(split_of(f"chair-0-{i:05d}~x1.0500") == split_of(f"chair-0-{i:05d}") for i in range(40))
 
 
-def test_lopsided_skeletons_are_not_mirrored():
+def test_who_has_one_longer_shin_has_the_other_in_the_mirror():
+    motion = synthesize("sit-chair", 1, obj := FAMILIES.get("chair").make(1, 0), 0)
+    offsets = motion.skeleton.offsets.copy()
+    offsets[motion.skeleton.index("left_foot"), 2] -= 0.03
+    lopsided = replace(motion, skeleton=replace(motion.skeleton, offsets=offsets))
+    other, _ = mirror(lopsided, obj)
+    pairs = mirrored_joints(lopsided.skeleton)
+    there = lopsided.forward_kinematics()[0]
+    assert other.forward_kinematics()[0] == pytest.approx(there[:, pairs] * FLIP, abs=1e-9)
+    assert (mirror(other, obj)[0].skeleton.offsets == offsets).all()
+
+
+def test_who_has_no_mirror_image_is_told_so():
     skeleton = SKELETONS["unihsi"]
-    offsets = skeleton.offsets.copy()
-    offsets[4, 2] += 0.01
-    with pytest.raises(BadMotion, match="not the same on both sides"):
-        mirrored_joints(Skeleton("unihsi", skeleton.joint_names, skeleton.parents, offsets))
+    names = tuple(name.replace("left_", "lefty_") for name in skeleton.joint_names)
+    with pytest.raises(BadMotion, match="no mirror image"):
+        mirrored_joints(replace(skeleton, joint_names=names))
+    motion = synthesize("sit-chair", 1, obj := FAMILIES.get("chair").make(1, 0), 0)
+    one_sided = replace(motion, contact_names=("left_foot",), contacts=motion.contacts[:, :1])
+    with pytest.raises(BadMotion, match="no labels of right_foot"):
+        mirror(one_sided, obj)
 
 
 @settings(max_examples=10, deadline=None)

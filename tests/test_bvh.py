@@ -13,7 +13,7 @@ from mimicbench.references.body.body import roam_body
 from mimicbench.references.body.skeletons import ROAM
 from mimicbench.references.checks.contacts import sole_points
 from mimicbench.references.importers.bvh_file import read_bvh, world
-from mimicbench.references.importers.joint_names import split_name
+from mimicbench.references.importers.joint_names import find_limbs, split_name
 from mimicbench.references.importers.recording import Wishes
 from mimicbench.references.importers.registry import import_recording
 from mimicbench.references.importers.rest_pose import axis_up
@@ -185,3 +185,41 @@ def test_real_files_stand_on_their_floor(name, tall):
     across = pos[:, body.legs[0].root] - pos[:, body.legs[1].root]
     left = rot.rotate(quat[:, 0], np.array([0.0, 1.0, 0.0]))
     assert ((across * left).sum(-1) > 0.9 * np.linalg.norm(across, axis=-1)).all(), "left is left"
+
+
+SMPL = {
+    "LeftUpLeg": "left_hip", "LeftLeg": "left_knee", "LeftFoot": "left_ankle", "LeftToeBase": "left_foot",
+    "LeftArm": "left_shoulder", "LeftForeArm": "left_elbow", "LeftHand": "left_wrist",
+    "RightUpLeg": "right_hip", "RightLeg": "right_knee", "RightFoot": "right_ankle", "RightToeBase": "right_foot",
+    "RightArm": "right_shoulder", "RightForeArm": "right_elbow", "RightHand": "right_wrist",
+}  # fmt: skip
+
+
+def test_feet_and_hands_that_hang_from_ankles_and_wrists_are_toes_and_fingers():
+    path = Path("smpl.bvh")
+    names = ["pelvis", "left_hip", "left_knee", "left_ankle", "left_foot", "right_hip", "right_knee", "right_ankle"]
+    names += ["right_foot", "head"]
+    parents = [-1, 0, 1, 2, 3, 0, 5, 6, 7, 0]
+    for side in ("left", "right"):
+        for joint in ("collar", "shoulder", "elbow", "wrist", "hand"):
+            parents.append(0 if joint == "collar" else len(names) - 1)
+            names.append(f"{side}_{joint}")
+    limbs = find_limbs(path, names, parents)
+    assert [names[j] for j in limbs.legs[0]] == ["left_hip", "left_knee", "left_ankle"]
+    assert [names[j] for j in limbs.arms[1]] == ["right_shoulder", "right_elbow", "right_wrist"]
+    assert [names[j] for j in limbs.toes] == ["left_foot", "right_foot"]
+
+
+def test_smpls_names_give_the_same_person(tmp_path):
+    one = import_recording(recordings.bvh(tmp_path / "one.bvh"))
+    other = import_recording(recordings.bvh(tmp_path / "other.bvh", rename=lambda name: SMPL.get(name, name)))
+    np.testing.assert_allclose(other.skeleton.offsets, one.skeleton.offsets, atol=1e-9)
+    np.testing.assert_allclose(other.root_pos_w, one.root_pos_w, atol=1e-9)
+
+
+@pytest.mark.parametrize("more", ["\n# made by nobody\n", "\x1a"])
+def test_words_after_the_last_frame_do_no_harm(tmp_path, more):
+    path = recordings.bvh(tmp_path / "take.bvh")
+    whole = import_recording(path)
+    path.write_text(path.read_text() + more)
+    np.testing.assert_array_equal(import_recording(path).local_quat, whole.local_quat)

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 import torch
 
+from mimicbench.core.settings import BadSetting
 from mimicbench.imitate.dataset import DemoFrames
 from mimicbench.imitate.learned import load_learner, save_learner
 from mimicbench.imitate.lerobot import Demos
 from mimicbench.imitate.policy import Ensemble, VisionPolicy
 from mimicbench.imitate.registry import LEARNERS
+from mimicbench.imitate.settings.encoder import EncoderConfig
 from mimicbench.imitate.settings.inputs import InputConfig
 from mimicbench.imitate.stored.scenery import Scenery
 from mimicbench.objects.families.chair import make_chair
@@ -30,7 +32,7 @@ SMALL = {
 def network(kind, **settings):
     """A small network of a learner, which sees the body and a clock."""
     config = LEARNERS.get(kind).config().network
-    return replace(config, inputs=BODY, **SMALL[kind], **settings).of(H1, SIT_CHAIR)
+    return replace(config, inputs=BODY, **SMALL.get(kind, {}), **settings).of(H1, SIT_CHAIR)
 
 
 def senses(proprio):
@@ -112,10 +114,62 @@ def test_relative_targets_are_said_from_where_the_joints_are(kind, tmp_path):
     for later in range(1, config.window.chunk):
         moved = torch.from_numpy(demos.qpos[later : 20 + later, 7:] - demos.qpos[:20, 7:]).float()
         torch.testing.assert_close(label[:, later], moved + (0.5 + 0.01 * (at + later))[:, None])
-    learner.normalize_by(data.vector(torch.arange(30)), data.samples(torch.arange(30)))
+    learner.normalize_by(data.vector(torch.arange(30)), data.samples(torch.arange(30)), data.ends())
     save_learner(tmp_path, learner, "h1")
     policy, proprio = VisionPolicy(load_learner(tmp_path, H1, type(config))[0]), torch.randn(2, 48)
     policy.reset(torch.arange(2), senses(proprio))
     with torch.no_grad():
         said = policy.learner.predict(policy.senses.see(senses(proprio))[0], None)
     torch.testing.assert_close(policy.act(senses(proprio)), said + proprio[:, 10:29])
+
+
+@pytest.mark.parametrize("steps", [1, 8, 16, 34, 51, 100])
+def test_noise_is_taken_back_from_the_last_level_on(steps, monkeypatch):
+    """By who knows that actions are 0.5 +- 0.1, whatever the number of steps."""
+    config = replace(network("diffusion"), sample_steps=steps, noise_steps=100, action_size=200, widths=(16, 32))
+    torch.manual_seed(0)
+    learner = config.build()
+
+    def ideal(actions, step, seen):
+        kept = learner.kept[step][:, None, None]
+        clean = 0.5 + kept.sqrt() * 0.01 / (kept * 0.01 + 1 - kept) * (actions - kept.sqrt() * 0.5)
+        return (actions - kept.sqrt() * clean) / (1 - kept).sqrt()
+
+    monkeypatch.setattr(learner.unet, "forward", ideal)
+    monkeypatch.setattr(learner, "_seen", lambda vector, picture: torch.zeros(1, 1))
+    said = learner.plan(torch.zeros(1, 1), None)
+    assert said.mean() == pytest.approx(0.5, abs=0.02)
+
+
+def test_a_peak_of_one_frame_can_be_said():
+    config = network("diffusion")
+    demos = glide()
+    demos.action[13] = 5.0
+    chair = make_chair(0)
+    scenery = Scenery.of([chair], SIT_CHAIR, config.inputs)
+    data = DemoFrames(demos, {"chair": chair}, config.inputs, config.window, scenery, validation=0.0)
+    learner, some = config.build(), torch.arange(0, 12)
+    learner.normalize_by(data.vector(some), data.samples(some), data.ends())
+    torch.testing.assert_close(learner.normalized_actions(torch.full((19,), 5.0)), torch.ones(19))
+
+
+@pytest.mark.parametrize(
+    ("kind", "change", "match"),
+    [
+        ("diffusion", {"kernel": 4}, "odd"),
+        ("diffusion", {"widths": (36, 64)}, "groups"),
+        ("diffusion", {"step_embedding": 2}, "even number"),
+        ("diffusion", {"step_embedding": 65}, "even number"),
+        ("act", {"hidden": 90, "heads": 3}, "multiple of 4"),
+        ("hit", {"hidden": 90, "heads": 3}, "multiple of 4"),
+        ("bc", {"encoder": EncoderConfig(cells=64)}, "128"),
+    ],
+)
+def test_sizes_of_which_no_network_can_be_made_are_refused(kind, change, match):
+    with pytest.raises(BadSetting, match=match):
+        replace(network(kind), **change)
+
+
+def test_channels_that_go_into_no_groups_are_refused():
+    with pytest.raises(BadSetting, match="groups of 16"):
+        EncoderConfig(widths=(16, 32, 50, 64))

@@ -243,3 +243,10 @@ def test_a_share_is_of_what_demonstrations_begin_from():
     assert (ruled.demos.clips, ruled.references.count) == (30, 50)
     with pytest.raises(BadSetting, match="shared, of a tenth: the set 'recorded' is used whole"):
         recipe_of(SHARED, part, Said(settings={"references": {"source": "recorded"}}))
+
+
+def test_fewer_people_give_fewer_demonstrations_though_more_are_made_than_are_kept():
+    cut = recipe_of(
+        SHARED, SHARED.variants[2], Said(settings={"references": {"count": 8000}, "demos": {"clips": 1500}})
+    )
+    assert (cut.references.count, cut.demos.clips) == (800, 150)

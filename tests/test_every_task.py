@@ -15,7 +15,10 @@ from mimicbench.benchmark.graph import start
 from mimicbench.benchmark.judging import judge
 from mimicbench.benchmark.recipe import EvaluateConfig
 from mimicbench.core.errors import BadFile
+from mimicbench.core.motion import RobotMotion
 from mimicbench.envs.clip_starts import ClipStarts
+from mimicbench.envs.clips import ClipSet
+from mimicbench.envs.initial_states import stacked, start_of
 from mimicbench.envs.lerobot.seen import make_one
 from mimicbench.envs.reference import ReferenceBank
 from mimicbench.envs.vec_env import VecEnv
@@ -28,7 +31,7 @@ from mimicbench.imitate.goals import GivenGoal
 from mimicbench.imitate.learners.bc import BCImitation
 from mimicbench.imitate.learners.bc_clock import BCClockImitation
 from mimicbench.imitate.learners.planner import PlannerConfig, PlannerImitation
-from mimicbench.imitate.lerobot import load_demos
+from mimicbench.imitate.lerobot import Demos, load_demos
 from mimicbench.imitate.perception import Perception, save_perception
 from mimicbench.imitate.settings.cloning import TrainConfig
 from mimicbench.imitate.settings.inputs import InputConfig, Window
@@ -37,6 +40,7 @@ from mimicbench.imitate.spec import Given
 from mimicbench.imitate.stored.demo_writer import Demonstration, DemoWriter
 from mimicbench.imitate.stored.scenery import Scenery
 from mimicbench.imitate.stored.verify import replayed, unfulfilled
+from mimicbench.objects.registry import make_object
 from mimicbench.policies.loading import load_policy
 from mimicbench.sensors.scene import PICTURE
 from mimicbench.sim.rows import Rows
@@ -144,7 +148,9 @@ def test_a_clone_knows_its_goal(name, demonstrated, tmp_path):
 def frames_of(demos, clips, inputs):
     """A data set's frames as a learner with these inputs is shown them."""
     scenery = Scenery.of(list(clips.objects.values()), clips.task, inputs)
-    return DemoFrames(demos, clips.objects, inputs, Window(), scenery, cloning._goals(demos, clips))
+    return DemoFrames(
+        demos, clips.objects, inputs, Window(), scenery, cloning._goals(demos, clips, are_told=inputs.targets)
+    )
 
 
 @pytest.mark.parametrize("cameras", [True, False])
@@ -213,3 +219,26 @@ def test_from_clips_to_a_policy(task, tmp_path):
     rows = judge(start(recipe, tmp_path, making.QUIET), "planner")
     assert len(rows) == 2 and not any(row.error for row in rows)
     assert np.isfinite([row.max_energy for row in rows]).all()
+
+
+def test_a_hand_that_has_nothing_to_do_is_on_no_map():
+    """Whom recordings show reaching with one hand: neither in what is learned from nor in what is observed."""
+    task, obj = TASKS.get("touch-points"), make_object("household-0-00000")
+    count = 60
+    root, quat = np.tile([-0.6, 0.0, 1.0], (count, 1)), np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
+    pose, goal = np.tile(ROBOT.rest_pose, (count, 1)), np.array([[-0.2, 0.15, 0.8], [np.nan] * 3])
+    motion = RobotMotion(
+        "one", task.name, ROBOT.name, ROBOT.joint_names, 50.0, root, quat, pose, obj.id, "person", wrist_goal_w=goal
+    )
+    clips = ClipSet(task, ROBOT, [motion], {obj.id: obj})
+    demos = Demos(
+        ROBOT.name, task.title, 50.0, ROBOT.joint_names, np.array([0, count]), None, pose.astype("f"),
+        pose.astype("f"), np.concatenate([root, quat, pose], 1), np.zeros((count, 25)), (obj.id,), ("one",),
+        np.array([True]),
+    )  # fmt: skip
+    frames = frames_of(demos, clips, InputConfig(body="proprio").of(ROBOT, task))
+    told = frames.pictures(torch.tensor([0]))[0, 1]
+    env = VecEnv(task, ROBOT, [obj], ONE)
+    env.reset(Rows.every(1, "cpu"), stacked([start_of(motion, obj, ROBOT, task)], env.physics))
+    np.testing.assert_allclose(told, env.observe(["target_elevation"])["target_elevation"][0], atol=1e-6)
+    assert (told > told.min() + 0.01).sum() == 1

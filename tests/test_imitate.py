@@ -144,7 +144,7 @@ def test_learner_contract(kind, inputs, demos, chairs, tmp_path):
     assert batch.vector.shape == (10, *history, config.inputs.size)
     assert batch.actions.shape == (10, config.window.chunk, config.action_size)
     assert (batch.picture is None) == (not config.inputs.sees)
-    learner.normalize_by(data.vector(torch.arange(demos.frames)), data.samples(torch.arange(demos.frames)))
+    learner.normalize_by(data.vector(torch.arange(demos.frames)), data.samples(torch.arange(demos.frames)), data.ends())
     # the loss falls
     optimizer = torch.optim.Adam(learner.parameters(), 3e-3)
     losses = []

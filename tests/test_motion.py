@@ -216,3 +216,14 @@ def test_thinning_keeps_every_nth_frame():
     assert thin.fps == pytest.approx(motion.fps / 3) and thin.frames == (motion.frames + 2) // 3
     np.testing.assert_array_equal(thin.local_quat, motion.local_quat[::3])
     np.testing.assert_array_equal(thin.contacts, motion.contacts[::3])
+
+
+@pytest.mark.parametrize("field", ["id", "object_id"])
+@pytest.mark.parametrize("name", ["../elsewhere", "/tmp/x", ".hidden", "a\0b", 7])
+def test_ids_that_lead_elsewhere_are_refused(field, name, tmp_path):
+    for motion, kind in ((human(), "human_motion"), (robot(), "robot_motion")):
+        motion.save(tmp_path / "m.npz")
+        header, arrays = read_npz(tmp_path / "m.npz", kind)
+        write_npz(tmp_path / "m.npz", {**header, field: name}, arrays)
+        with pytest.raises(BadMotion, match="cannot be a file's name"):
+            type(motion).load(tmp_path / "m.npz")

@@ -16,6 +16,7 @@ from mimicbench.objects.importing.own import ImportConfig, import_mesh
 from mimicbench.objects.importing.placing import KINDS, Wishes, place
 from mimicbench.objects.importing.planes import SIT, find_plane, surfaces
 from mimicbench.objects.importing.ply import read_ply
+from mimicbench.objects.importing.polygons import triangles
 from mimicbench.objects.importing.sheets import agreed, one_sheet
 from mimicbench.objects.importing.topology import topology
 
@@ -315,3 +316,55 @@ def test_a_mesh_is_read_once(tmp_path, monkeypatch):
         assert read_mesh(path) is first
     shapes.chair(height=1.2).export(path)
     assert read_mesh(path).bounds()[1][2] == pytest.approx(1.2), "another file of that name is another mesh"
+
+
+BOX = [(1, 2, 4, 3), (5, 7, 8, 6), (1, 5, 6, 2), (3, 4, 8, 7), (1, 3, 7, 5), (2, 6, 8, 4)]
+
+
+def obj_box(at, relative):
+    corners = [(x + at, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
+    faces = [[i - 9 if relative else i for i in face] for face in BOX]
+    return "".join(f"v {x} {y} {z}\n" for x, y, z in corners) + "".join(f"f {a} {b} {c} {d}\n" for a, b, c, d in faces)
+
+
+def test_obj_corners_that_are_counted_back_are_those_before(tmp_path):
+    path = tmp_path / "two.obj"
+    path.write_text(obj_box(0, relative=True) + obj_box(3, relative=True))
+    found = read_mesh(path)
+    assert len(found.faces) == 24
+    assert trimesh.Trimesh(found.vertices, found.faces, process=False).volume == pytest.approx(2.0)
+    np.testing.assert_allclose(found.bounds(), [[0, 0, 0], [4, 1, 1]])
+
+
+@pytest.mark.parametrize("words", ["f 0 1 2", "f -9 1 2", "f 1 2 9", "f 1 x 2", "v 1 2"])
+def test_obj_lines_that_make_no_sense_are_refused(tmp_path, words):
+    path = tmp_path / "odd.obj"
+    path.write_text(obj_box(0, relative=False) + words + "\n" + "f 1 2 3 # a note\n")
+    with pytest.raises(BadFile, match="damaged"):
+        read_mesh(path)
+
+
+U = [(-0.6, -0.6), (0.6, -0.6), (0.6, -0.2), (-0.2, -0.2), (-0.2, 0.2), (0.6, 0.2), (0.6, 0.6), (-0.6, 0.6)]
+STAR = [(np.cos(a) * r, np.sin(a) * r) for a, r in zip(np.arange(10) * np.pi / 5, [1.0, 0.4] * 5, strict=True)]
+RING = [(0, 0), (3, 0), (3, 3), (0, 3), (0, 0), (1, 1), (1, 2), (2, 2), (2, 1), (1, 1)]  # a hole and the bridge to it
+
+
+@pytest.mark.parametrize(("outline", "area"), [(U, 1.12), (STAR, 10 * 0.5 * 0.4 * np.sin(np.pi / 5)), (RING, 8.0)])
+@pytest.mark.parametrize("first", range(5))
+@pytest.mark.parametrize("backward", [False, True])
+def test_a_face_that_is_not_convex_keeps_its_notches(outline, area, first, backward):
+    corners = np.roll(np.array(outline, float), -first, axis=0)[:: -1 if backward else 1]
+    tilted = corners @ np.array([[0.6, 0.0, 0.8], [0.0, 1.0, 0.0]]) + [5.0, 0.0, 1.0]
+    found = tilted[triangles(tilted, np.array([len(tilted)]), np.arange(len(tilted)))]
+    normals = np.cross(found[:, 1] - found[:, 0], found[:, 2] - found[:, 0]) / 2
+    assert np.linalg.norm(normals, axis=1).sum() == pytest.approx(area)
+    assert np.linalg.norm(normals.sum(0)) == pytest.approx(area), "all face alike"
+
+
+def test_a_huge_face_that_is_not_convex_is_refused():
+    turn = np.linspace(0, 2 * np.pi, 3001)[:-1]
+    gear = np.stack([np.cos(turn), np.sin(turn), 0 * turn], -1)
+    assert len(triangles(gear, np.array([3000]), np.arange(3000))) == 2998, "a convex one is not"
+    gear[::2] *= 0.9
+    with pytest.raises(BadFile, match="not convex"):
+        triangles(gear, np.array([3000]), np.arange(3000))

@@ -15,7 +15,7 @@ import pytest
 BEFORE = {"objects": (), "references": ("objects",), "retarget": ("objects", "references")}
 SIZES = {
     "objects": ("--objects.count", "300"),
-    "references": ("--references.count", "40"),
+    "references": ("--references.count", "20"),
     "retarget": (),
 }
 ITEM = {"objects": "chair-*.json", "references": "*.npz", "retarget": "*.npz"}

@@ -125,3 +125,16 @@ def test_what_is_held_comes_to_rest_with_who_holds_it():
         assert after[:10] == pytest.approx(before[:10])
         assert after[held] == pytest.approx(np.broadcast_to(before[-1], after[held].shape), abs=1e-9)
     assert np.abs(np.linalg.norm(rest.object_quat_w, axis=-1) - 1).max() < 1e-9
+
+
+@pytest.mark.parametrize("frames", range(30, 60))
+def test_who_comes_to_rest_never_stands_still_before(frames):
+    """At one speed until the ending, then ever slower: nowhere faster, and nowhere at rest before the end."""
+    motion = synthesize("lift-box", 1, FAMILIES.get("box").make(1, 0), 0)
+    place = np.arange(frames)[:, None] / FPS * np.array([1.0, 0.0, 0.0])
+    still = replace(
+        motion, contact_names=(), contacts=motion.contacts[:0, :0], root_pos_w=place,
+        local_quat=motion.local_quat[:frames], object_pos_w=place, object_quat_w=motion.object_quat_w[:frames],
+    )  # fmt: skip
+    speed = np.diff(settled(still).root_pos_w[:, 0])[: -round(HELD * FPS)] * FPS
+    assert speed.max() < 1.001 and (np.diff(speed)[:-1] < 0.05).all() and speed[:-1].min() > 0.02

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 import torch
 
+from mimicbench.benchmark.recipe import read_recipe
 from mimicbench.core.checkpoint import BadCheckpoint
 from mimicbench.core.errors import MimicbenchError, UnknownName
 from mimicbench.core.progress import Pulse
+from mimicbench.core.settings import BadSetting
 from mimicbench.core.training import METRICS, TorchRandom, read_metrics
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.vec_env import EnvConfig
@@ -310,3 +312,44 @@ def test_a_training_killed_between_its_state_and_its_checkpoint_has_both_alike(t
         (made / name).write_bytes((old / name).read_bytes())  # what had been saved before
     again = train_tracker(tmp_path / "a", [clip_set()], [clip_set(CLIPS[1])], tiny(2), 0, ONE_THREAD)
     assert (again / "model.safetensors").read_bytes() == whole
+
+
+def test_a_deviation_comes_back_from_its_ends():
+    """Noise alone pushes it to the largest there is; then less is better."""
+    torch.manual_seed(0)
+    config = replace(TINY, initial_std=1.0, schedule="fixed", learning_rate=3e-3, entropy=0.1)
+    learner, random = PPOLearner(SMALL, 2, 4, config), np.random.default_rng(0)
+    for _ in range(10):
+        collect(learner, random)
+    assert max(learner.deviation) <= 1.0
+    learner.ppo.entropy_coef = -0.1
+    for _ in range(10):
+        collect(learner, random)
+    assert max(learner.deviation) < 0.98
+    with pytest.raises(BadSetting, match="initial.std"):
+        read_recipe({"track": {"ppo": {"initial_std": 2.0}}})
+
+
+def test_inputs_that_are_new_to_a_network_are_normalized_by_what_they_are():
+    torch.manual_seed(0)
+    old, new = PPOLearner(SMALL, 2, 4, TINY), PPOLearner(replace(SMALL, width=8), 2, 4, TINY)
+    kept = dict(old.network_tensors()) | {
+        "obs_mean": np.full(6, 2.0, np.float32),
+        "obs_std": np.full(6, 3.0, np.float32),
+    }
+    new.begin_from(kept, [(slice(0, 6), slice(0, 6))])
+    for _ in range(50):
+        obs = torch.randn(4, 8) * 10 + 30
+        for _ in range(TINY.steps):
+            new.act(obs)
+            new.record(obs, torch.zeros(4), torch.zeros(4, dtype=torch.bool), torch.zeros(4, dtype=torch.bool))
+        new.update(obs)
+    found = new.network_tensors()
+    np.testing.assert_allclose(found["obs_mean"][:6], 2.0, atol=1e-3)
+    np.testing.assert_allclose(found["obs_mean"][6:], 30.0, atol=4.0)
+    np.testing.assert_allclose(found["obs_std"][6:], 10.0, atol=3.0)
+
+
+def test_fewer_samples_than_minibatches_are_refused():
+    with pytest.raises(BadSetting, match="minibatches"):
+        PPOLearner(SMALL, 2, 1, replace(TINY, steps=1, minibatches=4))

@@ -19,7 +19,7 @@ from mimicbench.references.body.body import unihsi_body
 from mimicbench.references.body.skeletons import UNIHSI
 from mimicbench.references.checks.contacts import drop_short
 from mimicbench.references.importers.unihsi import import_skeleton_motion
-from mimicbench.references.recordings.cutting import FPS, smooth_jumps
+from mimicbench.references.recordings.cutting import FPS, JUMP, smooth_jumps
 from mimicbench.references.recordings.fit_object import seated_frame
 from mimicbench.references.recordings.real_clips import sitting_clips
 from mimicbench.references.recordings.segments import find_sittings
@@ -165,6 +165,15 @@ def test_a_jump_is_bridged():
     speed = np.linalg.norm(rot.to_rotvec(rot.multiply(rot.conjugate(smooth[:-1]), smooth[1:])), axis=-1) * 30
     assert speed.max() < 6
     np.testing.assert_allclose(smooth[[0, 10, 30, 39]], quat[[0, 10, 30, 39]], atol=1e-12)
+
+
+@pytest.mark.parametrize(("frame", "size"), [(1, 1.5), (20, 3.0), (39, 1.5)])
+def test_a_bridge_is_as_long_as_a_jump_needs(frame, size):
+    """A fast turn is no more than a jump, also where the clip ends."""
+    angle = np.where(np.arange(40) < frame, 0.0, size)
+    smooth = smooth_jumps(rot.from_rotvec(angle[:, None, None] * np.array([0.0, 0.0, 1.0])), 30.0)
+    speed = np.linalg.norm(rot.to_rotvec(rot.multiply(rot.conjugate(smooth[:-1]), smooth[1:])), axis=-1) * 30
+    assert speed.max() <= JUMP
 
 
 def broken(**changes):

@@ -30,9 +30,10 @@ HST_PPO: Tree = {
     "schedule": "fixed",
     "optimizer": "adamw",
     "critic_rate": None,
-    "scale_rewards": False,
+    "scale_rewards": True,
 }
-"""HumanPlus' training of HST: 2048 robots, 32 steps, a fixed rate."""
+"""HumanPlus' training of HST: 2048 robots, 32 steps, a fixed rate. It multiplies its rewards by the time step, and so
+must F.3's be made smaller, of which a step has up to 26: a clipped value moves by 0.2 per update."""
 
 
 ENDS: Tree = {"max_pos_error": 0.5, "max_angle_error": 1e3, "max_drop": 0.5, "max_object_error": 1e3}
@@ -208,7 +209,8 @@ def _hst_original(chosen: Chosen) -> Tree:
     nowhere = {"max_pos_error": 1e3, "max_angle_error": 1e3, "max_drop": 1e3, "max_object_error": 1e3}
     starts = {"first_frame": 1.0, "vel_noise": 0.29}
     tracking = {"push": 0.58, "push_interval": 15.0, "starts": starts, "ends": nowhere}
-    return merge(_paper(chosen), {"track": {"tracker": "hst-original", "tracking": tracking}})
+    ppo = {"scale_rewards": False}  # its own rewards are by the second
+    return merge(_paper(chosen), {"track": {"tracker": "hst-original", "tracking": tracking, "ppo": ppo}})
 
 
 def _omnih2o(chosen: Chosen) -> Tree:

@@ -108,7 +108,11 @@ def _with_share(recipe: Recipe, share: float, where: str) -> Recipe:
             f"{where}: the set {references.source!r} is used whole; compare shares of people who are made "
             "(references.source made)"
         )
-    return replace(recipe, references=replace(references, count=max(1, round(share * references.count))))
+    fewer = {
+        "references": replace(references, count=max(1, round(share * references.count))),
+        "demos": replace(demos, clips=max(1, round(share * demos.clips))),  # or they would be as many in the end
+    }
+    return replace(recipe, **fewer)
 
 
 def choice(tree: Tree) -> dict[str, Any]:

@@ -22,6 +22,7 @@ from mimicbench.core.motion_file import (
     check_scene,
     check_unit,
     documented,
+    read_id,
     read_quat,
     read_scene,
     scene_arrays,
@@ -129,13 +130,13 @@ class HumanMotion:
                 data["offsets"].astype(float),
             )
             return HumanMotion(
-                header["id"],
+                read_id(header, "id"),
                 header["task"],
                 skeleton,
                 header["fps"],
                 data["root_pos_w"].astype(float),
                 read_quat(data["local_quat"]),
-                header["object_id"],
+                read_id(header, "object_id"),
                 tuple(header["contact_names"]),
                 data["contacts"],
                 header["style"],
@@ -276,7 +277,7 @@ class RobotMotion:
                     f"reference to {robot!r} first"
                 )
             return RobotMotion(
-                header["id"],
+                read_id(header, "id"),
                 header["task"],
                 header["robot"],
                 tuple(header["joint_names"]),
@@ -284,8 +285,8 @@ class RobotMotion:
                 data["root_pos_w"].astype(float),
                 read_quat(data["root_quat_w"]),
                 data["joint_pos"].astype(float),
-                header["object_id"],
-                header["reference_id"],
+                read_id(header, "object_id"),
+                read_id(header, "reference_id"),
                 tuple(header["contact_names"]),
                 data["contacts"],
                 header["style"],

@@ -3,9 +3,11 @@
 See docs/formats.md.
 """
 
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -107,6 +109,14 @@ def documented(path: Path) -> Iterator[None]:
         raise BadMotion(
             f"{path} is not a motion as docs/formats.md describes it ({error!r}); make it again or convert it"
         ) from None
+
+
+def read_id(header: dict[str, Any], field: str) -> str:
+    """An id of a file's header, which becomes the name of others. Raises ValueError if it would lead elsewhere."""
+    found = header[field]
+    if not isinstance(found, str) or re.search(r"[/\\\0]|^\.", found):
+        raise ValueError(f"its {field} is {found!r}, which cannot be a file's name")
+    return found
 
 
 def read_quat(stored: np.ndarray) -> np.ndarray:

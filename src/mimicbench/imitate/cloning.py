@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -118,15 +119,16 @@ def demo_frames(demos: Demos, clips: ClipSet, network: NetworkConfig, config: Cl
     """The frames of demonstrations that follow these clips, as a network is shown them."""
     scene = [clips.objects[object_id] for object_id in sorted(set(demos.object_ids) & set(clips.objects))]
     finds, inputs = network.goal_weight > 0, network.inputs
-    goals = _goals(demos, clips, finds) if inputs.memory or inputs.targets or finds else None
+    goals = _goals(demos, clips, finds, inputs.targets) if inputs.memory or inputs.targets or finds else None
     scenery = Scenery.of(scene, clips.task, inputs, config.train.maps)
     return DemoFrames(demos, clips.objects, inputs, network.window, scenery, goals, config.plans(demos, clips))
 
 
-def _goals(demos: Demos, clips: ClipSet, to_find: bool = False) -> EpisodeGoals:
+def _goals(demos: Demos, clips: ClipSet, to_find: bool = False, are_told: bool = False) -> EpisodeGoals:
     """What the demonstrations were to do, by the clips that were tracked."""
-    found = goals_of(clips)[clips_of(demos, clips)]
-    return EpisodeGoals(clips.task.goal, found, clips.task.map_cell, to_find)
+    of = clips_of(demos, clips)
+    places = np.stack([motion.wrist_goal_w for motion in clips.motions])[of.numpy()] if are_told else None
+    return EpisodeGoals(clips.task.goal, goals_of(clips)[of], places, clips.task.map_cell, to_find)
 
 
 def clips_of(demos: Demos, clips: ClipSet) -> Tensor:

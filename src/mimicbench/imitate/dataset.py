@@ -32,6 +32,8 @@ class EpisodeGoals:
     spec: GoalSpec
     start_w: Tensor
     """(E, G) their goals in the world, as they were at the start."""
+    places_w: np.ndarray | None = None
+    """(E, 2, 3) where each wrist was told to go in the world [m], NaN of a hand that has nothing to do."""
     map_cell: float = TARGET_CELL
     """[m] Side of a cell of the maps of what robots are told."""
     to_find: bool = False
@@ -164,6 +166,13 @@ class DemoFrames:
         # plans are as large as their chunks are long, and neighbors are alike
         return self.action[frames] if self._plans is None else self._actions(frames[::10], *self._steps(frames[::10]))
 
+    def ends(self) -> Tensor:
+        """(2, A) the lowest and the highest action [rad] of all that are learned from; a peak may last a frame."""
+        parts = [self.action[some] for some in self.train_frames.split(_AT_ONCE)]
+        return torch.stack(
+            [torch.stack([p.amin(0) for p in parts]).amin(0), torch.stack([p.amax(0) for p in parts]).amax(0)]
+        )
+
     def _steps(self, frames: Tensor) -> tuple[Tensor, Tensor]:
         """The frames (B, chunk) of the window of frames (B,), and the last one (B, 1) of the episode,
         after which some may lie.
@@ -204,7 +213,7 @@ class DemoFrames:
         """What is seen (B, channels, 128, 128) in frames (B,)."""
         places = None
         if self.inputs.targets:
-            places = self._goals.start_w[self.episode[frames]].unflatten(-1, (2, 3)).numpy()
+            places = self._goals.places_w[self.episode[frames].numpy()]
         seen = self._around(self._earlier(frames, generator), places)
         if self.inputs.views:
             return seen

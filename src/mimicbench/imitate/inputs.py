@@ -56,8 +56,11 @@ class Learner(nn.Module):
             self.register_buffer(f"{name}_mean", torch.zeros(shape))
             self.register_buffer(f"{name}_std", torch.ones(shape))
 
-    def normalize_by(self, vector: Tensor, actions: Tensor) -> None:
-        """Take mean and deviation (at least 1e-2) from samples of input vectors (M, size) and actions (M, *shape)."""
+    def normalize_by(self, vector: Tensor, actions: Tensor, ends: Tensor) -> None:
+        """Take mean and deviation (at least 1e-2) from samples of input vectors (M, size) and actions (M, *shape).
+
+        `ends` (2, *shape) are the lowest and the highest action of all, for those who scale by them.
+        """
         for name, values in (("input", vector), ("action", actions)):
             getattr(self, f"{name}_mean").copy_(values.mean(0))
             getattr(self, f"{name}_std").copy_(values.std(0).clamp(min=1e-2))

@@ -34,6 +34,8 @@ from mimicbench.tasks.task import Task
 CLEAR = 0.2
 """[m] A robot that looks is at least so far from the object's outline."""
 
+JUDGED = 1000
+"""Maps that errors are measured on."""
 
 LOG = 50
 """Batches per line of metrics."""
@@ -233,7 +235,7 @@ def turned(
 
 
 def evaluate_perception(
-    net: Perception, task: Task, objects: Sequence[SceneObject], maps: int = 1000, seed: int = 1
+    net: Perception, task: Task, objects: Sequence[SceneObject], maps: int = JUDGED, seed: int = 1
 ) -> dict[str, float]:
     """Median errors on new maps of `objects`, as the cameras see them, with noise, by name of the goal's field.
 
@@ -265,6 +267,7 @@ def make_perception(
         network = train_perception(
             folder, config, task, objects, lambda batches, loss: tick(batches, f"loss {loss:.3f}")
         )
-    error = evaluate_perception(network, task, held_out) if held_out else None
+    # drawing a map costs as much to judge as to learn: who learns from a few is judged by as few
+    error = evaluate_perception(network, task, held_out, min(JUDGED, config.maps)) if held_out else None
     save_perception(folder, network, robot.name, error)
     return error or {}

@@ -113,7 +113,7 @@ class CloneTraining:
             torch.manual_seed(self._seed("weights"))
             self.learner = learner.build()
         frames = data.train_frames[:: max(1, len(data.train_frames) // 20_000)]
-        self.learner.normalize_by(data.vector(frames), data.samples(frames))
+        self.learner.normalize_by(data.vector(frames), data.samples(frames), data.ends())
         if begin_from is not None:
             take_over(self.learner, begin_from)
         self.learner.to(config.device)

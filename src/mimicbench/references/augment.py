@@ -53,7 +53,10 @@ class AugmentConfig:
 
 
 def mirrored_joints(skeleton: Skeleton) -> list[int]:
-    """For each joint the one on the other side. Raises BadMotion if the skeleton is not symmetric."""
+    """For each joint the one on the other side. Raises BadMotion if it has none.
+
+    How long its bones are may differ by side, as people's do.
+    """
     names = list(skeleton.joint_names)
     found = []
     for name in names:
@@ -64,20 +67,27 @@ def mirrored_joints(skeleton: Skeleton) -> list[int]:
             elif right in name:
                 other = name.replace(right, left)
         found.append(names.index(other) if other in names else -1)
-    if -1 in found or np.abs(skeleton.offsets[found] - skeleton.offsets * SPECULAR).max() > 1e-6:
-        raise BadMotion(f"skeleton {skeleton.name} is not the same on both sides; it cannot be mirrored")
+    above = np.array(skeleton.parents)
+    if -1 in found or (above[found] != np.where(above < 0, -1, np.array(found)[above])).any():
+        raise BadMotion(
+            f"skeleton {skeleton.name} has other joints on its left than on its right: it has no mirror image"
+        )
     return found
 
 
 def mirror(motion: HumanMotion, obj: SceneObject) -> tuple[HumanMotion, SceneObject]:
     """Left and right exchanged, of the person, the object and the goals. Twice gives the same clip again."""
+    if missing := {other_side(name) for name in motion.contact_names} - set(motion.contact_names):
+        raise BadMotion(f"clip {motion.id} has no labels of {', '.join(sorted(missing))}: it has no mirror image")
     columns = [motion.contact_names.index(other_side(name)) for name in motion.contact_names]
-    quat = motion.local_quat[:, mirrored_joints(motion.skeleton)] * SPECULAR_QUAT
+    joints = mirrored_joints(motion.skeleton)
+    quat = motion.local_quat[:, joints] * SPECULAR_QUAT
     other = mirrored_object(obj)
     return replace(
         motion,
         id=toggled(motion.id),
         object_id=other.id,
+        skeleton=replace(motion.skeleton, offsets=motion.skeleton.offsets[joints] * SPECULAR),
         root_pos_w=motion.root_pos_w * SPECULAR,
         local_quat=quat,
         contacts=motion.contacts[:, columns] if columns else motion.contacts,

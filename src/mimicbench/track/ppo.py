@@ -1,5 +1,6 @@
 """PPO by rsl-rl. The only file that imports it, since its interface changes often."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -10,10 +11,11 @@ from rsl_rl.models import MLPModel
 from rsl_rl.storage import RolloutStorage
 from tensordict import TensorDict
 
+from mimicbench.core.settings import BadSetting
 from mimicbench.core.training import OptimizerState
 from mimicbench.track.muon import MuonAndAdam
 from mimicbench.track.network import Blueprint
-from mimicbench.track.ppo_config import PPOConfig
+from mimicbench.track.ppo_config import DEVIATIONS, PPOConfig
 from mimicbench.track.warm_start import plain_network, take_over, take_statistics
 
 _GROUPS = {"actor": ["obs"], "critic": ["obs"]}
@@ -30,6 +32,8 @@ class _Model(MLPModel):
                 example, _GROUPS, role, outputs, (1,), obs_normalization=blueprint.config.normalizes, **more
             )
         self.mlp = blueprint.layers(outputs)
+        if blueprint.config.normalizes:  # each input by itself: some may be new to a network to begin from
+            self.obs_normalizer.register_buffer("count", torch.zeros(1, blueprint.inputs, dtype=torch.long))
 
 
 class PPOLearner:
@@ -39,12 +43,17 @@ class PPOLearner:
         self, blueprint: Blueprint, actions: int, num_envs: int, config: PPOConfig, device: str = "cpu"
     ) -> None:
         self.config, self.blueprint = config, blueprint
+        if num_envs * config.steps < config.minibatches:
+            raise BadSetting(
+                f"{num_envs} robots and {config.steps} steps are less than one sample for each of "
+                f"ppo.minibatches {config.minibatches}; give more robots or steps, or fewer minibatches"
+            )
         example = _wrap(torch.zeros(num_envs, blueprint.inputs, device=device))
         distribution = {
             "class_name": "GaussianDistribution",
             "init_std": config.initial_std,
             "std_type": "log",
-            "std_range": (0.02, 1.0),
+            "std_range": DEVIATIONS,
         }
         actor = _Model(example, "actor", actions, blueprint, distribution_cfg=distribution)
         critic = _Model(example, "critic", 1, blueprint)
@@ -110,6 +119,8 @@ class PPOLearner:
         kept = {name: value.clone() for name, value in self.ppo.actor.named_parameters()} if critic_alone else {}
         losses = self.ppo.update()
         with torch.no_grad():
+            # beyond an end the deviation has no gradient any more, and would stay there
+            self._log_deviation.clamp_(*(math.log(end) for end in DEVIATIONS))
             for name, value in self.ppo.actor.named_parameters():
                 if name in kept:
                     value.copy_(kept[name])
@@ -155,7 +166,7 @@ class PPOLearner:
         else:
             take_over(self.ppo.critic, critic, columns, widens)
         if len(deviation):
-            self._log_deviation.copy_(torch.tensor(deviation).log())
+            self._log_deviation.copy_(torch.tensor(deviation).clamp(*DEVIATIONS).log())
 
     @property
     def deviation(self) -> tuple[float, ...]:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from mimicbench.core.errors import MimicbenchError
-from mimicbench.core.settings import Positive, Share, Sizes
+from mimicbench.core.settings import Positive, Share, Sizes, Within
 
 if TYPE_CHECKING:
     from mimicbench.track.ppo import PPOLearner
+
+
+DEVIATIONS = (0.02, 1.0)
+"""Least and largest standard deviation of a number of the action."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +54,7 @@ class PPOConfig:
     scale_rewards: bool = True
     """Multiply rewards by 1 - gamma, so that returns are of the size of one reward: the clipped value loss lets a value
     move by 0.2 per update, no more."""
-    initial_std: float = 0.5
+    initial_std: Annotated[float, Within(*DEVIATIONS)] = 0.5
     """Standard deviation of the first actions. With 0.25 the allowed divergence makes every step so small that nothing
     is learned for millions of samples."""
 

@@ -36,9 +36,8 @@ def take_statistics(model: nn.Module, tensors: Mapping[str, np.ndarray], columns
     given = {name: torch.from_numpy(np.array(tensors[name])) for name in ("obs_mean", "obs_std")}
     for theirs, ours in columns:
         mean, std = given["obs_mean"][theirs], given["obs_std"][theirs]
-        for name, value in (("_mean", mean), ("_std", std), ("_var", std**2)):
+        for name, value in (("_mean", mean), ("_std", std), ("_var", std**2), ("count", WARM_COUNT)):
             statistics[name][:, ours] = value
-    statistics["count"].fill_(WARM_COUNT)
 
 
 def take_over(model: nn.Module, tensors: Mapping[str, np.ndarray], columns: Columns, widens: bool) -> None:

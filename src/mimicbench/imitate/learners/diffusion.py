@@ -48,6 +48,12 @@ class DiffusionConfig(NetworkConfig):
                 f"network.chunk is {self.chunk}; give a multiple of {halves} that is not below {shortest}, the frames "
                 "that are seen before the present one and those that are carried out"
             )
+        if self.kernel % 2 == 0:
+            raise BadSetting(f"network.kernel is {self.kernel}; give an odd number, which has a middle")
+        if any(width % self.groups for width in self.widths):
+            raise BadSetting(f"network.widths are {self.widths}; give multiples of network.groups, {self.groups}")
+        if self.step_embedding % 2 or self.step_embedding < 4:
+            raise BadSetting(f"network.step-embedding is {self.step_embedding}; give an even number from 4 on")
         if self.noise_steps < self.sample_steps:
             raise BadSetting(
                 f"network.sample-steps is {self.sample_steps}, and only {self.noise_steps} amounts of noise are learned"

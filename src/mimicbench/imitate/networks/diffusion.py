@@ -49,10 +49,10 @@ class Diffusion(Learner):
         # what sampling begins with
         self.register_buffer("noise", torch.randn(config.chunk, config.action_size))
 
-    def normalize_by(self, vector: Tensor, actions: Tensor) -> None:
-        """Input vectors (M, size) as usual; actions (M, A) by their range, so that they fill -1..1."""
-        super().normalize_by(vector, actions)
-        low, high = actions.min(0).values, actions.max(0).values
+    def normalize_by(self, vector: Tensor, actions: Tensor, ends: Tensor) -> None:
+        """Input vectors (M, size) as usual; actions (M, A) by the range (2, A) of all, so that they fill -1..1."""
+        super().normalize_by(vector, actions, ends)
+        low, high = ends
         self.action_mean.copy_((high + low) / 2)
         self.action_std.copy_(((high - low) / 2).clamp(min=1e-2))
 
@@ -69,12 +69,13 @@ class Diffusion(Learner):
     def plan(self, vector: Tensor, picture: Tensor | None) -> Tensor:
         """The actions (N, chunk - history + 1, A) [rad] from the present on."""
         seen, kept = self._seen(vector, picture), self.get_buffer("kept")
-        stride = self.config.noise_steps // self.config.sample_steps
         actions = self.get_buffer("noise").expand(len(seen), -1, -1)
-        for number in range((self.config.sample_steps - 1) * stride, -1, -stride):
+        # from pure noise, which is the last level, to the first
+        levels = torch.linspace(self.config.noise_steps - 1, 0, self.config.sample_steps).round().long().tolist()
+        for number, following in zip(levels, [*levels[1:], None], strict=True):
             step = torch.full((len(seen),), number, device=seen.device)
             noise = self.unet(actions, step, seen)
-            now, then = kept[number], kept[number - stride] if number else torch.ones_like(kept[0])
+            now, then = kept[number], torch.ones_like(kept[0]) if following is None else kept[following]
             clean = ((actions - (1 - now).sqrt() * noise) / now.sqrt()).clamp(-1, 1)
             actions = then.sqrt() * clean + (1 - then).sqrt() * noise
         return (actions * self.action_std + self.action_mean)[:, self.inputs.history - 1 :]

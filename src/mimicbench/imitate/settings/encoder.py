@@ -5,6 +5,9 @@ from typing import Annotated, Literal
 
 from mimicbench.core.settings import BadSetting, Positive, Sizes, Within
 
+CELLS = 128
+"""Side of maps and pictures as learners see them."""
+
 
 @dataclass(frozen=True)
 class EncoderConfig:
@@ -12,7 +15,7 @@ class EncoderConfig:
 
     channels: Positive = 1
     """Channels of the map."""
-    cells: Positive = 128
+    cells: Positive = CELLS
     """Side of the map, in cells."""
     pool: Positive = 1
     """Take the highest of this many cells squared first."""
@@ -40,6 +43,12 @@ class EncoderConfig:
             )
             raise BadSetting(
                 f"an encoder of widths {self.widths} has strides {self.strides} and blocks {self.blocks}; give {wanted}"
+            )
+
+        if self.norm == "group" and (odd := [width for width in self.widths if width % max(1, width // 16)]):
+            raise BadSetting(
+                f"an encoder of widths {self.widths} is normalized in groups of 16 channels, into which {odd[0]} do "
+                "not go; give multiples of 16"
             )
 
     @staticmethod

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, Self
 from mimicbench.core.settings import BadSetting, Positive
 from mimicbench.imitate.clock import SIZE as CLOCK_SIZE
 from mimicbench.imitate.clock import clock_features
+from mimicbench.imitate.settings.encoder import CELLS
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -145,6 +146,8 @@ def check_heads(hidden: int, heads: int) -> None:
     """Raise BadSetting if tokens of that width cannot be shared out among so many heads."""
     if hidden % heads:
         raise BadSetting(f"network.hidden is {hidden}, and network.heads {heads}; give a width that heads divide")
+    if hidden % 4:
+        raise BadSetting(f"network.hidden is {hidden}; give a multiple of 4, which tells places in a picture")
 
 
 @dataclass(frozen=True)
@@ -174,6 +177,9 @@ class NetworkConfig:
             raise BadSetting("network.relative is for learners that regress joint targets, such as act and bc")
         if self.goal_weight and not (self.may_find_goals and self.inputs.sees):
             raise BadSetting("network.goal-weight is for learners that see in every frame, such as act and bc")
+        encoder = getattr(self, "encoder", None)
+        if encoder is not None and encoder.cells != CELLS:
+            raise BadSetting(f"what is seen has {CELLS} x {CELLS} cells, and needs network.encoder.cells {CELLS}")
 
     def of(self, robot: Robot, task: Task) -> Self:
         """The same for a robot at a task."""

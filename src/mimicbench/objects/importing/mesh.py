@@ -16,6 +16,7 @@ from mimicbench.core.bounded import run_bounded
 from mimicbench.core.errors import BadFile
 from mimicbench.core.foreign.untrusted import is_file, read_bytes
 from mimicbench.objects.importing.formats import CHECKS, MAX_FACES, binary_stl
+from mimicbench.objects.importing.obj import read_obj
 from mimicbench.objects.importing.ply import read_ply
 
 MAX_BYTES = 96 << 20
@@ -117,7 +118,8 @@ def parse_bytes(data: np.ndarray, kind: np.ndarray) -> dict[str, np.ndarray]:
     if form == "glb":
         check_bytes(raw, form, "it")
     try:
-        vertices, faces = read_ply(raw) if form == "ply" else _with_trimesh(raw, form)
+        read = {"ply": read_ply, "obj": read_obj}.get(form) or functools.partial(_with_trimesh, kind=form)
+        vertices, faces = read(raw)
     except (MemoryError, BadFile):
         raise
     except Exception as error:  # a parser may trip over anything in a damaged file
@@ -131,10 +133,10 @@ def parse_bytes(data: np.ndarray, kind: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _with_trimesh(data: bytes, kind: str) -> tuple[np.ndarray, np.ndarray]:
-    """Corners and faces of OBJ, STL and GLB."""
+    """Corners and faces of STL and GLB."""
     import trimesh
 
-    options: dict[str, Any] = {"skip_materials": True} if kind in ("obj", "glb") else {}
+    options: dict[str, Any] = {"skip_materials": True} if kind == "glb" else {}
     scene = trimesh.load_scene(
         io.BytesIO(_plain_text(data, kind)), file_type=kind, resolver=None, process=False, **options
     )
@@ -143,7 +145,7 @@ def _with_trimesh(data: bytes, kind: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _plain_text(data: bytes, kind: str) -> bytes:
-    """The same with other than ASCII letters, which only stand in names and comments, made question marks."""
+    """The same with other than ASCII letters, which only stand in a solid's name, made question marks."""
     if kind == "glb" or (kind == "stl" and binary_stl(data)):
         return data
     return data.translate(bytes(range(128)) + b"?" * 128)

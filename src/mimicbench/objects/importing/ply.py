@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mimicbench.core.errors import BadFile
+from mimicbench.objects.importing.polygons import triangles
 
 TYPES = {
     **dict.fromkeys(("char", "int8"), "i1"),
@@ -47,7 +48,8 @@ def read_ply(data: bytes) -> tuple[np.ndarray, np.ndarray]:
     """Corners (V, 3) and triangles (F, 3) of a file. Raises BadFile."""
     form, elements, at = _header(data)
     rows = _text_rows(data[at:]) if form == "ascii" else None
-    vertices, faces = np.zeros((0, 3)), np.zeros((0, 3), np.int64)
+    vertices = np.zeros((0, 3))
+    faces: list | np.ndarray = []
     for element in elements:
         wanted = {"vertex": ("x", "y", "z"), "face": (_corners(element),)}.get(element.name, ())
         if rows is not None:
@@ -57,8 +59,8 @@ def read_ply(data: bytes) -> tuple[np.ndarray, np.ndarray]:
         if element.name == "vertex":
             vertices = np.stack([np.asarray(columns[axis], float) for axis in "xyz"], -1).reshape(-1, 3)
         elif element.name == "face":
-            faces = _triangles(columns[_corners(element)])
-    return vertices, faces
+            faces = columns[_corners(element)]
+    return vertices, _triangles(vertices, faces)
 
 
 def _header(data: bytes) -> tuple[str, list[Element], int]:
@@ -185,18 +187,9 @@ def _length(data: bytes, at: int, kind: str) -> int:
     return int(length)
 
 
-def _triangles(lists: list | np.ndarray) -> np.ndarray:
-    """(F, 3) fans of faces with three corners or more."""
+def _triangles(vertices: np.ndarray, lists: list | np.ndarray) -> np.ndarray:
+    """(F, 3) of faces with three corners or more."""
     if isinstance(lists, np.ndarray):
-        lengths, flat = np.full(len(lists), lists.shape[1]), lists.reshape(-1).astype(np.int64)
-    else:
-        lengths = np.array([len(corners) for corners in lists], np.int64)
-        flat = np.array([int(corner) for corners in lists for corner in corners], np.int64)
-    if not len(lengths):
-        return np.zeros((0, 3), np.int64)
-    first = np.cumsum(lengths) - lengths
-    fans = np.maximum(lengths - 2, 0)
-    face = np.repeat(np.arange(len(lengths)), fans)
-    within = np.arange(fans.sum()) - np.repeat(np.cumsum(fans) - fans, fans)
-    start = first[face]
-    return np.stack([flat[start], flat[start + within + 1], flat[start + within + 2]], -1)
+        return triangles(vertices, np.full(len(lists), lists.shape[1]), lists.reshape(-1).astype(np.int64))
+    lengths = np.array([len(corners) for corners in lists], np.int64)
+    return triangles(vertices, lengths, np.array([int(corner) for corners in lists for corner in corners], np.int64))

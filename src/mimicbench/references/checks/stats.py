@@ -153,7 +153,8 @@ def _variety(motions: Sequence[HumanMotion], tracks: Sequence[np.ndarray], sampl
             for track in tracks[:: _every(tracks)]
         ]
     )
-    poses = [_poses(motion) for motion in motions]
+    several = len({motion.skeleton.joint_names for motion in motions}) > 1
+    poses = [_poses(motion, several) for motion in motions]
     names = sorted({name for motion in motions for name in motion.style})
     return Variety(
         spread(np.linalg.norm(starts, axis=-1)),
@@ -176,11 +177,13 @@ def _every(tracks: Sequence[np.ndarray]) -> int:
     return max(1, -(-len(tracks) // SAMPLE))
 
 
-def _poses(motion: HumanMotion) -> np.ndarray:
+def _poses(motion: HumanMotion, shared: bool) -> np.ndarray:
     """(2, J, 3) joints in the middle and in the last frame, seen from the pelvis's place and heading, at the
-    standard body's size.
+    standard body's size; of limbs and head alone, which every skeleton has, if `shared`.
     """
+    body = body_of(motion.skeleton)
+    joints = [*body.legs[0], *body.legs[1], *body.arms[0], *body.arms[1], body.neck[-1]] if shared else slice(None)
     frames = [motion.frames // 2, motion.frames - 1]
     pos, quat = (values[frames] for values in motion.forward_kinematics())
     turn = rot.conjugate(rot.from_yaw(rot.yaw_of(quat[:, 0])))
-    return rot.rotate(turn[:, None], pos - pos[:, :1]) / body_of(motion.skeleton).size
+    return (rot.rotate(turn[:, None], pos - pos[:, :1]) / body.size)[:, joints]

@@ -2,6 +2,7 @@
 
 import re
 import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -101,7 +102,16 @@ def numbers(text: str) -> np.ndarray:
         try:
             return np.fromstring(text, sep=" ")
         except ValueError:
-            return np.zeros(0)
+            return np.array(list(_floats(text.split())), float)
+
+
+def _floats(words: list[str]) -> Iterator[float]:
+    """The words' values up to the first that has none."""
+    for word in words:
+        try:
+            yield float(word)
+        except ValueError:
+            return
 
 
 def world(bvh: Bvh) -> tuple[np.ndarray, np.ndarray]:

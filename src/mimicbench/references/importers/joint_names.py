@@ -18,15 +18,16 @@ END = "Site"
 _SYNONYMS = {
     "hip": ("upleg", "upperleg", "thigh", "hip", "hips", "legupper", "femur", "upperlegs", "hipjoint2"),
     "knee": ("leg", "lowleg", "lowerleg", "calf", "shin", "knee", "leglower", "tibia"),
-    "ankle": ("foot", "ankle"),
-    "toe": ("toebase", "toe", "toes", "ball", "toe0", "forefoot"),
+    "ankle": ("ankle", "foot"),
+    "toe": ("toebase", "toe", "toes", "ball", "toe0", "forefoot", "foot"),
     "collar": ("shoulder", "collar", "clavicle", "collarbone", "thorax"),
     "shoulder": ("arm", "uparm", "upperarm", "shldr", "shoulder", "armupper", "humerus"),
     "elbow": ("forearm", "lowarm", "lowerarm", "elbow", "armlower", "radius"),
-    "wrist": ("hand", "wrist"),
+    "wrist": ("wrist", "hand"),
 }
 """What joints are called in ROAM, Mixamo, LAFAN, CMU, Rokoko, Xsens, 3ds Max, Unreal, Blender, SMPL and ASF, without
-side and prefix."""
+side and prefix. Of two that a limb has, the first in order is meant: SMPL's hands hang from its wrists, and its feet,
+which are the balls, from its ankles."""
 _HEADS = ("head", "skull")
 _MARKS = ("jnt", "jt", "bn", "bind")
 """Words of a name that only say that it is a joint's."""

@@ -80,8 +80,10 @@ def read_table(path: Path) -> np.ndarray:
             raise BadMotion(
                 f"{path} has more than {MAX_FRAMES} lines; it is no file of ROAM's bones, or must be cut into parts"
             )
-        lines = raw.decode("utf-8", "replace").splitlines()
-        rows = [found for line in lines if len(found := numbers(line.replace(",", " ")))]
+        lines = [line for line in raw.decode("utf-8", "replace").splitlines() if line.strip()]
+        rows = [numbers(line.replace(",", " ")) for line in lines]
+        if rows and not len(rows[0]):  # the columns' names
+            del rows[0], lines[0]
         if len({len(row) for row in rows}) == 1:
             table = np.stack(rows)
         elif rows and len(lines) == BONES:

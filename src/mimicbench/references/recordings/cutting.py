@@ -2,6 +2,7 @@
 bears.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
@@ -59,9 +60,9 @@ def cut(recording: Recording, start: int, end: int, number: int, task: str) -> H
 
 
 def smooth_jumps(local_quat: np.ndarray, fps: float) -> np.ndarray:
-    """Joint rotations (T, J, 4) in which no joint turns faster than JUMP.
+    """Joint rotations (T, J, 4) in which no joint turns faster than JUMP, but in a clip too short for that.
 
-    Where one did, it turns smoothly over BRIDGE on both sides.
+    Where one did, it turns smoothly over BRIDGE on both sides, and over more where that would still be too fast.
 
     A straight leg has no definite twist, and in real recordings it sometimes jumps by a radian between two frames.
     """
@@ -69,12 +70,23 @@ def smooth_jumps(local_quat: np.ndarray, fps: float) -> np.ndarray:
     reach = max(1, round(BRIDGE * fps))
     speed = np.linalg.norm(rot.to_rotvec(rot.multiply(rot.conjugate(quat[:-1]), quat[1:])), axis=-1) * fps
     for frame, joint in np.argwhere(speed > JUMP):
-        first, last = max(0, frame + 1 - reach), min(len(quat) - 1, frame + reach)
+        first, last = _bridge(quat[:, joint], frame, reach, fps)
         time = np.linspace(0, 1, last - first + 1)
         share = time**2 * (3 - 2 * time)
         ends = np.broadcast_to(quat[[first, last], joint][:, None], (2, len(share), 4))
         quat[first : last + 1, joint] = rot.slerp(ends[0], ends[1], share)
     return quat
+
+
+def _bridge(quat: np.ndarray, frame: int, reach: int, fps: float) -> tuple[int, int]:
+    """First and last frame of a smooth turn of a joint (T, 4) across a jump after `frame`: as near as JUMP allows."""
+    width = min(2 * reach - 1, len(quat) - 1)
+    while True:
+        first = min(max(0, frame + 1 - (width + 1) // 2), len(quat) - 1 - width)
+        angle = np.linalg.norm(rot.to_rotvec(rot.multiply(rot.conjugate(quat[first]), quat[first + width])))
+        if width == len(quat) - 1 or 1.5 * angle * fps / width <= JUMP:  # a smooth step's steepest part is half steeper
+            return first, first + width
+        width += 1
 
 
 def with_contacts(motion: HumanMotion, obj: SceneObject) -> Clip:
@@ -87,11 +99,12 @@ def settled(motion: HumanMotion) -> HumanMotion:
     reached once wrists stay there, and who lifts a box is to hold it.
     """
     slow = min(2 * SLOWDOWN, motion.duration)
-    time = np.arange(0.0, slow, 1 / FPS)
-    ending = motion.duration - slow / 2 + time - time**2 / (2 * slow)
-    frames = FPS * np.concatenate(
-        [np.arange(0.0, motion.duration - slow / 2, 1 / FPS), ending, np.full(round(HELD * FPS), motion.duration)]
-    )
+    begins = motion.duration - slow / 2
+    # in whole frames: by steps of a part of a second the last one before may be where the ending begins, a standstill
+    before = np.arange(math.ceil(round(begins * FPS, 6))) / FPS
+    time = np.arange(round(slow * FPS)) / FPS
+    ending = begins + time - time**2 / (2 * slow)
+    frames = FPS * np.concatenate([before, ending, np.full(round(HELD * FPS), motion.duration)])
     of_object = {}
     if len(motion.object_pos_w):
         of_object["object_pos_w"] = _at(motion.object_pos_w, frames)
