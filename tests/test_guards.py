@@ -13,7 +13,7 @@ import making
 from mimicbench.benchmark import keys
 from mimicbench.benchmark import shipped as shipped_there
 from mimicbench.benchmark.graph import _tell_tracker, retargeted, start, tracker_for_learning
-from mimicbench.benchmark.judging import _of_split, _warn_of_other_task, judge
+from mimicbench.benchmark.judging import _of_split, _tell_of_others, _warn_of_other_task, judge
 from mimicbench.benchmark.recipe import EvaluateConfig, stage_type
 from mimicbench.benchmark.who import who_of
 from mimicbench.commands.judge import _each_once
@@ -21,6 +21,7 @@ from mimicbench.core.checkpoint import CONFIG
 from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
 from mimicbench.core.files import read_record, write_record
 from mimicbench.core.run import RunContext
+from mimicbench.core.stage import StageKey, opened
 from mimicbench.core.training import STATE
 from mimicbench.envs.metrics import Verdict
 from mimicbench.evaluate.rows import read_rows, rows_made_from
@@ -195,6 +196,23 @@ def test_demonstrations_follow_who_demonstrates(run, tmp_path):
         keys.demo_key(run.changed(demos=DemosConfig(expert="nobody")), shipped)
     published = run.changed(demos=DemosConfig(source="theirs", expert="nobody"))
     assert keys.expert_folder(published, shipped) == shipped, "of a named set, all other settings are without effect"
+
+
+def test_who_is_judged_by_a_name_that_others_of_the_workdir_have_is_told(tmp_path):
+    said = []
+    there = start(making.small(), tmp_path, RunContext(1, quiet=True, say=said.append))
+    bc = who_of(there, "bc")
+    _tell_of_others(there, bc, "bc")
+    assert not said
+    folder = tmp_path / "sit-chair" / "imitate" / "bc-0123abcd"
+    with opened(folder, StageKey("imitate", "sit-chair", 0, {})) as stage:
+        stage.finish()
+    _tell_of_others(there, bc, "bc")
+    assert said.pop().startswith(f"judging the shipped bc; {folder} is of other settings")
+    assert not said
+    _tell_of_others(there, who_of(there, "planner"), "planner")
+    _tell_of_others(there, who_of(there, str(bc.folder)), str(bc.folder))
+    assert not said
 
 
 def test_whose_tracker_is_taken_or_that_one_is_to_be_trained_is_told(tmp_path):

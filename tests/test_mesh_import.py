@@ -609,3 +609,21 @@ def test_mutated_files_are_read_or_refused():
 
 if __name__ == "__main__":
     fuzz(int(sys.argv[1]), int(sys.argv[2]))
+
+
+def test_armrests_do_not_outweigh_a_thin_back(tmp_path):
+    """An armchair whose armrests, and the posts before them, are as many cells as its back."""
+    arms = [shapes.box((-0.26, 0.30), (y, y + 0.04), (0.60, 0.64)) for y in (-0.32, 0.28)]
+    posts = [shapes.box((0.24, 0.30), (y, y + 0.04), (0.45, 0.60)) for y in (-0.32, 0.28)]
+    seat = [
+        shapes.box((-0.30, 0.30), (-0.32, 0.32), (0.39, 0.45)),
+        shapes.box((-0.30, -0.28), (-0.32, 0.32), (0.45, 0.95)),
+    ]
+    legs = [shapes.box((x, x + 0.05), (y, y + 0.05), (0, 0.39)) for x in (-0.30, 0.25) for y in (-0.32, 0.27)]
+    path = tmp_path / "armchair.stl"
+    shapes.joined([*seat, *arms, *posts, *legs]).export(path)
+    assert import_mesh(path, "chair", ImportConfig())[1].front == "x+"
+    turned = shapes.joined([*seat, *arms, *posts, *legs])
+    turned.apply_transform(np.diag([-1.0, -1.0, 1.0, 1.0]))
+    turned.export(path)
+    assert import_mesh(path, "chair", ImportConfig())[1].front == "x-"

@@ -808,14 +808,14 @@ def test_video_leaves_nothing_behind_when_it_fails(tmp_path):
 
 
 def test_contact_sheet():
-    objects = [FAMILIES.get("chair").make(i, 0) for i in range(4)]
+    objects = [FAMILIES.get("chair").make(i, 0) for i in range(7)]
     try:
         sheet = contact_sheet(objects, columns=3, cell=SMALL)
     except NoPictures as error:
         pytest.skip(str(error))
-    assert sheet.shape == (2 * SMALL.height, 3 * SMALL.width, 3)
+    assert sheet.shape == (3 * SMALL.height, 3 * SMALL.width, 3)
     first, second = sheet[: SMALL.height, : SMALL.width], sheet[: SMALL.height, SMALL.width : 2 * SMALL.width]
     assert first.std() > 5 and not np.array_equal(first, second)
-    assert (sheet[SMALL.height :, SMALL.width :] == 255).all(), "cells without an object are white"
+    assert (sheet[2 * SMALL.height :, SMALL.width :] == 255).all(), "cells without an object are white"
     with pytest.raises(MimicbenchError, match="400"):
         contact_sheet([])

@@ -9,7 +9,7 @@ import pytest
 
 from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError
 from mimicbench.core.files import write_record
-from mimicbench.core.stage import HEADER, StageKey, locked, opened, read_stage
+from mimicbench.core.stage import _WORDS, HEADER, StageKey, locked, opened, read_stage
 
 
 def key(**changes):
@@ -72,7 +72,10 @@ def test_what_determines_a_stage_gives_it_a_folder_of_its_own(tmp_path, change):
     with opened(tmp_path / "x", key()):
         pass
     content = (tmp_path / "x" / HEADER).read_bytes()
-    with pytest.raises(MimicbenchError, match=f"another {next(iter(change))}"), opened(tmp_path / "x", other):
+    with (
+        pytest.raises(MimicbenchError, match=f"made with other {_WORDS[next(iter(change))]}"),
+        opened(tmp_path / "x", other),
+    ):
         pass
     assert (tmp_path / "x" / HEADER).read_bytes() == content
     # x is a name that somebody gave, and can give anew; what is called by its digest has none
@@ -84,7 +87,10 @@ def test_what_determines_a_stage_gives_it_a_folder_of_its_own(tmp_path, change):
     named_by_digest = other.folder(tmp_path)
     named_by_digest.mkdir(parents=True)
     (named_by_digest / HEADER).write_bytes(content)
-    with pytest.raises(MimicbenchError, match=f"{next(iter(change))}; use another"), opened(named_by_digest, other):
+    with (
+        pytest.raises(MimicbenchError, match=f"{_WORDS[next(iter(change))]}; use another"),
+        opened(named_by_digest, other),
+    ):
         pass
 
 
@@ -194,7 +200,7 @@ def test_what_another_schema_made_is_refused(tmp_path):
     with opened(tmp_path / "x", key()) as stage:
         older = {**stage.header, "schema": stage.header["schema"] - 1}
     write_record(tmp_path / "x" / HEADER, older)
-    with pytest.raises(MimicbenchError, match="made with another schema"), opened(tmp_path / "x", key()):
+    with pytest.raises(MimicbenchError, match="made with other versions of its format"), opened(tmp_path / "x", key()):
         pass
 
 

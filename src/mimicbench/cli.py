@@ -16,6 +16,8 @@ from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.names import printable
 
 STOPPED = "stopped; the same command goes on from here"
+WATCHED = ("view", "table", "doctor", "bench", "export")
+"""Commands that make nothing in a workdir."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         _leave(2, str(error))
     except KeyboardInterrupt as stop:
         number = stop.args[0] if stop.args else signal.SIGINT
-        _leave(128 + int(number), STOPPED)
+        _leave(128 + int(number), "stopped" if words[:1] and words[0] in WATCHED else STOPPED)
     except ImportError as error:
         # native modules that are stopped while they load make another error of it
         if not (stops := [part for part in _behind(error) if isinstance(part, KeyboardInterrupt)]):

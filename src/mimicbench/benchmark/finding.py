@@ -46,8 +46,14 @@ def stage_with(workdir: Path, task: str, stage: str, file: str, folder: Path | N
         )
     having = [one for one in found if (one.folder / file).exists()] or found
     if len(having) > 1:
-        raise MimicbenchError(f"say which one with --stage: {', '.join(str(one.folder) for one in having)}")
+        raise MimicbenchError(f"say which one with --stage: {', '.join(map(_told, having))}")
     return having[0]
+
+
+def _told(stage: Stage) -> str:
+    """Its folder, and what it was made from: a folder's digest tells nobody which one it is."""
+    made_from = [Path(place).name for place in stage.header.get("reads", {}).values()]
+    return f"{stage.folder} (from {' and '.join(made_from)})" if made_from else str(stage.folder)
 
 
 def read_by(stage: Stage, kind: str) -> Path:

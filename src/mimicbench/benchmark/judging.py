@@ -12,11 +12,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mimicbench.benchmark import keys
+from mimicbench.benchmark.finding import stages_of
 from mimicbench.benchmark.graph import Clips, env_config, retargeted
 from mimicbench.benchmark.kept import as_motion, forget, keep, kept, worth_keeping
 from mimicbench.benchmark.keys import Run
+from mimicbench.benchmark.shipped import shipped
 from mimicbench.benchmark.who import Who, who_of
 from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError
+from mimicbench.core.names import typed
 
 if TYPE_CHECKING:
     import numpy as np
@@ -73,6 +76,7 @@ def judge(run: Run, name: str) -> list[EpisodeRow]:
     who, config = who_of(run, name), run.recipe.evaluate
     count = config.tracked if who.is_tracker else config.episodes
     _warn_of_other_task(run, who)
+    _tell_of_others(run, who, name)
     policy = None if who.is_tracker else _loaded(run, who)  # which had better fail before clips are made for it
     clips = episodes_of(run, count)
     source = _source(run, who, clips)
@@ -187,6 +191,19 @@ def _warn_of_other_task(run: Run, who: Who) -> None:
         run.context.say(f"warning: {who.name} was learned at {learned}, and is judged at {run.recipe.task}")
 
 
+def _tell_of_others(run: Run, who: Who, name: str) -> None:
+    """Say if what is shipped is judged by a name by which the workdir has some, of other recipes."""
+    task = run.recipe.task
+    if who.is_tracker or name != who.name or who.folder != shipped(run.recipe.robot, task, name):
+        return
+    stages = stages_of(run.workdir, task, "imitate")
+    if others := [one.folder for one in stages if one.folder.name.rpartition("-")[0] == name]:
+        run.context.say(
+            f"judging the shipped {name}; {others[0]} is of other settings: to judge it, give --policy "
+            f"{typed(others[0] / keys.POLICY)}"
+        )
+
+
 def judge_policy(
     run: Run, who: Who, clips: ClipSet, record: Sequence[int] = (), policy: Policy | None = None
 ) -> tuple[list[EpisodeRow], dict[int, np.ndarray]]:
@@ -206,7 +223,7 @@ def judge_policy(
         runs = run_policy(policy, clips, protocol, record, tick, env_config(run))
     rows = policy_rows(runs, clips, Judged("imitate", who.name, policy.gains, run.recipe.seed))
     wrong = [row for row in rows if row.error]
-    if wrong:
+    if 0 < len(wrong) < len(rows):  # of all, it is said in the end
         run.context.say(f"{who.name} failed in {len(wrong)} of {len(rows)} episodes: {wrong[0].error}")
     recordings = {}
     for number, one in enumerate(runs):

@@ -32,7 +32,9 @@ def evaluate(argv: Sequence[str]) -> None:
             wanted.setdefault((at, who_of(run, name).folder), name)
     _tell_apart([(at, who_of(runs[at], name).name, name) for (at, _), name in wanted.items()])
     judged = [judge(runs[at], name) for (at, _), name in wanted.items()]
-    tell_rates(judged, call.options.json)
+    acted = [rows for rows in judged if call.options.json or not all(row.error for row in rows)]
+    if acted:
+        tell_rates(acted, call.options.json)
     for rows in judged:
         check_acted(rows)
 

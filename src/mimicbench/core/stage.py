@@ -25,6 +25,8 @@ from mimicbench.core.files import read_record, remove_unfinished, write_record
 SCHEMA = 2
 HEADER = "header.json"
 _DETERMINES = ("schema", "stage", "task", "seed", "settings", "made_from")
+_WORDS = {"task": "tasks", "seed": "seeds", "settings": "settings or files", "made_from": "stages before it"}
+_WORDS |= {"schema": "versions of its format", "stage": "stages"}
 _NEEDED = {*_DETERMINES, "amounts", "raised_from", "complete", "summary"}
 _TOLD = {"reads", "recipe", "mimicbench", "items"}
 
@@ -189,8 +191,8 @@ def _take_up(folder: Path, key: StageKey, recipe: Mapping[str, Any] | None, trai
         # a folder that is not called by its digest is a set to which somebody gave a name
         hint = "" if folder.name.endswith(key.digest) else "give another name (--to), "
         raise MimicbenchError(
-            f"{folder} was made with another {' and '.join(differs)}; {hint}use another --workdir, or delete that "
-            "folder to make it again"
+            f"{folder} was made with other {' and '.join(_WORDS[name] for name in differs)}; {hint}use another "
+            "--workdir, or delete that folder to make it again"
         )
     have, want = found["amounts"], wanted["amounts"]
     if have == want:

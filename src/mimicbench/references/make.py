@@ -192,7 +192,7 @@ def _found_clips(
         for line in recording.assumed:
             say(f"  {line}")
         for motion, obj in found:
-            wrong = _say_clip(motion, obj, fulfils, say)
+            wrong = _say_clip(motion, obj, fulfils, recordings.gated, say)
             beyond.update(wrong)
             if not (wrong and recordings.gated):
                 clips[motion.id] = (motion, obj)
@@ -210,12 +210,16 @@ def _told_apart(files: Sequence[Path]) -> list[str]:
     ]
 
 
-def _say_clip(motion: HumanMotion, obj: SceneObject, fulfils: Fulfils, say: Callable[[str], None]) -> list[str]:
+def _say_clip(
+    motion: HumanMotion, obj: SceneObject, fulfils: Fulfils, gated: bool, say: Callable[[str], None]
+) -> list[str]:
     """Tell what a real clip is and what the gate has against it; its names."""
     size = np.ptp(obj.corners().reshape(-1, 3), axis=0)
-    say(f"  {motion.id}: {motion.duration:.1f} s with a {obj.kind} of {size[0]:.2f} x {size[1]:.2f} x {size[2]:.2f} m")
+    sides = " x ".join(f"{side:.2f}" for side in size)
+    say(f"  {motion.id}: {motion.duration:.1f} s with a {obj.family} ({obj.kind}) of {sides} m")
     measures = check_clip(motion, obj)
     wrong = [*faults(measures), *([] if fulfils(motion, obj) else [METRIC])]
     if wrong:
-        say(f"    the gate would not let this pass from a synthetic person: {told(measures, wrong)}")
+        then = "left out" if gated else "kept; --gate leaves such clips out"
+        say(f"    the gate would not let this pass from a synthetic person: {told(measures, wrong)}; {then}")
     return wrong

@@ -37,7 +37,7 @@ def strip(frames: Sequence[np.ndarray], captions: Sequence[str] = (), gap: int =
         raise MimicbenchError(f"a strip of {len(frames)} pictures needs as many captions, not {len(captions)}")
     tiles = []
     for i, frame in enumerate(frames):
-        tile = _captioned(frame, captions[i]) if captions else frame
+        tile = captioned(frame, captions[i]) if captions else frame
         tiles += [tile, np.full((frame.shape[0], gap, 3), 255, np.uint8)]
     return np.concatenate(tiles[:-1], 1)
 
@@ -48,7 +48,8 @@ def stacked(rows: Sequence[np.ndarray], gap: int = 4) -> np.ndarray:
     return np.concatenate([part for row in rows for part in (row, between)][:-1])
 
 
-def _captioned(frame: np.ndarray, text: str) -> np.ndarray:
+def captioned(frame: np.ndarray, text: str) -> np.ndarray:
+    """A picture (H, W, 3) with words in its lower left corner."""
     image = Image.fromarray(frame)
     size = max(11, frame.shape[0] // 15)
     font = ImageFont.truetype(str(Path(get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), size)

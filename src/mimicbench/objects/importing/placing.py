@@ -280,14 +280,15 @@ def _front(placed: Placed, kind: Kind) -> tuple[str, str]:
     above = found.height > placed.plane.height + 0.10
     if above.any():
         middle = placed.plane.polygon.mean(0)
-        back = (found.xy(found.cell[above]) - middle).mean(0) / (high - low)[:2]
+        # by how high it stands: armrests are as many cells as a thin back
+        rise = found.height[above] - placed.plane.height
+        back = np.average(found.xy(found.cell[above]) - middle, axis=0, weights=rise) / (high - low)[:2]
         if kind.front != "any" and abs(length - width) > 0.1 * max(length, width):
             # an armrest at one end is no back
             back[0 if (length > width) == (kind.front == "long") else 1] = 0.0
         if np.abs(back).max() > 0.12:
             axis = int(np.abs(back).argmax())
-            direction = np.zeros(3)
-            direction[axis] = -np.sign(back[axis])
+            direction = -np.sign(back[axis]) * np.eye(3)[axis]
             front = _in_file(placed, direction)
             return front, f"front is {front}: what stands higher than the plane is on the other side"
     return usual, f"{why}: nothing stands higher than the plane on one side; give --front if this is wrong"

@@ -29,7 +29,7 @@ def load_mink() -> Any:
         return import_module("mink")
     except ImportError:
         raise MimicbenchError(
-            "the comparison with per-frame inverse kinematics needs mink; run `pip install mimicbench[bench]`"
+            "the comparison with per-frame inverse kinematics needs mink; run `pip install 'mimicbench[bench]'`"
         ) from None
 
 
