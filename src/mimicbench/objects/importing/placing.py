@@ -288,8 +288,7 @@ def _front(placed: Placed, kind: Kind) -> tuple[str, str]:
             back[0 if (length > width) == (kind.front == "long") else 1] = 0.0
         if np.abs(back).max() > 0.12:
             axis = int(np.abs(back).argmax())
-            direction = -np.sign(back[axis]) * np.eye(3)[axis]
-            front = _in_file(placed, direction)
+            front = _in_file(placed, -np.sign(back[axis]) * np.eye(3)[axis])
             return front, f"front is {front}: what stands higher than the plane is on the other side"
     return usual, f"{why}: nothing stands higher than the plane on one side; give --front if this is wrong"
 
