@@ -129,6 +129,11 @@ def test_an_episode_that_is_told_of_twice_is_of_two_runs(tmp_path, capsys):
         write_rows(path, rows)
     with pytest.raises(MimicbenchError, match=r"first.parquet and .*again.parquet both tell of episode"):
         table(tuple(files[:2]), ("results",))
+    sources = [{"checkpoint": "1", "clips": name, "episodes": 1} for name in "ab"]
+    for path, source in zip(files, sources, strict=False):
+        write_rows(path, [ROW], source)
+    with pytest.raises(MimicbenchError, match=r"of '\w+', of other clips: these are two runs"):
+        table(tuple(files[:2]), ("results",))
     table((files[0], *files[2:]), ("results",))
     told = capsys.readouterr().out
     assert "(" in told

@@ -58,9 +58,19 @@ def _told_apart(rows: Sequence[tuple[Path, EpisodeRow]]) -> None:
         other = told.setdefault((row.stage, row.policy, row.preset, row.robot, row.id), path)
         if other is not path:
             raise MimicbenchError(
-                f"{other} and {path} both tell of episode {row.id} of {row.policy!r}: these are two runs; give one of "
-                "them at a time"
+                f"{other} and {path} both tell of episode {row.id} of {row.policy!r}{_of_what(other, path)}: these are "
+                "two runs; give one of them at a time"
             )
+
+
+def _of_what(one: Path, other: Path) -> str:
+    """In what two files differ, as far as they say."""
+    from mimicbench.evaluate.rows import rows_made_from
+
+    made = [rows_made_from(path) for path in (one, other)]
+    names = sorted({*made[0], *made[1]} - {"episodes"})
+    differ = [name for name in names if made[0].get(name) != made[1].get(name)]
+    return f", of other {' and '.join(differ)}" if differ else ""
 
 
 def list_(form: Form = "terminal") -> None:

@@ -29,6 +29,8 @@ from mimicbench.references.synthesis.registry import clip_id, synthesize
 
 MOST_TRIES = 3
 """Times as many clips as wanted that are tried before the stage makes do with what it has."""
+TRIED_OFTEN = 4
+"""Clips on each object, after which one without any good clip is told of."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,7 @@ def make_references(stage: Stage, ids: Sequence[str], places: Places, count: int
     only the clips that are missing. The summary counts by name what was wrong with the others. Raises BadMotion if
     none is good.
     """
-    tried, kept, wrong = 0, 0, Counter[str]()
+    tried, kept, wrong, bare = 0, 0, Counter[str](), dict.fromkeys(ids)
     while kept < count and tried < MOST_TRIES * count:
         missing = min(count - kept, MOST_TRIES * count - tried)
         jobs = [(index, ids[index % len(ids)]) for index in range(tried, tried + missing)]
@@ -68,11 +70,21 @@ def make_references(stage: Stage, ids: Sequence[str], places: Places, count: int
         found = map_items(work, jobs, context.workers, "human clips", context.quiet)
         tried, kept = tried + missing, kept + found.count([])
         wrong.update(name for names in found for name in names)
+        for (_, name), names in zip(jobs, found, strict=True):
+            if not names:
+                bare.pop(name, None)
         if not kept:
             break
     if not kept:
         raise BadMotion(
-            f"none of {tried} clips passed the quality gate ({_counted(wrong)}); make more objects or clips"
+            f"none of {tried} clips passed the quality gate ({_counted(wrong)}); make more objects or clips, and of "
+            "meshes of your own look whether their fronts are right (`mimicbench objects draw`)"
+        )
+    if bare and tried >= TRIED_OFTEN * len(ids):
+        more = f" and {len(bare) - 5} more" if len(bare) > 5 else ""
+        context.say(
+            f"no clip on {', '.join(list(bare)[:5])}{more} was good; look whether their fronts are right "
+            "(`mimicbench objects draw`)"
         )
     return stage.finish(tried=tried, kept=kept, rate=kept / max(tried, 1), rejected_for=_counted(wrong) or "nothing")
 
