@@ -133,7 +133,9 @@ def make_track_stage(run: Run) -> Stage:
     from mimicbench.track.ppo_config import ppo_learner
     from mimicbench.track.train import train_tracker
 
-    config, _ = run.part("track"), ppo_learner()  # which had better be missing before clips are made for it
+    config = run.part("track")
+    if not config.teachers:
+        ppo_learner()  # which had better be missing before clips are made for it
     train, test = learned_and_judged({name: retargeted(part).set for name, part in keys.tracked(run).items()})
     for some in train:
         if not len(some):

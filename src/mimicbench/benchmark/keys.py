@@ -161,12 +161,12 @@ def track_key(run: Run) -> StageKey:
     clips = {name: retarget_key(part) for name, part in parts.items()}
     names = {name: "retarget" if name == run.recipe.task else name for name in clips}
     made_from = {names[name]: key.fingerprint for name, key in clips.items()}
-    told_apart = ("begin_from", "also", "recorded")
+    told_apart = ("begin_from", "teachers", "also", "recorded")
     settings = {name: value for name, value in identity(config).items() if name not in told_apart}
-    if config.begin_from:
+    if config.learned_from:
         from mimicbench.track.checkpoint import tracker_digest
 
-        made_from["begin_from"] = tracker_digest(Path(config.begin_from))
+        made_from |= {name: tracker_digest(Path(folder)) for name, folder in config.learned_from.items()}
     return run.key(
         "track",
         settings,

@@ -7,6 +7,7 @@ one part also pays for a single task. What happens in a part does not depend on 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from itertools import accumulate
 from typing import TypeVar
 
 import torch
@@ -66,6 +67,13 @@ class TrackingParts:
     def device(self) -> str:
         """Where all tensors live."""
         return self.parts[0].device
+
+    def places(self) -> list[tuple[str, slice]]:
+        """The task of each part, and where its robots are among all."""
+        ends = list(accumulate(self._shares))
+        starts = (end - share for end, share in zip(ends, self._shares, strict=True))
+        places = map(slice, starts, ends)
+        return [(part.clips.task.name, place) for part, place in zip(self.parts, places, strict=True)]
 
     def observe(self) -> Tensor:
         """(N, F O) what the tracker observes now, after the frames before."""

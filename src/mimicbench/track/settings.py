@@ -72,6 +72,22 @@ class DrivenConfig:
 
 
 @dataclass(frozen=True)
+class DistillConfig:
+    """How a tracker learns from teachers, if it has any."""
+
+    noise: float = 0.1
+    """Standard deviation of what is added to the learner's actions, so that more is seen than it would lead to."""
+    batch: Positive = 1024
+    """Frames in a step of the optimizer (Adam); every frame is learned from once."""
+    learning_rate: float = 5e-4
+    """Of all steps: it never falls, and what is kept is the average below."""
+    average: Share = 0.999
+    """Decay of the moving average of the weights, which is what is kept; 0: the last weights."""
+    max_grad_norm: float = 1.0
+    """Longest gradient."""
+
+
+@dataclass(frozen=True)
 class TrackConfig:
     """A tracker's training."""
 
@@ -91,6 +107,9 @@ class TrackConfig:
     """Learn from the mirror image of every clip, beside that of its object, as well."""
     begin_from: str = ""
     """Folder of a trained tracker of the same design, whose network is where learning begins; empty: from nothing."""
+    teachers: tuple[str, ...] = ()
+    """Folders of trackers, one for each task, the recipe's own first: learn what they would do where this one gets to
+    (DAgger, `distill`), and not by reward."""
     critic_first: Annotated[int, Within(0, 1e6)] = 50
     """Updates after such a beginning in which the critic learns alone: it begins from nothing, or, where it was kept
     beside the tracker, has to learn what has changed."""
@@ -117,9 +136,17 @@ class TrackConfig:
     threads: Positive = 2
     """Threads of the network's arithmetic. Sums round differently with another number, so it is part of the result."""
     ppo: PPOConfig = field(default_factory=PPOConfig)
-    """The reinforcement learning."""
+    """The reinforcement learning, and the sizes of networks and rounds."""
+    distill: DistillConfig = field(default_factory=DistillConfig)
+    """The learning from teachers."""
     tracking: TrackingConfig = field(default_factory=TrackingConfig)
     """How training episodes start, are disturbed, and end."""
+
+    @property
+    def learned_from(self) -> dict[str, str]:
+        """Folders of the trackers that it is made from, by what they are to it."""
+        begun = {"begin_from": self.begin_from} if self.begin_from else {}
+        return begun | {f"teacher-{number}": folder for number, folder in enumerate(self.teachers)}
 
     @staticmethod
     def chosen(tree: Mapping[str, Any]) -> type["TrackConfig"]:

@@ -26,6 +26,7 @@ from mimicbench.track.checkpoint import (
     save_critic,
     save_tracker,
 )
+from mimicbench.track.distillation import Distiller, teachers_of
 from mimicbench.track.evaluation import evaluated, good_enough, was_good_enough
 from mimicbench.track.parts import TrackingParts
 from mimicbench.track.ppo_config import ppo_learner
@@ -36,6 +37,7 @@ from mimicbench.track.tracker import Layout
 if TYPE_CHECKING:
     from mimicbench.track.ppo import PPOLearner
 
+    Learner = PPOLearner | Distiller
 
 Report = Callable[[dict[str, Any]], None]
 
@@ -64,9 +66,7 @@ def train_tracker(
     robots = robots_of(config, len(clips))
     env = TrackingParts(spec, clips, robots, config.parts, config.tracking, seed, env_config, config.frames)
     shape = _shape(config, env.layout, len(robot.joints))
-    learner = ppo_learner()(shape.blueprint(), shape.actions, config.num_envs, config.ppo, env.device)
-    if config.begin_from:
-        begin_from(Path(config.begin_from), robot, learner, env.layout, config.explore_anew)
+    learner = learner_of(config, shape, env, robot)
     parts = {"env": env, "ppo": learner, "torch": TorchRandom(env.device)}
     fresh = {"samples": 0, "iterations": 0, "seconds": 0.0, "reward": 0.0, "steps": 0}
     identity = {"config": _course(config), "seed": seed, "clips": [m.id for some in clips for m in some.motions]}
@@ -102,6 +102,20 @@ def train_tracker(
     return folder / "checkpoint"
 
 
+def learner_of(config: TrackConfig, shape: TrackerConfig, env: TrackingParts, robot: Robot) -> "Learner":
+    """Who learns the tracker of that shape: by PPO, or from teachers. Raises MimicbenchError."""
+    blueprint, spec = shape.blueprint(), TRACKERS.get(config.tracker)
+    if config.teachers:
+        tasks = dict.fromkeys(name for name, _ in env.places())
+        folders = dict(zip(tasks, config.teachers, strict=True))
+        teachers = teachers_of(folders, env.places(), robot, spec, config.settings, env.layout)
+        return Distiller(blueprint, shape.actions, teachers, config.distill, env.device)
+    learner = ppo_learner()(blueprint, shape.actions, config.num_envs, config.ppo, env.device)
+    if config.begin_from:
+        begin_from(Path(config.begin_from), robot, learner, env.layout, config.explore_anew)
+    return learner
+
+
 def _shape(config: TrackConfig, layout: Layout, joints: int) -> TrackerConfig:
     """What the trained tracker will be built from."""
     own = config.network is not None
@@ -118,7 +132,7 @@ def _shape(config: TrackConfig, layout: Layout, joints: int) -> TrackerConfig:
 
 
 def _learn(
-    env: TrackingParts, learner: "PPOLearner", obs: torch.Tensor, config: TrackConfig, critic_alone: bool
+    env: TrackingParts, learner: "Learner", obs: torch.Tensor, config: TrackConfig, critic_alone: bool
 ) -> tuple[torch.Tensor, float, float, dict[str, float]]:
     """One round of collecting and updating: the observation after it, the sums over its steps of the mean reward and of
     the share of robots that failed, the losses.
@@ -152,7 +166,7 @@ class _Saves:
     folder: Path
     robot: Robot
     shape: TrackerConfig
-    learner: "PPOLearner"
+    learner: "Learner"
     identity: dict[str, Any]
     parts: dict[str, Any]
     notes: dict[str, Any]
@@ -161,7 +175,8 @@ class _Saves:
         """The network as it is now."""
         shape = replace(self.shape, deviation=self.learner.deviation)
         tensors, there = self.learner.network_tensors(), self.folder / "checkpoint"
-        save_critic(there, self.robot, shape, self.learner.critic_tensors())
+        if critic := self.learner.critic_tensors():
+            save_critic(there, self.robot, shape, critic)
         save_tracker(there, self.robot, shape, tensors, {**progress, **self.notes})
 
     def all(self, progress: dict[str, Any]) -> None:
@@ -206,8 +221,9 @@ def _plain(settings: Any) -> dict[str, Any]:
 
 def _course(config: TrackConfig) -> dict[str, Any]:
     """What decides the course of a training; it may run longer, and be saved more or less often. What it began from may
-    have been moved: the stage that it is part of knows the tracker itself.
+    have been moved, and its teachers: the stage that it is part of knows these trackers themselves.
     """
     free, begun = ("samples", "until", "save_every"), "given" if config.begin_from else ""
-    plain = msgspec.to_builtins(asdict(replace(config, begin_from=begun)))
+    taught = ("given",) * len(config.teachers)
+    plain = msgspec.to_builtins(asdict(replace(config, begin_from=begun, teachers=taught)))
     return {name: value for name, value in plain.items() if name not in free}
