@@ -28,7 +28,7 @@ from mimicbench.report.tables.spec import Episodes
 from mimicbench.robots.registry import DEFAULT_ROBOT, ROBOTS
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.ppo_config import PPOConfig
-from mimicbench.track.settings import TrackingConfig
+from mimicbench.track.settings import DistillConfig, TrackingConfig
 
 ROOT = Path(__file__).parents[1]
 README, RESULTS, ORDERINGS = ROOT / "README.md", ROOT / "docs" / "results.md", ROOT / "docs" / "orderings.md"
@@ -184,6 +184,7 @@ def from_code() -> dict[Path, str]:
             **{f"reward-{name}": own_settings("track", "tracker", name) for name in ("residual", "hst")},
             "tracking": settings_table(TrackingConfig, "track.tracking", set()),
             "ppo": settings_table(PPOConfig, "track.ppo", set()),
+            "distill": settings_table(DistillConfig, "track.distill", set()),
         },
     }
     found = {}

@@ -500,6 +500,8 @@ def test_a_tracker_of_several_tasks_reads_the_clips_of_all(tmp_path):
         ({"also": ["fly"]}, "unknown task 'fly'"),
         ({"also": ["lift-box"], "shares": [1, 2, 3]}, "track.shares has 3 numbers for 2 tasks"),
         ({"begin_from": "nowhere"}, "track.begin_from is 'nowhere', where no tracker is"),
+        ({"teachers": ["nowhere"]}, "track.teachers names .nowhere., where no tracker is"),
+        ({"also": ["lift-box"], "teachers": ["a"]}, "track.teachers are 1 for 2 tasks"),
     ],
 )
 def test_trackers_that_cannot_be_trained_are_refused_at_once(track, said):
