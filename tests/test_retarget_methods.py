@@ -337,7 +337,7 @@ def test_without_mink_the_message_says_what_to_install(monkeypatch: pytest.Monke
     motion = reach(UNIHSI, 4)
     bound = bind(UNIHSI_H1, UNIHSI, H1, "paper")
     problem = opt.make_problem(bound, TREE, H1.joint_range, *motion.forward_kinematics(), motion.fps, PAPER)
-    with pytest.raises(MimicbenchError, match=r"pip install mimicbench\[bench\]"):
+    with pytest.raises(MimicbenchError, match=r"pip install 'mimicbench\[bench\]'"):
         solve_frames(problem, H1, copy_rotations(bound, TREE, H1.joint_range, *motion.forward_kinematics()))
 
 
