@@ -27,7 +27,7 @@ from mimicbench.report.tables.registry import TABLES
 from mimicbench.report.tables.spec import Episodes
 from mimicbench.robots.registry import DEFAULT_ROBOT, ROBOTS
 from mimicbench.tasks.registry import TASKS
-from mimicbench.track.ppo_config import PPOConfig
+from mimicbench.track.learning.ppo_config import PPOConfig
 from mimicbench.track.settings import DistillConfig, TrackingConfig
 
 ROOT = Path(__file__).parents[1]

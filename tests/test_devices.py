@@ -36,7 +36,7 @@ from mimicbench.sim.backends import make_physics
 from mimicbench.sim.devices import tensor_device
 from mimicbench.tasks.sit_chair import TASK as SIT_CHAIR
 from mimicbench.track.checkpoint import load_tracker
-from mimicbench.track.ppo import PPOConfig
+from mimicbench.track.learning.ppo import PPOConfig
 from mimicbench.track.registry import TRACKERS
 from mimicbench.track.rollout import RolloutConfig, track_clips
 from mimicbench.track.settings import TrackConfig, TrackingConfig

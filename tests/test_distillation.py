@@ -12,7 +12,7 @@ from mimicbench.benchmark.recipe import read_recipe
 from mimicbench.core.settings import BadSetting
 from mimicbench.envs.clips import ClipSet
 from mimicbench.track.checkpoint import CRITIC, TrackerConfig, load_tracker, save_tracker
-from mimicbench.track.distillation import Distiller, Teacher, pooled_statistics
+from mimicbench.track.learning.distillation import Distiller, Teacher, pooled_statistics
 from mimicbench.track.network import MLPConfig
 from mimicbench.track.parts import TrackingParts
 from mimicbench.track.settings import DistillConfig

@@ -46,7 +46,7 @@ from mimicbench.sensors.scene import PICTURE
 from mimicbench.sim.rows import Rows
 from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.registry import TASKS
-from mimicbench.track.ppo import PPOConfig
+from mimicbench.track.learning.ppo import PPOConfig
 from mimicbench.track.rollout import RolloutConfig, track_clips
 from mimicbench.track.settings import TrackConfig
 

@@ -32,7 +32,7 @@ from mimicbench.policies.loading import load_policy
 from mimicbench.robots.registry import ROBOTS
 from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.registry import TASKS
-from mimicbench.track.ppo import PPOConfig
+from mimicbench.track.learning.ppo import PPOConfig
 
 ROBOT, ONE, SIT = ROBOTS.get("h1"), EnvConfig(workers=1), TASKS.get("sit-chair")
 TINY_MAP = EncoderConfig(pool=8, widths=(4,), blocks=(1,), strides=(1,))

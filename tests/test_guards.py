@@ -35,7 +35,7 @@ from mimicbench.retarget.acceptance import PROMISED, outcome, summary, unsolved
 from mimicbench.retarget.acceptance import Limits as Solved
 from mimicbench.retarget.settings import RetargetConfig
 from mimicbench.tasks.registry import TASKS
-from mimicbench.track.ppo import PPOConfig
+from mimicbench.track.learning.ppo import PPOConfig
 from mimicbench.track.rollout import Recording, Rollout
 from mimicbench.track.settings import TrackConfig
 

@@ -352,6 +352,42 @@ def test_starts_from_motions_of_the_split_only():
     assert all(reference_id == f"clip-{object_id}" for object_id, reference_id in met)
 
 
+def test_a_start_has_the_number_that_it_was_given_with_whatever_the_split():
+    ids = [f"chair-0-{index:05d}" for index in range(8)]
+    places = [place for place, object_id in enumerate(ids) if split_of(object_id) == "train"]
+    other = next(place for place in range(8) if place not in places)
+    env = TaskEnv("sit-chair", split="train", starts=[clip(object_id=object_id) for object_id in ids])
+    for place in places:
+        _, info = env.reset(seed=0, options={"start": place})
+        assert (env.object_ids(), info["start"]) == ([ids[place]], place)
+    with pytest.raises(MimicbenchError, match=f"start {other} is beside an object of another split; give another"):
+        env.reset(seed=0, options={"start": other})
+    for seed in range(5):
+        _, info = env.reset(seed=seed)
+        assert [ids[info["start"]]] == env.object_ids()
+
+
+def test_who_lifts_is_given_something_that_can_be_moved():
+    with pytest.raises(BadObject, match="chair-0-00001 is fixed, and lift-box moves its own"):
+        TaskEnv("lift-box", objects=["chair-0-00001"]).reset(seed=0)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"pool": 2.5}, "pool=2.5; give a whole number"),
+        ({"pool": "3"}, "pool='3'; give a whole number"),
+        ({"max_episode_steps": 2.5}, "max_episode_steps=2.5; give a whole number"),
+        ({"time_limit": "5"}, "time_limit='5'; give seconds"),
+        ({"observe": None}, "observe=None; give names of observations"),
+        ({"cameras": (90.5, 120)}, "rows and columns, not 90.5 x 120"),
+    ],
+)
+def test_numbers_that_are_none_are_told_in_a_sentence(given, said):
+    with pytest.raises(MimicbenchError, match=said):
+        TaskEnv("sit-chair", **given)
+
+
 def test_starts_from_a_work_folder(tmp_path):
     with pytest.raises(BadMotion, match="mimicbench retarget"):
         make(starts=tmp_path)

@@ -16,7 +16,7 @@ from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.rows import Rows
 from mimicbench.track.checkpoint import TrackerConfig, build_tracker, load_critic, load_tracker, save_tracker
 from mimicbench.track.history import Follower, History
-from mimicbench.track.ppo import PPOConfig, PPOLearner
+from mimicbench.track.learning.ppo import PPOConfig, PPOLearner
 from mimicbench.track.registry import TRACKERS
 from mimicbench.track.rollout import RolloutConfig, track_clips
 from mimicbench.track.settings import EndConfig, TrackConfig

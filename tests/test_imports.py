@@ -80,7 +80,7 @@ def test_only_one_file_knows_rsl_rl():
         path.relative_to(SOURCE).as_posix()
         for path in MODULES
         if any(name.split(".")[0] == "rsl_rl" for name in imports(path))
-    ] == ["track/ppo.py"]
+    ] == ["track/learning/ppo.py"]
 
 
 ASK = """

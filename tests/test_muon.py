@@ -7,9 +7,9 @@ import pytest
 import torch
 
 from mimicbench.core.training import OptimizerState, TorchRandom
-from mimicbench.track.muon import MuonAndAdam
+from mimicbench.track.learning.muon import MuonAndAdam
+from mimicbench.track.learning.ppo import PPOLearner
 from mimicbench.track.network import Blueprint, MLPConfig
-from mimicbench.track.ppo import PPOLearner
 from tracked import TINY
 
 MUON = replace(TINY, optimizer="muon")

@@ -50,6 +50,17 @@ def test_the_object_is_where_it_says_it_is():
             assert (np.abs(inside) + 0.001 <= obj.box_half[0]).all(), "a slot to spare is hidden in the first box"
 
 
+def test_a_slot_to_spare_is_hidden_in_a_piece_that_does_not_fill_its_box():
+    gusset = np.array([[0, 0, 0], [0.4, 0, 0], [0, 0.4, 0], [0, 0, 0.4]])  # the middle of the box around it is air
+    obj = replace(block(), hulls=(gusset,))
+    model = build_model(H1, obj, meshes=True)
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    for slot in range(1, SLOTS):
+        x, y, z = data.geom_xpos[model.geom(f"object_{slot}").id]
+        assert min(x, y, z) > 0.01 and x + y + z < 0.38
+
+
 def test_pictures_change_nothing():
     plain, shown = build_model(H1, make_chair(0)), build_model(H1, make_chair(0), visuals=True)
     assert (plain.nq, plain.nv, plain.nbody) == (shown.nq, shown.nv, shown.nbody) and shown.ngeom > plain.ngeom

@@ -354,6 +354,17 @@ def test_lifting_a_box_needs_height_and_both_wrists_at_its_surface(lift, off, ex
         assert LIFT_BOX.holds(body(wrists=pair), scene)[0] == expected
 
 
+def test_a_toppled_box_is_not_lifted():
+    box = block(
+        0.9, 0.4, movable=True, mass=2.0
+    )  # 0.8 m deep and 0.9 m high, so its base's middle is 0.4 m above the floor then
+    toppled = ObjectInfo.of([box]).moved(np.array([[0, 0, 0.4]]), rot.from_rotvec(np.array([[0.0, np.pi / 2, 0.0]])))
+    wrists = np.array([[0.45, 0.42, 0.4], [0.45, -0.42, 0.4]])
+    assert not LIFT_BOX.holds(body(wrists=wrists), toppled)[0]
+    reason = LIFT_BOX.failure_reason(body(wrists=wrists), toppled)[0]
+    assert reason == "box 25 cm too low", "its middle was 0.45 m above the floor, and is 0.4 m now"
+
+
 def test_lifting_a_box_is_judged_in_the_last_frame():
     box = block(0.8, 0.2, movable=True, mass=2.0)
     physics = NativePhysics(H1, [box], workers=1)

@@ -17,9 +17,9 @@ from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.track.checkpoint import CRITIC, TrackerConfig, load_critic, load_tracker, save_tracker, tracker_digest
 from mimicbench.track.evaluation import good_enough
+from mimicbench.track.learning.ppo import PPOConfig, PPOLearner
 from mimicbench.track.network import Blueprint, MLPConfig
 from mimicbench.track.parts import TrackingParts
-from mimicbench.track.ppo import PPOConfig, PPOLearner
 from mimicbench.track.rollout import RolloutConfig, track_clips
 from mimicbench.track.settings import EndConfig, TrackConfig, TrackingConfig
 from mimicbench.track.tracker import Layout

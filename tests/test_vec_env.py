@@ -46,6 +46,40 @@ def resting(away, seconds=2.0):
     )
 
 
+def test_what_is_felt_does_not_depend_on_how_many_others_there_are():
+    random = np.random.default_rng(0)
+    quat = rot.normalize(random.normal(size=(128, 4)) * [1.0, 0.3, 0.3, 1.0])
+    starts = [InitialState(block(), POS, q, JOINTS, *random.normal(size=(2, 3)), np.zeros(19)) for q in quat]
+
+    def felt(some):
+        env = VecEnv(SIT_CHAIR, H1, [block()] * len(some), EnvConfig(workers=1))
+        env.reset(Rows.every(len(some)), stacked(some, env.physics))
+        for _ in range(3):
+            env.step(TARGET.expand(len(some), -1))
+        return env.observe(("odometry", "tilt"))
+
+    together = felt(starts)
+    for k in (0, 63, 97, 127):
+        alone = felt([starts[k]])
+        for name in ("odometry", "tilt"):
+            assert torch.equal(together[name][k], alone[name][0]), (name, k)
+
+
+def test_how_far_a_box_is_follows_it():
+    box = block(0.4, 0.2, movable=True, mass=2.0)
+    env = VecEnv(TASKS.get("lift-box"), H1, [box], EnvConfig(workers=1))
+    env.reset(Rows.every(1), stacked(still(box, 1), env.physics))
+    before, state = env.root_distance(), env.context.state
+    away = torch.tensor([[-1.5, 0.0, 0.0]], dtype=torch.float64)
+    none = torch.zeros(1, 3, dtype=torch.float64)
+    box_there = ObjectState(away, torch.tensor([[1.0, 0, 0, 0]], dtype=torch.float64), none, none)
+    rest = (state.root_quat_w, state.root_lin_vel_w, state.root_ang_vel_b, state.joint_pos, state.joint_vel)
+    robot_there = RobotState(state.root_pos_w.double() + away, *(value.double() for value in rest))
+    env.physics.reset(Rows.every(1), robot_there, box_there)
+    env.step(TARGET[None])
+    assert float((env.root_distance() - before).abs()) < 0.02, "both are 1.5 m farther"
+
+
 def test_pushes_come_as_often_and_as_hard_as_they_should():
     hook = Pushes(deviation=0.5, interval=0.1)  # every fifth step in the mean
     env = environment(400, (hook,))

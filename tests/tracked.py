@@ -16,7 +16,7 @@ from mimicbench.sensors.pictures import CameraPictures
 from mimicbench.sensors.reference import reference_links
 from mimicbench.sim.physics import RobotState
 from mimicbench.tasks.registry import TASKS
-from mimicbench.track.ppo import PPOConfig
+from mimicbench.track.learning.ppo import PPOConfig
 from mimicbench.track.registry import TRACKERS
 from mimicbench.track.settings import TrackConfig, TrackingConfig
 from mimicbench.track.tracker import Layout, flat

@@ -18,14 +18,14 @@ from mimicbench.retarget.registry import DEFAULT_METHOD, METHODS
 from mimicbench.robots.description import Robot
 from mimicbench.sim.backends import check_device
 from mimicbench.tasks.task import Task
+from mimicbench.track.learning.ppo_config import PPOConfig, ppo_learner
 from mimicbench.track.network import MLPConfig
-from mimicbench.track.ppo_config import PPOConfig, ppo_learner
 from mimicbench.track.registry import TRACKERS
 from mimicbench.track.settings import TrackConfig, TrackingConfig
 from mimicbench.track.tracking import TrackingEnv
 
 if TYPE_CHECKING:
-    from mimicbench.track.ppo import PPOLearner
+    from mimicbench.track.learning.ppo import PPOLearner
 
 CLIPS = 24
 NUM_ENVS = 512

@@ -130,7 +130,7 @@ def retargeted(run: Run) -> Clips:
 def make_track_stage(run: Run) -> Stage:
     """Train the tracker on the clips of training objects; objects of the test split only judge it."""
     from mimicbench.track.evaluation import in_words
-    from mimicbench.track.ppo_config import ppo_learner
+    from mimicbench.track.learning.ppo_config import ppo_learner
     from mimicbench.track.train import train_tracker
 
     config = run.part("track")

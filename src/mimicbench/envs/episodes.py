@@ -96,6 +96,7 @@ class GymConfig:
                 f'action="residual" is of angles around a pose, which {self.control} control does not take; choose '
                 'control="position"'
             )
+        self._check_kinds()
         if self.max_episode_steps is not None and self.max_episode_steps < 1:
             raise MimicbenchError(f"{self.max_episode_steps} steps are no episode; give max_episode_steps of 1 or more")
         for name in self.observe:
@@ -112,8 +113,22 @@ class GymConfig:
                 f"cameras={self.cameras!r} is no size; give their height and width, such as (90, 120)"
             )
         for height, width in ((self.height, self.width), self.cameras):
-            if not (16 <= height <= 4096 and 16 <= width <= 4096):
+            whole = isinstance(height, int | np.integer) and isinstance(width, int | np.integer)
+            if not (whole and 16 <= height <= 4096 and 16 <= width <= 4096):
                 raise MimicbenchError(f"pictures can have 16 to 4096 rows and columns, not {height} x {width}")
+
+    def _check_kinds(self) -> None:
+        """Raise MimicbenchError for a number that is none, or is not whole where it has to be."""
+        whole: dict[str, object] = {"pool": self.pool}
+        if self.max_episode_steps is not None:
+            whole["max_episode_steps"] = self.max_episode_steps
+        for name, value in whole.items():
+            if not isinstance(value, int | np.integer):
+                raise MimicbenchError(f"{name}={value!r}; give a whole number")
+        if self.time_limit is not None and not isinstance(self.time_limit, int | float | np.number):
+            raise MimicbenchError(f"time_limit={self.time_limit!r}; give seconds")
+        if not isinstance(self.observe, Sequence):
+            raise MimicbenchError(f"observe={self.observe!r}; give names of observations, such as ('proprio', 'time')")
 
 
 @dataclass(frozen=True)

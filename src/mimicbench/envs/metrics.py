@@ -158,7 +158,7 @@ class EpisodeMetrics:
         own.effort_at_success[...] = xp.where(new, own.max_effort, own.effort_at_success)
         own.held[...] = xp.where(alive, held, own.held)
         own.ever |= new
-        outside = _outside(pos_w[:, 0], info, xp)
+        outside = outside_of(pos_w[:, 0], info, xp)
         fallen = self._is_down(pos_w[:, 0], quat_w[:, 0], outside, info) & alive & ~own.fell
         self._place = (self._place + 1) % len(own._phases)  # the oldest is overwritten after it was read
         began = own._phases[self._place]
@@ -250,7 +250,7 @@ class EpisodeMetrics:
                 getattr(self, name).copy_(value)
 
 
-def _outside(root_pos_w: Any, info: ObjectInfo, xp: Any) -> Any:
+def outside_of(root_pos_w: Any, info: ObjectInfo, xp: Any) -> Any:
     """(N,) how far roots (N, 3) are from the object's rectangle as seen from above [m]; 0 above it."""
     away = info.pos_w[:, :2] - root_pos_w[:, :2]
     beyond = xp.maximum(info.low[:, :2] + away, -away - info.high[:, :2]).clip(0.0)

@@ -70,10 +70,10 @@ class Stance:
 def draw_start(task: Task, obj: SceneObject, stance: Stance, random: np.random.Generator) -> InitialState:
     """A start without a reference: at rest.
 
-    Tasks that navigate: anywhere 1 to 2 m from the origin, within 100 degrees of the front and 0.45 m clear of the
-    object, any heading, as the clips of sit-chair start. The others: in front of the object, facing it, up to 0.3 m
-    (touch-points: 0.1 m) behind where it could begin, 0.1 m to the side and turned by 0.2 rad. Targets and places are
-    drawn again until both targets are on the robot's map, which is to tell it of them.
+    Tasks that navigate: the ankles anywhere 1 to 2 m from the origin, within 100 degrees of the front and 0.45 m clear
+    of the object, any heading, as the clips of sit-chair start. The others: in front of the object, facing it, up to
+    0.3 m (touch-points: 0.1 m) behind where it could begin, 0.1 m to the side and turned by 0.2 rad. Targets and places
+    are drawn again until both targets are on the robot's map, which is to tell it of them.
     """
     goal, root, quat = _stand(task, obj, stance, random)
     for _ in range(_TRIES):
@@ -159,15 +159,17 @@ class Starts:
         if isinstance(motions, Path | str):
             own, motions = _read_workdir(Path(motions), task, robot, own)
         self._own: Mapping[str, SceneObject] = own
-        self._motions = (
-            None if motions is None else [motion for motion in motions if split in ("all", split_of(motion.object_id))]
-        )
+        self._motions = None if motions is None else list(motions)
         self._ids: Sequence[str] = [obj if isinstance(obj, str) else obj.id for obj in objects or ()]
         if objects is None and motions is None:
             FAMILIES.get(task.family)  # now rather than in the middle of an episode
             every = (f"{task.family}-0-{index:05d}" for index in range(pool))
             self._ids = [object_id for object_id in every if split in ("all", split_of(object_id))]
-        if self._motions is not None and not self._motions:
+        self._places = range(len(self._ids))
+        if self._motions is not None:
+            beside = [split_of(motion.object_id) for motion in self._motions]
+            self._places = [place for place, part in enumerate(beside) if split in ("all", part)]
+        if self._motions is not None and not self._places:
             raise BadMotion(
                 f"none of the motions to start from is beside an object of split {split!r}; make "
                 "more, or choose another split"
@@ -184,15 +186,18 @@ class Starts:
         return any(obj.hulls for obj in self._own.values())
 
     def draw(self, seed: int, number: int | None = None) -> tuple[InitialState, int]:
-        """The start of the episode `seed`, and its number: the place of its motion, or of its object.
+        """The start of the episode `seed`, and its number: the place of its motion among all, or of its object.
 
-        With `number`, that motion or object. Raises MimicbenchError if there is none.
+        With `number`, that motion or object. Raises MimicbenchError if there is none, or if it is of another split.
         """
-        random, count = rng(seed, "episode", self.task.name), len(self)
-        drawn = int(random.integers(count))
+        random, count = rng(seed, "episode", self.task.name), len(self._ids if self._motions is None else self._motions)
+        drawn = self._places[int(random.integers(len(self)))]
         if number is not None and not (isinstance(number, int | np.integer) and 0 <= number < count):
             raise MimicbenchError(f"there is no start {number!r}; give a whole number from 0 to {count - 1}")
         chosen = drawn if number is None else int(number)
+        if chosen not in self._places:
+            few = ", ".join(map(str, self._places[:9]))
+            raise MimicbenchError(f"start {chosen} is beside an object of another split; give another, such as {few}")
         if self._motions is not None:
             motion = self._motions[chosen]
             return start_of(motion, self._object(motion.object_id), self.robot, self.task), chosen
@@ -200,12 +205,14 @@ class Starts:
 
     def __len__(self) -> int:
         """How many motions, or else objects, there are to start from."""
-        return len(self._ids) if self._motions is None else len(self._motions)
+        return len(self._places)
 
     def _object(self, object_id: str) -> SceneObject:
         obj = self._own.get(object_id) or _made(object_id)
         if self.task.requires_seat:
             obj.require_seat()
+        if self.task.moves_object and not obj.movable:
+            raise BadObject(f"object {obj.id} is fixed, and {self.task.name} moves its own; give one that is movable")
         return obj
 
 

@@ -20,7 +20,7 @@ from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.seeds import digest
 from mimicbench.envs.hooks import Hook
 from mimicbench.envs.initial_states import InitialStates
-from mimicbench.envs.metrics import EpisodeMetrics
+from mimicbench.envs.metrics import EpisodeMetrics, outside_of
 from mimicbench.envs.reference import ReferenceBank
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
@@ -207,10 +207,13 @@ class VecEnv:
         return values + deviation * torch.randn(values.shape, generator=self.random, device=self.device)
 
     def root_distance(self) -> Tensor:
-        """(N,) horizontal distance of each root from its object's bounding rectangle at the origin [m]."""
+        """(N,) horizontal distance of each root from its object's bounding rectangle, wherever that is now [m]."""
         assert self.metrics is not None, "an environment that is not judged knows no bounds"
-        xy, info = self.context.state.root_pos_w[:, :2], self.metrics.info
-        return torch.maximum(info.low[:, :2] - xy, xy - info.high[:, :2]).clamp(min=0.0).norm(dim=-1)
+        info = self.metrics.info
+        if self.physics.catalog[0].movable:
+            obj = self.physics.object_state()
+            info = info.moved(obj.pos_w.double(), obj.quat_w.double())
+        return outside_of(self.context.state.root_pos_w.double(), info, torch)
 
     def state_tensors(self) -> dict[str, Tensor]:
         """All that decides how the episodes go on, between steps."""

@@ -17,7 +17,6 @@ from mimicbench.envs.vec_env import EnvConfig, VecEnv
 from mimicbench.evaluate.guard import PATIENCE, Guard
 from mimicbench.evaluate.rows import EpisodeRow
 from mimicbench.objects.shape import SceneObject
-from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.rows import Rows
 from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.task import Task
@@ -88,7 +87,9 @@ def _run_batch(
     tick: Callable[[int], None],
 ) -> PolicyRun:
     task, robot = clips.task, clips.robot
-    env = VecEnv(task, robot, clips.scenes, replace(env_config, physics=PhysicsConfig(gains=policy.gains)))
+    env = VecEnv(
+        task, robot, clips.scenes, replace(env_config, physics=replace(env_config.physics, gains=policy.gains))
+    )
     starts = [start_of(motion, clips.objects[motion.object_id], robot, task) for motion in clips.motions]
     env.reset(Rows.every(len(clips), env.device), stacked(starts, env.physics))
     assert env.metrics is not None

@@ -21,9 +21,10 @@ def gravity(state: RobotState) -> torch.Tensor:
 
 def tilt(state: RobotState) -> torch.Tensor:
     """(N, 2) roll and pitch [rad]: the last two turns that bring the root to where it is are about y, then x."""
-    w, x, y, z = state.root_quat_w.unbind(-1)
-    roll = torch.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-    return torch.stack([roll, torch.asin((2 * (w * y - x * z)).clamp(-1.0, 1.0))], -1)
+    xp, (quat,) = own(state.root_quat_w)
+    w, x, y, z = _rows(xp, quat)
+    roll = xp.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    return _table(xp, [roll[None], xp.arcsin((2 * (w * y - x * z)).clip(-1.0, 1.0))[None]])
 
 
 def root_turn(state: RobotState) -> torch.Tensor:
@@ -171,7 +172,7 @@ def _heading(state: RobotState) -> torch.Tensor:
     xp, (quat,) = own(state.root_quat_w)
     w, x, y, z = _rows(xp, quat)
     sine, cosine = 2 * (x * y + w * z), 1 - 2 * (y * y + z * z)
-    return torch.arctan2(tensor(xp, sine), tensor(xp, cosine))
+    return tensor(xp, xp.arctan2(sine, cosine))
 
 
 class Odometry:

@@ -145,7 +145,7 @@ def _add_object(spec: mujoco.MjSpec, obj: SceneObject, meshes: bool) -> None:
         # or MuJoCo would take the larger friction of the two that touch, and nothing could be slippery
         geom.priority = 1
         # every slot takes part in collision, for MuJoCo lays out its memory by the number that does; a slot to spare
-        # is a grain in the middle of the first box, where nothing touches it
+        # is a grain in the middle of the first box or convex piece, where nothing touches it
         used, spare = min(slot, len(obj.box_pos)) % len(obj.box_pos), slot >= len(obj.box_pos)
         geom.pos, geom.quat, geom.size = (
             obj.box_pos[used],
@@ -155,6 +155,8 @@ def _add_object(spec: mujoco.MjSpec, obj: SceneObject, meshes: bool) -> None:
         geom.rgba = [*obj.box_rgb[used], 1.0]
         geom.contype = geom.conaffinity = _WORLD_BIT
         geom.mass = 0.0 if spare else masses[slot]
+        if spare and hulls[0] is not None:  # in the middle of the box around a piece there may be air
+            geom.pos = hulls[0].mean(0)
         hull = None if spare else hulls[slot]
         if hull is not None:
             _add_mesh(spec, f"object_{slot}", hull, _hull(obj, hull).simplices)

@@ -9,16 +9,25 @@ from mimicbench.tasks.goal import Field, GoalSpec
 from mimicbench.tasks.task import Array, BodyPoints, ObjectInfo, Shortfall, Task
 
 LIFT = 0.2
-"""[m] How high the box is to be above where it stood (appendix D.1)."""
+"""[m] How high the middle of the box is to be above where it was (appendix D.1)."""
 NEAR = 0.1
 """[m] The wrists hold it while they are no farther from its surface than this (appendix D.1)."""
 MASS = 2.5
 """[kg] Of a box that nobody has weighed: the middle of what boxes weigh."""
 
 
+def rise(obj: ObjectInfo) -> Array:
+    """(N,) how much higher the middle of the box is than where it stood [m].
+
+    Its origin is the middle of its base, which rises by half a depth where a box is toppled.
+    """
+    middle = (obj.low + obj.high) / 2
+    return obj.pos_w[:, 2] + rot.rotate(obj.quat_w, middle)[:, 2] - middle[:, 2]
+
+
 def box_lifted_by_the_wrists(body: BodyPoints, obj: ObjectInfo) -> Array:
     """(N,) whether the box is 0.2 m higher than at the start, with both wrists within 0.1 m of its surface."""
-    return (obj.pos_w[:, 2] >= LIFT) & obj.within(body.wrist_pos_w, NEAR).all(-1)
+    return (rise(obj) >= LIFT) & obj.within(body.wrist_pos_w, NEAR).all(-1)
 
 
 def describe_box(obj: SceneObject) -> np.ndarray:
@@ -44,7 +53,7 @@ TASK = Task(
     hold_time=0.0,
     holds=box_lifted_by_the_wrists,
     shortfalls=(
-        Shortfall("box {} too low", lambda _, obj: LIFT - obj.pos_w[:, 2]),
+        Shortfall("box {} too low", lambda _, obj: LIFT - rise(obj)),
         Shortfall("a wrist {} too far from the box", lambda body, obj: obj.away(body.wrist_pos_w).max(-1) - NEAR),
     ),
     goal=GoalSpec(

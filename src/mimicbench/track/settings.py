@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from mimicbench.core.settings import Amount, Positive, Share, Within
 from mimicbench.envs.settings import ClipStartConfig
 from mimicbench.sim.timing import CONTROL_DT
-from mimicbench.track.ppo_config import PPOConfig
+from mimicbench.track.learning.ppo_config import PPOConfig
 from mimicbench.track.registry import TRACKERS
 
 ANYWHERE = 1e3

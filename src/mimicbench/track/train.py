@@ -26,16 +26,16 @@ from mimicbench.track.checkpoint import (
     save_critic,
     save_tracker,
 )
-from mimicbench.track.distillation import Distiller, teachers_of
 from mimicbench.track.evaluation import evaluated, good_enough, was_good_enough
+from mimicbench.track.learning.distillation import Distiller, teachers_of
+from mimicbench.track.learning.ppo_config import ppo_learner
 from mimicbench.track.parts import TrackingParts
-from mimicbench.track.ppo_config import ppo_learner
 from mimicbench.track.registry import TRACKERS
 from mimicbench.track.settings import TrackConfig
 from mimicbench.track.tracker import Layout
 
 if TYPE_CHECKING:
-    from mimicbench.track.ppo import PPOLearner
+    from mimicbench.track.learning.ppo import PPOLearner
 
     Learner = PPOLearner | Distiller
 

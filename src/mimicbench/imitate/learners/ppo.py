@@ -10,7 +10,7 @@ from mimicbench.core.settings import Amount, Positive, Sizes
 from mimicbench.imitate.settings.encoder import EncoderConfig
 from mimicbench.imitate.settings.inputs import NetworkConfig
 from mimicbench.imitate.spec import Given, ImitateConfig, LearnerSpec
-from mimicbench.track.ppo_config import PPOConfig
+from mimicbench.track.learning.ppo_config import PPOConfig
 
 if TYPE_CHECKING:
     from mimicbench.imitate.networks.ppo import Explorer

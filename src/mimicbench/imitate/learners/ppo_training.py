@@ -22,10 +22,10 @@ from mimicbench.imitate.learners.ppo import PPOImitation, PPONetworkConfig
 from mimicbench.imitate.networks.ppo import Explorer
 from mimicbench.imitate.policy import Senses
 from mimicbench.imitate.spec import Given
-from mimicbench.track.ppo_config import ppo_learner
+from mimicbench.track.learning.ppo_config import ppo_learner
 
 if TYPE_CHECKING:
-    from mimicbench.track.ppo import PPOLearner
+    from mimicbench.track.learning.ppo import PPOLearner
 
 REPORT_EVERY = 10
 """Updates between the lines of `metrics.jsonl`."""

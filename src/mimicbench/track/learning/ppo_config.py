@@ -9,7 +9,7 @@ from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.settings import Positive, Share, Sizes, Within
 
 if TYPE_CHECKING:
-    from mimicbench.track.ppo import PPOLearner
+    from mimicbench.track.learning.ppo import PPOLearner
 
 
 DEVIATIONS = (0.02, 1.0)
@@ -62,7 +62,7 @@ class PPOConfig:
 def ppo_learner() -> type[PPOLearner]:
     """The class that learns. Raises MimicbenchError if what it needs is not installed."""
     try:
-        from mimicbench.track.ppo import PPOLearner
+        from mimicbench.track.learning.ppo import PPOLearner
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] not in ("rsl_rl", "tensordict"):
             raise

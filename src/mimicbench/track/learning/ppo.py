@@ -13,10 +13,10 @@ from tensordict import TensorDict
 
 from mimicbench.core.settings import BadSetting
 from mimicbench.core.training import OptimizerState
-from mimicbench.track.muon import MuonAndAdam
+from mimicbench.track.learning.muon import MuonAndAdam
+from mimicbench.track.learning.ppo_config import DEVIATIONS, PPOConfig
+from mimicbench.track.learning.warm_start import plain_network, take_over, take_statistics
 from mimicbench.track.network import Blueprint
-from mimicbench.track.ppo_config import DEVIATIONS, PPOConfig
-from mimicbench.track.warm_start import plain_network, take_over, take_statistics
 
 _GROUPS = {"actor": ["obs"], "critic": ["obs"]}
 

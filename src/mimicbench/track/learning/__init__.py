@@ -1,0 +1,1 @@
+"""How trackers learn: by PPO, or from teachers."""
