@@ -120,6 +120,21 @@ def test_teachers_whose_actions_mean_something_else_are_refused(tmp_path):
         train_tracker(tmp_path / "c", [clip_set()], [], replace(config, tracker="phc"), 0, ONE_THREAD)
 
 
+def test_whom_a_teacher_teaches_is_part_of_what_a_tracker_is(tmp_path):
+    first, second = (str(teacher_in(tmp_path / str(seed), LAYOUT, seed)) for seed in (0, 1))
+
+    def key(also, *others, **more):
+        track = {"also": also, **({"teachers": [first, *others]} if others else {}), **more}
+        return keys.track_key(start(read_recipe({"task": "sit-chair", "track": track}), tmp_path)).digest
+
+    ways = (["lie-bed", "sit-sofa"], first, second), (["sit-sofa", "lie-bed"], first, second)
+    assert key(*ways[0]) != key(*ways[1])
+    assert key(*ways[0]) == key(["sit-sofa", "lie-bed"], second, first), "the order alone matters to nothing"
+    assert key(["lie-bed", "sit-sofa"]) == key(["sit-sofa", "lie-bed"])
+    shares = [1, 8, 1]
+    assert key(["lie-bed", "sit-sofa"], shares=shares) != key(["sit-sofa", "lie-bed"], shares=shares)
+
+
 def test_who_is_taught_by_others_is_another_tracker(tmp_path):
     def key(folder):
         tree = {"task": "sit-chair", "track": {"teachers": [str(folder)]}}

@@ -9,7 +9,7 @@ import torch
 
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.settings import BadSetting
-from mimicbench.imitate.learned import load_learner
+from mimicbench.imitate.learned import load_learner, take_over
 from mimicbench.imitate.registry import LEARNERS
 from mimicbench.imitate.train import Course, train
 from mimicbench.tasks.registry import TASKS
@@ -75,6 +75,16 @@ def test_learning_goes_on_from_a_network_that_lacks_a_head(kind, demos, chairs, 
     other = tiny(kind, INPUTS["history"])
     with pytest.raises(MimicbenchError, match="same sizes and inputs"):
         train(other, frames(demos, chairs, other), still, tmp_path / "other", quiet=True, begin_from=begun)
+
+
+@pytest.mark.parametrize("kind", FINDERS)
+def test_of_a_network_that_found_other_goals_all_is_taken_but_what_found_them(kind):
+    given = finder(kind).build()
+    own = replace(finder(kind), goal_size=given.config.goal_size + 2).build()
+    fresh = {name: value.clone() for name, value in own.state_dict().items()}
+    take_over(own, given)
+    for name, value in own.state_dict().items():
+        assert torch.equal(value, fresh[name] if name.startswith("finds.") else given.state_dict()[name]), name
 
 
 @pytest.mark.parametrize("kind", kinds())

@@ -161,7 +161,8 @@ def track_key(run: Run) -> StageKey:
     clips = {name: retarget_key(part) for name, part in parts.items()}
     names = {name: "retarget" if name == run.recipe.task else name for name in clips}
     made_from = {names[name]: key.fingerprint for name, key in clips.items()}
-    told_apart = ("begin_from", "teachers", "also", "recorded")
+    # the order of other tasks matters to nothing but their shares
+    told_apart = ("begin_from", "teachers", "recorded", *(() if config.shares else ("also",)))
     settings = {name: value for name, value in identity(config).items() if name not in told_apart}
     if config.learned_from:
         from mimicbench.track.checkpoint import tracker_digest

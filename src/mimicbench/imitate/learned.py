@@ -31,8 +31,13 @@ def load_learner(folder: Path, robot: Robot, config_type: type[NetworkConfig]) -
 
 
 def take_over(learner: Learner, begin_from: Learner) -> None:
-    """Weights and statistics of another network, where that has them. Raises MimicbenchError if it has others."""
+    """Weights and statistics of another network, where that has them. Raises MimicbenchError if it has others.
+
+    A head that found the goals of another task is left out: what it found is something else.
+    """
     own, given = learner.state_dict(), begin_from.state_dict()
+    if learner.config.goal_size != begin_from.config.goal_size:
+        given = {name: value for name, value in given.items() if not name.startswith("finds.")}
     for name, value in given.items():
         if name not in own or own[name].shape != value.shape:
             raise MimicbenchError(

@@ -146,7 +146,8 @@ class TrackConfig:
     def learned_from(self) -> dict[str, str]:
         """Folders of the trackers that it is made from, by what they are to it."""
         begun = {"begin_from": self.begin_from} if self.begin_from else {}
-        return begun | {f"teacher-{number}": folder for number, folder in enumerate(self.teachers)}
+        taught = zip(("own", *self.also), self.teachers, strict=False)
+        return begun | {f"teacher/{task}": folder for task, folder in taught}
 
     @staticmethod
     def chosen(tree: Mapping[str, Any]) -> type["TrackConfig"]:
