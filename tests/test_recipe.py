@@ -261,11 +261,16 @@ def test_files_that_are_no_recipes(tmp_path):
         "name.toml": "[object]\ncount = 3",
         "type.toml": '[objects]\ncount = "many"',
         "late.toml": "[track]\nrewards = 3",
+        "class.toml": '[imitate]\nlearner = "bc"\ntracker = "residual"',
     }
     for name, text in bad.items():
         (tmp_path / name).write_text(text)
         with pytest.raises((BadFile, BadSetting)):
             read_recipe(recipe_tree([], tmp_path / name, {}))
+    with pytest.raises(BadSetting) as caught:  # what all of a class share is no setting
+        read_recipe(recipe_tree([], tmp_path / "class.toml", {}), "class.toml")
+    told = str(caught.value)
+    assert "unknown setting imitate.tracker (in class.toml)" in told and "tracker" not in told.partition("known are")[2]
     with pytest.raises(BadFile):
         recipe_tree([], tmp_path, {})
     with pytest.raises(UnknownName, match="unknown preset"):
