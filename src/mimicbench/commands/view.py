@@ -21,7 +21,7 @@ def view(
         str | None, tyro.conf.arg(help="what to begin with: objects, references, retarget, demos or evaluate")
     ] = None,
     find: Annotated[str, tyro.conf.arg(help="begin with an item whose name has these words")] = "",
-    failed: Annotated[bool, tyro.conf.arg(help="begin with the episodes that failed")] = False,
+    failed: Annotated[bool, tyro.conf.arg(help="begin with episodes that failed, of --policy if any")] = False,
     policy: Annotated[
         tuple[str, ...], tyro.conf.arg(help="further checkpoints, or Python files with make_policy(), that can act")
     ] = (),

@@ -96,7 +96,8 @@ class ShowPanel:
 
     def _moved(self) -> None:
         seen = [name for name, actor in self.session.actors.items() if actor.visible]
-        said = "\n\n".join(self._of(name) for name in seen) or "*an object; nobody moves*"
+        nobody = "*an object; nobody moves*" if self.session.opened is not None else "*nothing is shown*"
+        said = "\n\n".join(self._of(name) for name in seen) or nobody
         if said != self._said:
             self._said = self.words.content = said
         if time.monotonic() - self._sensed > 1 / _SENSES_PER_SECOND or not self.act.play.playing:
