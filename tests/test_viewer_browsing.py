@@ -74,6 +74,20 @@ def test_what_is_not_found_is_not_in_the_scene(workdir):
         assert found.session.opened.name == opened.name and found.act.who["robot"].value == "bc", "as it was"
 
 
+def test_policies_of_files_act(workdir, tmp_path):
+    from test_onnx import made
+    from test_policies import written
+
+    files = made(tmp_path / "network.onnx"), written(tmp_path / "program.py")
+    with page(workdir, kind="retarget", policy=tuple(map(str, files))) as found:
+        for role, name in (("robot", "network"), ("other", "program")):
+            found.act.who[role].value = name
+        found.act.begin()
+        for episode in found.act.episodes.values():
+            episode.until(0.1)
+            assert not episode.error and not episode.follows and len(episode.track) == 6
+
+
 def test_nothing_failed(workdir):
     with page(workdir, failed=True, find="no such episode") as found:
         assert found.session.opened is None and not found.session.actors

@@ -24,7 +24,7 @@ class ActPanel:
     """Who acts, and what is done to them."""
 
     def __init__(self, session: Session, play: PlayPanel, workdir: Path, policies: tuple[str, ...] = ()) -> None:
-        """`policies` are paths of further checkpoints and of Python files: the page itself cannot name any."""
+        """`policies` are paths of further checkpoints, Python and ONNX files: the page itself cannot name any."""
         self.session, self.play, self.workdir, self.policies = session, play, workdir, policies
         self.episodes: dict[str, Episode] = {}
         """By role."""

@@ -37,7 +37,7 @@ class ViewConfig:
     failed: bool = False
     """Begin with the episodes that failed, those of `policy` first."""
     policy: tuple[str, ...] = ()
-    """Folders of further checkpoints and Python files that can be chosen to act."""
+    """Folders of further checkpoints, Python and ONNX files that can be chosen to act."""
 
 
 class Page:
