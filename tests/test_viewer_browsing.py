@@ -3,6 +3,7 @@
 from contextlib import contextmanager
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 for name in ("viser", "mjviser", "websockets"):
@@ -17,6 +18,7 @@ from mimicbench.core.motion import RobotMotion  # noqa: E402
 from mimicbench.evaluate.rows import write_rows  # noqa: E402
 from mimicbench.viewer.catalog import Catalog  # noqa: E402
 from mimicbench.viewer.page import Page, ViewConfig  # noqa: E402
+from mimicbench.viewer.showing import told_power  # noqa: E402
 
 TASK = "sit-chair"
 BC = SHIPPED / TASK / "bc"
@@ -86,6 +88,21 @@ def test_policies_of_files_act(workdir, tmp_path):
         for episode in found.act.episodes.values():
             episode.until(0.1)
             assert not episode.error and not episode.follows and len(episode.track) == 6
+
+
+def test_curves_tell_of_the_steps_that_are_over(workdir):
+    """Of who acts, a step is told of at its end: none in the first frame."""
+    with page(workdir, kind="retarget") as found:
+        found.act.who["robot"].value = "bc"
+        found.act.begin()
+        found.play.play(False)
+        found.act.episodes["robot"].until(1.0)
+        curves = found.act.episodes["robot"].track.curves()
+        for step in (0, 1, 5, 50):
+            found.session.show(step * 0.02)
+            times, dots = found.plot.effort.data[0], found.plot.effort.data[-1]
+            assert times[np.isfinite(dots)].tolist() == pytest.approx([step * 0.02] if step else [])
+            assert told_power(curves.effort[:step].max(initial=0.0)) in found.show.words.content
 
 
 def test_nothing_failed(workdir):

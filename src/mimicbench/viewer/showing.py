@@ -119,7 +119,7 @@ class ShowPanel:
         lines = [f"**{track.title}** · {ever}", now]
         curves = track.curves()
         if curves is not None:
-            lines.append(told_power(float(curves.effort[: frame + 1].max(initial=0.0))))
+            lines.append(told_power(float(curves.effort[: curves.until(frame / track.fps)].max(initial=0.0))))
         if name in self.act.episodes:
             lines.append(self.act.episodes[name].verdict())
         return "  \n".join(lines)
