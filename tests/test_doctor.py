@@ -51,6 +51,14 @@ def test_the_disk_is_that_of_the_folder(tmp_path):
     assert found.state == ("ok" if free >= 5 else "note")
 
 
+@pytest.mark.parametrize("place", ["file", "file/work"])
+def test_a_file_is_no_place_for_artefacts(place, tmp_path):
+    (tmp_path / "file").touch()
+    (found,) = doctor.disk(tmp_path / place)
+    assert (found.state, found.found) == ("fault", f"{tmp_path / 'file'} is no folder")
+    assert found.advice == "give a folder with --workdir"
+
+
 def test_memory_is_not_more_than_the_machine_has():
     (found,) = doctor.memory()
     assert 0 < float(found.found.split()[0]) <= os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 2**30

@@ -70,6 +70,19 @@ def test_who_is_told_places_is_checked_with_numbers_and_nan_is_no_agreement(tmp_
     assert _difference(broken, tmp_path / "policy.onnx", H1, touch) == np.inf
 
 
+@pytest.mark.parametrize("wrong", [lambda *given: 1.0, lambda *given: 1 / 0])
+def test_what_is_not_the_policy_takes_no_files_place(wrong, tmp_path, monkeypatch):
+    from mimicbench.policies import export
+
+    path = tmp_path / "policy.onnx"
+    path.write_bytes(b"an earlier one")
+    monkeypatch.setattr(export, "_difference", wrong)
+    with pytest.raises((MimicbenchError, ZeroDivisionError)):
+        export.export_policy(untrained("bc", tmp_path / "bc"), H1, SIT_CHAIR, path)
+    assert path.read_bytes() == b"an earlier one" and [one.name for one in tmp_path.glob("*.onnx")] == [path.name]
+    assert not list(tmp_path.glob(".*"))
+
+
 def made(path, terms=("proprio",), sizes=((48,),), joints=19, **notes):
     """A policy of somebody else: the joint angles among what is measured, as they are."""
     helper, kinds = onnx.helper, onnx.TensorProto

@@ -1,6 +1,8 @@
 """Policies from anywhere: shipped ones in Gymnasium, foreign ones in evaluation, and those that do not work."""
 
+import copy
 import signal
+import sys
 import textwrap
 from dataclasses import replace
 from pathlib import Path
@@ -227,6 +229,54 @@ def test_a_failed_episode_is_no_success(tmp_path):
     done = replace(run.verdict, success=torch.tensor([True, True]), stays=torch.tensor([True, True]))
     found = _failed(done, {1: "act raised ValueError"})
     assert found.success.tolist() == found.stays.tolist() == [True, False]
+
+
+def test_each_policy_has_its_own_neighbors(tmp_path):
+    """Whichever was loaded first, and whenever it imports them: policies may each have a `helper` in their folder."""
+    program = POLICY.replace("import torch", "import helper\n    import torch").replace("return Still()", "LATE")
+    late = """
+        import also
+        assert also.WHO == helper.WHO
+        return Still()"""
+    act = "import package.inner; assert package.inner.WHO == helper.WHO == WHO == getattr(helper, 'said', WHO)"
+    policies, before = [], (set(sys.modules), list(sys.path))
+    for name in ("first", "second"):
+        (tmp_path / name / "package").mkdir(parents=True)
+        for neighbor in ("helper.py", "also.py", "package/inner.py"):
+            (tmp_path / name / neighbor).write_text(f"WHO = {name!r}")
+        text = program.replace("LATE", late).replace("class Still", f"WHO = {name!r}\n\n    class Still")
+        policies.append(load_policy(written(tmp_path / name / "mine.py", act, text), H1, SIT_CHAIR))
+    clips = clip_set(1, 0.1)
+    for policy in (*policies, copy.deepcopy(policies[0])):
+        assert not run_policy(policy, clips, env_config=EnvConfig(workers=1))[0].errors
+    broken = written(tmp_path / "first" / "broken.py", text="import helper\n1 / 0")
+    with pytest.raises(MimicbenchError, match="ZeroDivisionError"):
+        load_policy(broken, H1, SIT_CHAIR)
+    assert not {"helper", "also", "package", "_policy_mine", "_policy_broken"} & (set(sys.modules) - before[0])
+    assert sys.path == before[1]
+
+
+def test_a_policy_may_run_another_ones_file(tmp_path):
+    """Which finds its own neighbors, and so does the first one after it."""
+    outer = """
+    def make_policy():
+        import helper
+        from pathlib import Path
+        from mimicbench.policies.loading import load_policy
+        from mimicbench.robots.registry import ROBOTS
+        from mimicbench.tasks.registry import TASKS
+
+        path = Path(__file__).parent / "inner" / "mine.py"
+        policy = load_policy(path, ROBOTS.get("h1"), TASKS.get("sit-chair"))
+        import helper as again
+        assert again is helper and helper.WHO == "outer"
+        return policy
+    """
+    (tmp_path / "inner").mkdir()
+    (tmp_path / "helper.py").write_text("WHO = 'outer'")
+    (tmp_path / "inner" / "helper.py").write_text("WHO = 'inner'")
+    written(tmp_path / "inner" / "mine.py", "import helper; assert helper.WHO == 'inner'")
+    assert [row.error for row in judged(written(tmp_path / "mine.py", text=outer))] == [""] * 3
 
 
 def test_files_that_make_no_policy(tmp_path):

@@ -16,7 +16,7 @@ from mimicbench.benchmark.judging import episodes_of, episodes_to_show, judge, r
 from mimicbench.benchmark.presets import PRESETS, Chosen, preset_tree
 from mimicbench.benchmark.recipe import EvaluateConfig, check_recipe, read_recipe, recipe_tree, stage_type
 from mimicbench.benchmark.shipped import SHIPPED
-from mimicbench.commands.judge import check_acted
+from mimicbench.commands.judge import check_acted, read_run
 from mimicbench.commands.parsing import read_call
 from mimicbench.core.checkpoint import CONFIG
 from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
@@ -261,11 +261,16 @@ def test_files_that_are_no_recipes(tmp_path):
         "name.toml": "[object]\ncount = 3",
         "type.toml": '[objects]\ncount = "many"',
         "late.toml": "[track]\nrewards = 3",
+        "class.toml": '[imitate]\nlearner = "bc"\ntracker = "residual"',
     }
     for name, text in bad.items():
         (tmp_path / name).write_text(text)
         with pytest.raises((BadFile, BadSetting)):
             read_recipe(recipe_tree([], tmp_path / name, {}))
+    with pytest.raises(BadSetting) as caught:  # what all of a class share is no setting
+        read_recipe(recipe_tree([], tmp_path / "class.toml", {}), "class.toml")
+    told = str(caught.value)
+    assert "unknown setting imitate.tracker (in class.toml)" in told and "tracker" not in told.partition("known are")[2]
     with pytest.raises(BadFile):
         recipe_tree([], tmp_path, {})
     with pytest.raises(UnknownName, match="unknown preset"):
@@ -532,6 +537,24 @@ def test_sizes_name_policies_that_are_shipped_and_can_be_learned(task, profile):
     for name in names[1:]:
         stage_type("imitate", {"learner": name})
         assert (SHIPPED / task / name / CONFIG).exists(), name
+
+
+def test_the_presets_of_a_file_say_how_much_a_run_does(tmp_path):
+    """As those of the command line do; only who asks for a profile gets that instead."""
+    path = tmp_path / "my.toml"
+    path.write_text('preset = "smoke"\n[objects]\ncount = 9\n')
+
+    def sizes(*words):
+        call, _, _ = read_run(words)
+        recipe = call.recipes[0]
+        return recipe.seed, recipe.objects.count, recipe.references.count, recipe.evaluate.episodes
+
+    assert sizes() == (1, 120, 128, 128)
+    assert sizes("--config", str(path)) == (1, 9, 16, 16), "its own settings last"
+    assert sizes("--preset", "smoke") == (1, 16, 16, 16)
+    assert sizes("--config", str(path), "--train") == (0, 9, 16, 16)
+    assert sizes("--config", str(path), "--profile", "full") == (1, 9, 2000, 400)
+    assert sizes("--config", str(path), "--preset", "default") == (1, 9, 128, 128)
 
 
 @pytest.mark.parametrize("task", list(TASKS))

@@ -230,7 +230,9 @@ def test_names_are_text_in_markdown_and_in_plots():
 
 
 def test_what_is_markup_elsewhere_is_text_on_the_terminal():
-    assert "[red]a [/] b" in to_terminal(Table("t", "", ("[bold]n",), (("[red]a [/] b",),)))
+    table = Table("t", "[y] of", ("[bold]n",), (("[red]a [/] b and more",),), note="needs [train] in /x[/y]")
+    shown = to_terminal(table)
+    assert all(words in shown for words in ("[y] of", "[bold]n", "[red]a [/] b", "needs [train] in /x[/y]"))
 
 
 def test_comparison_with_the_paper():
@@ -259,13 +261,23 @@ def test_every_table_is_of_one_task_or_of_all(name):
     apart = [table for one in episodes.by_task for table in spec.of(one)]
     assert spec.what and made
     if spec.per_task:
-        assert made == apart, "each task's is as if there were no other"
+        unnamed = [replace(table, name="", title="") for table in made]
+        assert unnamed == [replace(table, name="", title="") for table in apart], "each as if there were no other"
+        assert len({table.title for table in made}) == len({table.name for table in made}) == len(made), "told apart"
     for table in made:
         assert table.title and table.name.startswith(name) and to_markdown(table)
     chairs = episodes.by_task[0]
     if name != "failed":  # which lists episodes in their order
         backwards = Episodes(tuple(reversed(chairs.rows)))
         assert spec.of(backwards) == spec.of(chairs), "methods are ordered by their rates, not by who comes first"
+
+
+def test_tables_of_several_tasks_say_of_which_they_are():
+    made = [table for name in ("beside-paper", "results") for table in TABLES.get(name).of(three_tasks())]
+    titles = {table.name: table.title for table in made}
+    assert titles["results-sit-chair"] == "Results (sit-chair)"
+    assert titles["beside-paper-lie-bed"] == "Ours beside the paper's (LB)", "as the paper calls it, and that once"
+    assert [table.title for table in TABLES.get("results").of(JUDGED)] == ["Results"], "there is but one"
 
 
 def test_the_best_of_tasks_that_the_paper_has_not():

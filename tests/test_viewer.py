@@ -172,6 +172,7 @@ def test_a_demonstration_has_what_its_joints_had_to_do(workdir):
     expected = np.clip(0.1 * np.array(gains.kp) - 0.1 * np.array(gains.kd), -limit, limit)
     assert np.allclose(curves.torque[2], expected)
     assert np.allclose(curves.effort[2], ((0.1 * expected) ** 2).sum())
+    assert [curves.until(frame / 50) for frame in (0, 1, 2)] == [1, 2, 3], "stored states are told of as they begin"
     assert track.state(4).target.shape == (len(ROBOT.joints),)
 
 

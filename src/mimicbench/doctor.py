@@ -144,6 +144,8 @@ def disk(folder: Path) -> list[Finding]:
     there = folder.resolve()
     while not there.exists():
         there = there.parent
+    if not there.is_dir():
+        return [Finding("disk", "fault", f"{there} is no folder", "give a folder with --workdir")]
     free = shutil.disk_usage(there).free / 2**30
     found = f"{free:.1f} GiB free at {folder}"
     if not os.access(there, os.W_OK):

@@ -113,8 +113,11 @@ def read_file(path: Path) -> dict[str, Any]:
         raise BadFile(f"{path} is no TOML file ({error})") from None
 
 
-def recipe_tree(presets: Sequence[str], file: Path | None, names: Mapping[str, Any]) -> dict[str, Any]:
-    """Presets, then a file, then what is said elsewhere, as one tree of values.
+def recipe_tree(
+    presets: Sequence[str], file: Path | None, names: Mapping[str, Any], implied: Sequence[str] = ()
+) -> dict[str, Any]:
+    """Presets, then a file, then what is said elsewhere, as one tree of values. Those that are implied come before the
+    file's own presets, the others after them.
 
     A preset may differ from task to task and from learner to learner, so those are found first. Raises UnknownName
     for an unknown preset.
@@ -124,7 +127,7 @@ def recipe_tree(presets: Sequence[str], file: Path | None, names: Mapping[str, A
     named = [chosen] if isinstance(chosen, str) else chosen
     if not isinstance(named, list) or not all(isinstance(name, str) for name in named):
         raise BadSetting(f"preset = {chosen!r} (in {file}) cannot be: give a preset's name, or a list of names")
-    presets = [*named, *presets]
+    presets = [*implied, *named, *presets]
     heard = merge(said, names)
     imitate = heard.get("imitate")
     learner = imitate.get("learner") if isinstance(imitate, Mapping) else None

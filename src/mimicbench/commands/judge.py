@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
-from mimicbench.commands.parsing import Options, read_call, said
+from mimicbench.commands.parsing import Call, Options, read_call, said
 from mimicbench.commands.telling import tell, tell_rates
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.names import printable
@@ -74,12 +74,7 @@ def run(argv: Sequence[str]) -> None:
 
     Without --train its seed is 1, so that the shipped policies meet new objects. With it, `smoke` trains briefly, too.
     """
-    train = "--train" in argv
-    profile = said(argv, "profile") or ("full" if train else "default")
-    if profile not in get_args(Profile):
-        raise MimicbenchError(f"--profile is {profile!r}; give one of {', '.join(get_args(Profile))}")
-    besides = "new-objects" if not train else "brief" if profile == "smoke" else "ours"
-    call = read_call("evaluate", argv, RunOptions, [profile, besides], "run")
+    call, train, profile = read_run(argv)
     from mimicbench.benchmark.graph import start
     from mimicbench.report.pictures.showcase import QUICK
     from mimicbench.report.stage import report
@@ -106,6 +101,18 @@ def run(argv: Sequence[str]) -> None:
             print(f"report: {printable(str(page))}")
     if call.options.json:
         tell(found, True, "")
+
+
+def read_run(argv: Sequence[str]) -> tuple[Call, bool, str]:
+    """What follows `run`, whether to learn anew, and how much. Raises MimicbenchError."""
+    train, asked = "--train" in argv, said(argv, "profile")
+    profile = asked or ("full" if train else "default")
+    if profile not in get_args(Profile):
+        raise MimicbenchError(f"--profile is {profile!r}; give one of {', '.join(get_args(Profile))}")
+    presets = [profile, "new-objects" if not train else "brief" if profile == "smoke" else "ours"]
+    # what nobody asked for gives way to the presets of a file
+    named, implied = (presets, []) if asked else ([], presets)
+    return read_call("evaluate", argv, RunOptions, named, "run", implied), train, profile
 
 
 def _each_once(one: Run, train: bool) -> Run:

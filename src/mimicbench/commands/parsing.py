@@ -75,6 +75,7 @@ def read_call(
     kind: type[Options] = Options,
     presets: Sequence[str] = (),
     command: str | None = None,
+    implied: Sequence[str] = (),
 ) -> Call:
     """Read the arguments of a stage's command.
 
@@ -82,14 +83,15 @@ def read_call(
         stage: Its part of the recipe; settings of this and earlier parts are understood.
         argv: What follows the command.
         kind: The command's options.
-        presets: Come before those that the user names.
+        presets: Come before those that the user names by `--preset`, and after those of a file.
         command: Its name, if not the stage's.
+        implied: Presets that nobody named, which come before all others.
 
     Raises:
         BadSetting: A recipe is not possible. Nothing has been done yet.
     """
-    presets = tuple(presets)
-    lines = [_read((stage,), part, kind, presets, command or stage) for part in _by_task(argv)]
+    named = _Named(tuple(implied), tuple(presets))
+    lines = [_read((stage,), part, kind, named, command or stage) for part in _by_task(argv)]
     return Call(lines[0].options, tuple(line.recipe for line in lines))
 
 
@@ -102,7 +104,7 @@ def read_compared(comparison: Comparison, argv: Sequence[str], kind: type[Any]) 
     stages = (comparison.of, PARTS[-1])
     # what may be said is what the first variant has; where another one has no such setting, its recipe says so
     common = merge(comparison.common, choice(comparison.variants[0].change))
-    lines = [_read(stages, part, kind, (), command, common) for part in _by_task(argv)]
+    lines = [_read(stages, part, kind, _Named(), command, common) for part in _by_task(argv)]
     options = lines[0].options
     wanted = comparison.chosen(options.only)
     recipes = tuple(tuple(recipe_of(wanted, one, line.said) for one in wanted.variants) for line in lines)
@@ -132,6 +134,16 @@ def said(argv: Sequence[str], name: str) -> str | None:
 
 
 @dataclass(frozen=True)
+class _Named:
+    """Presets of a command's own."""
+
+    implied: tuple[str, ...] = ()
+    """Before those of a file."""
+    asked: tuple[str, ...] = ()
+    """After those of a file."""
+
+
+@dataclass(frozen=True)
 class _Line:
     options: Any
     recipe: Recipe
@@ -142,7 +154,7 @@ def _read(
     stages: tuple[str, ...],
     argv: Sequence[str],
     kind: type[Any],
-    presets: tuple[str, ...],
+    named: _Named,
     command: str,
     common: Mapping[str, Any] = MappingProxyType({}),
 ) -> _Line:
@@ -158,9 +170,9 @@ def _read(
             names = merge(names, _nested(name, value))
     place = said(argv, "config")
     file = None if place is None else Path(place)
-    presets = (*presets, *_presets(argv))
+    presets = (*named.asked, *_presets(argv))
     # a preset may differ by who learns, which a comparison says where nobody else does
-    tree = merge(common, recipe_tree(presets, file, merge(choice(common), names)))
+    tree = merge(common, recipe_tree(presets, file, merge(choice(common), names), named.implied))
     before = read_recipe(tree, place or "")
     before = replace(
         before, **{part: getattr(before, part) or stage_type(part, tree.get(part, {}))() for part in parts}

@@ -21,9 +21,10 @@ def view(
         str | None, tyro.conf.arg(help="what to begin with: objects, references, retarget, demos or evaluate")
     ] = None,
     find: Annotated[str, tyro.conf.arg(help="begin with an item whose name has these words")] = "",
-    failed: Annotated[bool, tyro.conf.arg(help="begin with the episodes that failed")] = False,
+    failed: Annotated[bool, tyro.conf.arg(help="begin with episodes that failed, of --policy if any")] = False,
     policy: Annotated[
-        tuple[str, ...], tyro.conf.arg(help="further checkpoints, or Python files with make_policy(), that can act")
+        tuple[str, ...],
+        tyro.conf.arg(help="further checkpoints, Python files with make_policy() or ONNX files, that can act"),
     ] = (),
     port: Annotated[int, Within(1, 65535), tyro.conf.arg(help="where on this machine; the next free one")] = 8080,
 ) -> None:
@@ -38,7 +39,7 @@ def view(
         TASKS.get(task)
     for path in policy:
         if not Path(path).exists():
-            raise BadFile(f"{path} does not exist; give the folder of a checkpoint, or a Python file")
+            raise BadFile(f"{path} does not exist; give the folder of a checkpoint, a Python or an ONNX file")
     check_installed()
     from mimicbench.viewer.catalog import KINDS
     from mimicbench.viewer.page import Page, ViewConfig

@@ -135,9 +135,10 @@ def read(
     """
     said = f" (in {source})" if source else ""
     hints = get_type_hints(kind, include_extras=True)
-    unknown = [name for name in tree if name not in hints]
+    known = {entry.name for entry in fields(kind)}  # hints are also of what all of a class share
+    unknown = [name for name in tree if name not in known]
     if unknown:
-        raise BadSetting(f"unknown setting {where}{unknown[0]}{said}; known are: {', '.join(sorted(hints))}")
+        raise BadSetting(f"unknown setting {where}{unknown[0]}{said}; known are: {', '.join(sorted(known))}")
     values = {}
     for name, value in tree.items():
         inner = _dataclass_of(hints[name])

@@ -4,7 +4,7 @@ import logging
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import IO, Any, Protocol, runtime_checkable
 
 import torch
 from torch import Tensor, nn
@@ -92,12 +92,18 @@ def export_policy(folder: Path, robot: Robot, task: Task, path: Path) -> dict[st
     told = {"robot": robot.name, "task": task.name, "gains": policy.gains, "observations": ",".join(names)}
     onnx.helper.set_model_props(model, {**told, **({"carried": ",".join(carried)} if carried else {})})
     data = model.SerializeToString()
-    write_atomic(path, lambda stream: stream.write(data))
-    difference = _difference(policy, path, robot, task)
-    if not difference < TOLERANCE:
-        path.unlink()
-        raise MimicbenchError(f"the ONNX of {folder} decides otherwise, by {difference:.3g} rad; it was not kept")
-    return {"file": str(path), "bytes": len(data), "observations": list(names), "difference": difference}
+    found: list[float] = []
+
+    def write(stream: IO[bytes]) -> None:
+        # checked before it takes the place of what may be there
+        stream.write(data)
+        stream.flush()
+        found.append(_difference(policy, Path(stream.name), robot, task))
+        if not found[0] < TOLERANCE:
+            raise MimicbenchError(f"the ONNX of {folder} decides otherwise, by {found[0]:.3g} rad; it was not kept")
+
+    write_atomic(path, write)
+    return {"file": str(path), "bytes": len(data), "observations": list(names), "difference": found[0]}
 
 
 class _Graph(nn.Module):

@@ -13,6 +13,7 @@ from mimicbench.core.checkpoint import BadCheckpoint, checkpoint_kind, checkpoin
 from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName, told
 from mimicbench.core.files import back_again
 from mimicbench.envs.policy import Policy, refuse_privileged
+from mimicbench.policies.neighbors import AmongNeighbors, Neighbors
 from mimicbench.policies.onnx_file import load_onnx
 from mimicbench.policies.registry import LOADERS
 from mimicbench.robots.description import Robot
@@ -51,8 +52,9 @@ def load_policy(path: Path, robot: Robot, task: Task) -> Policy:
 def _of_file(path: Path, robot: Robot, task: Task) -> Policy:
     if not path.is_file():
         raise BadFile(f"{path} does not exist; give the path of a Python file with a function make_policy()")
+    neighbors = Neighbors(path.parent)
     try:
-        with back_again():
+        with back_again(), neighbors.there():
             module = _module(path)
             if not hasattr(module, "make_policy"):
                 raise MimicbenchError(f"{path} has no function make_policy(); write one that returns a policy")
@@ -72,7 +74,7 @@ def _of_file(path: Path, robot: Robot, task: Task) -> Policy:
     chosen_terms(policy.observations, task)
     if policy.gains not in robot.gains:
         raise UnknownName("gains", policy.gains, list(robot.gains))
-    return policy
+    return AmongNeighbors(policy, neighbors)
 
 
 def _check_words(path: Path, policy: Policy) -> None:
@@ -87,15 +89,11 @@ def _check_words(path: Path, policy: Policy) -> None:
 
 
 def _module(path: Path) -> ModuleType:
-    """Run a Python file under a name that no other module has; its neighbors can be imported."""
-    spec = importlib.util.spec_from_file_location(f"_policy_{path.stem}", path)
+    """Run a Python file under a name that no library has."""
+    place = path.parent.resolve() / path.name  # where its neighbors are, so that it leaves with them
+    spec = importlib.util.spec_from_file_location(f"_policy_{path.stem}", place)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
-    neighbors = str(path.parent.resolve())
-    sys.path.insert(0, neighbors)
-    try:
-        spec.loader.exec_module(module)
-    finally:
-        sys.path.remove(neighbors)
+    spec.loader.exec_module(module)
     return module

@@ -12,13 +12,14 @@ AWAY = 0.8
 CLEARANCE = 0.002
 """[m] Of its soles over the floor."""
 START = "start"
-"""What the keyframe is called in which the robot stands at rest."""
+"""What the keyframe is called in which the robot is in its rest pose."""
 
 
 def scene_xml(robot: Robot, obj: SceneObject, preset: str = "improved", visuals: bool = True) -> str:
     """MJCF of one robot before one object, facing it, as one text that needs no other file.
 
-    The robot is at rest in the keyframe `start`, whose controls hold it there. MuJoCo writes six digits of each number.
+    The robot is in its rest pose in the keyframe `start`, whose controls aim at that pose. Nobody balances, so it
+    topples. MuJoCo writes six digits of each number.
 
     Args:
         robot: The robot; its actuators are position servos in the order of its joints.

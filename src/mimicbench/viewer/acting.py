@@ -24,7 +24,7 @@ class ActPanel:
     """Who acts, and what is done to them."""
 
     def __init__(self, session: Session, play: PlayPanel, workdir: Path, policies: tuple[str, ...] = ()) -> None:
-        """`policies` are paths of further checkpoints and of Python files: the page itself cannot name any."""
+        """`policies` are paths of further checkpoints, Python and ONNX files: the page itself cannot name any."""
         self.session, self.play, self.workdir, self.policies = session, play, workdir, policies
         self.episodes: dict[str, Episode] = {}
         """By role."""
@@ -49,7 +49,7 @@ class ActPanel:
         """Whoever is chosen begins anew, and the time runs."""
         opened = self.session.opened
         if opened is None:
-            return
+            raise MimicbenchError("nothing is shown that anybody could act beside: choose an item first")
         self._end()
         chosen = {role: str(box.value) for role, box in self.who.items() if box.value in self.folders}
         if not chosen:
@@ -88,14 +88,15 @@ class ActPanel:
         self.episodes.clear()
 
     def _opened(self) -> None:
-        """Another item: other methods can act."""
+        """Another item: other methods can act. Without any, who was chosen is kept for the next."""
         opened = self.session.opened
-        assert opened is not None
         for episode in self.episodes.values():
             episode.close()
         self.episodes.clear()
         self.play.play(False)
         self.folders = {}
+        if opened is None:
+            return
         if opened.clip is not None:
             self.folders = methods(opened.task.name, opened.robot.name, self.workdir)
             self.folders |= named(self.policies, self.folders)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mimicbench.tasks.registry import TASKS
@@ -43,19 +44,29 @@ class BrowsePanel:
         self.item.on_update(on(lambda event: self._open()))
         self.steps.on_click(on(lambda event: self._step(str(event.target.value))))
 
-    def start(self, task: str | None, kind: str | None, words: str, failed: bool = False) -> None:
-        """Open the first item of a task and a kind, whose name has some words; of episodes the first that failed."""
+    def start(self, task: str | None, kind: str | None, words: str) -> None:
+        """Open the first item of a task and a kind, whose name has some words."""
         if task is not None:
             self._choose(self.task, self.catalog.tasks(), task)
         kinds = self.catalog.kinds(str(self.task.value))
         kind = kind if kind in kinds else "retarget" if "retarget" in kinds else kinds[0]
         self._choose(self.kind, [KINDS[one] for one in kinds], KINDS[kind])
-        if failed:
-            self._choose(self.outcome, [ANY, FAILED], FAILED)
         self._ignoring = True
         self.words.value = words
         self._ignoring = False
         self._fill("set")
+
+    def start_failed(self, task: str | None, words: str, networks: Sequence[Mapping[str, Any]]) -> None:
+        """Open the first episode that failed, of a task or of any, and of who runs on some of these networks if there
+        is one.
+        """
+        found = self.catalog.failed(task, words, networks)
+        if found is not None:
+            task = found.task
+            names = [one.name for one in self.catalog.sets(task, found.kind)]
+            self._choose(self.set, names, found.name)
+        self._choose(self.outcome, [ANY, FAILED], FAILED)
+        self.start(task, "evaluate", words)
 
     @property
     def current(self) -> ItemSet:
@@ -75,8 +86,10 @@ class BrowsePanel:
             kind = next(kind for kind, words in KINDS.items() if words == self.kind.value)
             names = [one.name for one in self.catalog.sets(task, kind)]
             self._choose(self.set, names, str(self.set.value))
-        self._choose(self.outcome, self.current.outcomes, str(self.outcome.value))
         self.outcome.visible = self.current.kind == "evaluate"
+        # who cannot see the box cannot change it
+        came_to = str(self.outcome.value) if self.outcome.visible else ANY
+        self._choose(self.outcome, self.current.outcomes, came_to)
         self._found = self.current.matching(str(self.words.value), str(self.outcome.value))
         self._choose(self.item, self._found[:SHOWN] or [" "], str(self.item.value))
         self._open()
@@ -95,7 +108,8 @@ class BrowsePanel:
         if item not in self._found:
             lacks = [f"is {self.outcome.value!r}"] if self.outcome.value != ANY else []
             lacks += [f"has {self.words.value!r} in its name"] if self.words.value else []
-            self.facts.content = f"*nothing {' and '.join(lacks) or 'is here'}*"
+            self.facts.content, self.details.content = f"*nothing {' and '.join(lacks) or 'is here'}*", ""
+            self.session.empty()
             return
         opened = open_item(self.catalog, self.current, item)
         self.session.open(opened)

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import os
 from collections import Counter
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mimicbench.benchmark.who import networks_of
 from mimicbench.core.errors import BadFile
 from mimicbench.core.files import read_record
 from mimicbench.core.names import typed
@@ -153,6 +156,18 @@ class Catalog:
         else:
             paths = sorted(path.parent for path in folder.glob(f"*/{HEADER}"))
         return [self._set(task, kind, path) for path in paths]
+
+    def failed(self, task: str | None, words: str, networks: Sequence[Mapping[str, Any]]) -> ItemSet | None:
+        """The first set, of a task or of any, with an episode that failed and whose name has these words: one of who
+        runs on some of these networks, or else of anybody. None if there is none; what is damaged is passed over.
+        """
+        sets = [one for name in self.tasks() if task in (None, name) for one in self.sets(name, "evaluate")]
+        for theirs in (True, False) if networks else (False,):
+            for one in sets:
+                with suppress(BadFile):
+                    if (not theirs or networks_of(one.made_from) in networks) and one.matching(words, FAILED):
+                        return one
+        return None
 
     def named(self, task: str, kind: str, name: str) -> ItemSet:
         """The set of a name. Raises BadFile."""

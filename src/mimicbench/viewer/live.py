@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from mimicbench.core.checkpoint import checkpoint_kind
+from mimicbench.benchmark.who import Who
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.envs.clip_starts import ClipStarts
 from mimicbench.envs.initial_states import stacked, start_of
@@ -28,7 +28,6 @@ from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.task import BodyPoints
 from mimicbench.track.checkpoint import load_tracker
 from mimicbench.track.history import Follower
-from mimicbench.viewer.methods import TRACKER
 from mimicbench.viewer.opened import Opened
 from mimicbench.viewer.tracks import Curves, Pose, State, first_fulfilled, torques
 
@@ -95,10 +94,9 @@ class Episode:
         self.name, self.opened = name, opened
         self.track = LiveTrack(name, opened.robot, opened)
         self.over, self.error = False, ""
-        is_tracker = folder.suffix != ".py" and checkpoint_kind(folder) == TRACKER
-        self.follows = is_tracker
+        self.follows = Who(name, folder).is_tracker
         """Whether it follows the item's clip."""
-        make = _following if is_tracker else _acting
+        make = _following if self.follows else _acting
         self.env, self.act, self.gains, self._guard = make(folder, opened)
         self._limit = round(opened.task.time_limit / CONTROL_DT)
         self._note()

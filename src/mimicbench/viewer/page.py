@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mimicbench.benchmark.who import Who
 from mimicbench.viewer.acting import ActPanel
 from mimicbench.viewer.browsing import BrowsePanel
 from mimicbench.viewer.catalog import Catalog
@@ -33,9 +35,9 @@ class ViewConfig:
     find: str = ""
     """Words that the first item's name has."""
     failed: bool = False
-    """Begin with the episodes that failed."""
+    """Begin with the episodes that failed, those of `policy` first."""
     policy: tuple[str, ...] = ()
-    """Folders of further checkpoints and Python files that can be chosen to act."""
+    """Folders of further checkpoints, Python and ONNX files that can be chosen to act."""
 
 
 class Page:
@@ -44,6 +46,7 @@ class Page:
     def __init__(self, config: ViewConfig) -> None:
         """Serve the page. Raises MimicbenchError if there is nothing to see, or what it needs is not installed."""
         catalog = Catalog(config.workdir)
+        networks = [Who("", Path(os.path.abspath(path))).digests for path in config.policy] if config.failed else []
         self.server = open_server(config.port)
         _furnish(self.server)
         self.session = Session(self.server)
@@ -52,7 +55,10 @@ class Page:
         self.act = ActPanel(self.session, self.play, config.workdir, config.policy)
         self.show = ShowPanel(self.session, self.act)
         self.plot = PlotPanel(self.session, self.play)
-        self.browse.start(config.task, config.kind, config.find, config.failed)
+        if config.failed:
+            self.browse.start_failed(config.task, config.find, networks)
+        else:
+            self.browse.start(config.task, config.kind, config.find)
 
     @property
     def url(self) -> str:

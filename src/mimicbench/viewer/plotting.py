@@ -94,7 +94,7 @@ class PlotPanel:
         if not curves or opened is None:
             return
         times = max((found.time for found in curves.values()), key=len)
-        now = self._now(curves, times)
+        now = self._now(curves)
         effort = {role: np.maximum(found.effort, 1.0) for role, found in curves.items()}
         limits = [np.full(len(times), limit) for limit in ENERGY_LIMITS]
         self.effort.data = (times, *_columns(effort, len(times)), *limits, _marked(now, effort, len(times)))
@@ -129,9 +129,11 @@ class PlotPanel:
             return opened.robot.joint_names.index(str(self.joint.value))
         return int(np.abs(curves.power).max(0).argmax())
 
-    def _now(self, curves: dict[str, Curves], times: np.ndarray) -> int:
-        track = self.session.actors[next(iter(curves))].track
-        return min(frame_at(track, self.session.time), len(times) - 1)
+    def _now(self, curves: dict[str, Curves]) -> int:
+        """The step of the first role that the moment is at; -1 before any."""
+        role, first = next(iter(curves.items()))
+        track = self.session.actors[role].track
+        return first.until(frame_at(track, self.session.time) / track.fps) - 1
 
 
 def round_up(value: float) -> float:
@@ -152,9 +154,10 @@ def _columns(values: dict[str, np.ndarray], count: int) -> list[np.ndarray]:
 
 
 def _marked(now: int, values: dict[str, np.ndarray], count: int) -> np.ndarray:
-    """A column with one number: the first role's at this moment."""
-    column, first = np.full(count, np.nan), next(iter(values.values()))
-    column[now] = first[min(now, len(first) - 1)]
+    """A column with one number, the first role's in step `now`; with none where that is -1."""
+    column = np.full(count, np.nan)
+    if now >= 0:
+        column[now] = next(iter(values.values()))[now]
     return column
 
 

@@ -86,7 +86,7 @@ class Session:
         self.horizon = 0.0
         """[s] Until when somebody may go on acting."""
         self.opening: list[Callable[[], None]] = []
-        """Called when another item is opened, before anybody is told that it was."""
+        """Called when another item is opened, or none is any more, before anybody is told that it was."""
         self.changed: list[Callable[[], None]] = []
         """Called when another item was opened, or somebody came or went."""
         self.moved: list[Callable[[], None]] = []
@@ -109,6 +109,14 @@ class Session:
         for name, track in opened.tracks.items():
             self.enter(name, track)
         self._look_at(opened)
+        for told in self.opening:
+            told()
+        self.tell_changed()
+
+    def empty(self) -> None:
+        """Show nothing, so that nobody acts beside what is no longer listed."""
+        self.clear()
+        self.opened, self.time, self.horizon = None, 0.0, 0.0
         for told in self.opening:
             told()
         self.tell_changed()

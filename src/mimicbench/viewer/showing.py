@@ -96,7 +96,8 @@ class ShowPanel:
 
     def _moved(self) -> None:
         seen = [name for name, actor in self.session.actors.items() if actor.visible]
-        said = "\n\n".join(self._of(name) for name in seen) or "*an object; nobody moves*"
+        nobody = "*an object; nobody moves*" if self.session.opened is not None else "*nothing is shown*"
+        said = "\n\n".join(self._of(name) for name in seen) or nobody
         if said != self._said:
             self._said = self.words.content = said
         if time.monotonic() - self._sensed > 1 / _SENSES_PER_SECOND or not self.act.play.playing:
@@ -118,7 +119,7 @@ class ShowPanel:
         lines = [f"**{track.title}** · {ever}", now]
         curves = track.curves()
         if curves is not None:
-            lines.append(told_power(float(curves.effort[: frame + 1].max(initial=0.0))))
+            lines.append(told_power(float(curves.effort[: curves.until(frame / track.fps)].max(initial=0.0))))
         if name in self.act.episodes:
             lines.append(self.act.episodes[name].verdict())
         return "  \n".join(lines)

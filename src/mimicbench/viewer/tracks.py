@@ -35,13 +35,17 @@ class Curves:
     """What the joints had to do in T control steps."""
 
     time: np.ndarray
-    """(T,) [s]."""
+    """(T,) [s] when a step's e is known: where something acts, at its end; of stored states, at its beginning."""
     effort: np.ndarray
     """(T,) e of each step, which P is judged by [W^2]; NaN where it is not known."""
     torque: np.ndarray
     """(T, J) [N m]."""
     power: np.ndarray
     """(T, J) torque times velocity [W]."""
+
+    def until(self, time: float) -> int:
+        """How many of the steps are told of by a time [s]: those that end then, too."""
+        return int(np.searchsorted(self.time, time + 1e-6, side="right"))
 
 
 @dataclass(frozen=True)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from mimicbench.core.errors import BadObject, MimicbenchError, UnknownName
 from mimicbench.evaluate.rows import EpisodeRow, Summary, group, summarize
 from mimicbench.objects.registry import make_object
 from mimicbench.objects.shape import SceneObject
+from mimicbench.report.paper_tables import TASKS
 from mimicbench.report.table import Table
 
 
@@ -57,6 +58,13 @@ class Episodes:
         return found
 
 
+def _of_task(table: Table, episodes: Episodes) -> Table:
+    """The same table with its task in name and title, where there are others like it."""
+    task = episodes.rows[0].task
+    told = table.title.endswith(f"({TASKS.get(task, task)})")
+    return replace(table, name=f"{table.name}-{task}", title=table.title if told else f"{table.title} ({task})")
+
+
 def _order(s: Summary) -> tuple[bool, float, float, str, str]:
     return s.stage != "imitate", -s.kinematic.rate, -s.energy.rate, s.policy, s.preset
 
@@ -74,9 +82,12 @@ class TableSpec:
     """Whether it is of one task's episodes, as those of reports are, or of the episodes of all tasks together."""
 
     def of(self, episodes: Episodes) -> list[Table]:
-        """The tables of these episodes: of each task by itself, or of all tasks. Raises MimicbenchError."""
+        """The tables of these episodes: of each task by itself, which several name, or of all tasks. Raises
+        MimicbenchError.
+        """
         parts = episodes.by_task if self.per_task else (episodes,)
-        made = [table for part in parts for table in self.make(part)]
+        several = len(parts) > 1
+        made = [_of_task(table, part) if several else table for part in parts for table in self.make(part)]
         for table in made:
             if table.name != self.name and not table.name.startswith(f"{self.name}-"):
                 raise MimicbenchError(
