@@ -9,6 +9,7 @@ import torch
 from mimicbench.benchmark import keys
 from mimicbench.benchmark.graph import start
 from mimicbench.benchmark.recipe import read_recipe
+from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.settings import BadSetting
 from mimicbench.envs.clips import ClipSet
 from mimicbench.track.checkpoint import CRITIC, TrackerConfig, load_tracker, save_tracker
@@ -92,6 +93,17 @@ def test_a_training_taken_up_in_the_middle_ends_in_the_same_bytes(tmp_path):
     tracker = load_tracker(whole, H1)
     assert set(tracker.observed) == set(BOTH.names) and not tracker.deviation
     assert not (whole / CRITIC).exists(), "nobody knows what its states are worth"
+
+
+def test_learning_goes_on_from_a_tracker_of_the_same_sizes_alone(tmp_path):
+    first = taught(tmp_path, "first", 2)
+    still = DistillConfig(learning_rate=0.0, batch=32)
+    after = load_tracker(taught(tmp_path, "after", 1, begin_from=str(first), distill=still), H1)
+    for name, value in load_tracker(first, H1).network.tensors().items():
+        np.testing.assert_array_equal(after.network.tensors()[name], value, err_msg=name)
+    other = replace(tiny(1).ppo, hidden=(5, 5))
+    with pytest.raises(MimicbenchError, match="other sizes or inputs"):
+        taught(tmp_path, "other", 1, begin_from=str(first), ppo=other)
 
 
 def test_robots_of_a_task_are_where_their_actions_go():

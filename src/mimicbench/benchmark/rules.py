@@ -140,17 +140,15 @@ def tracked_together(recipe: Recipe) -> None:
         )
     if begin_from and not model_file(Path(begin_from)).is_file():
         raise BadSetting(f"track.begin_from is {begin_from!r}, where no tracker is; give the folder of its checkpoint")
-    taught_by(recipe.track.teachers, 1 + len(also), bool(begin_from))
+    taught_by(recipe.track.teachers, 1 + len(also))
 
 
-def taught_by(teachers: Sequence[str], tasks: int, begun: bool) -> None:
-    """Who learns from teachers has one for each task, and begins from nothing."""
+def taught_by(teachers: Sequence[str], tasks: int) -> None:
+    """Who learns from teachers has one for each task."""
     from mimicbench.core.checkpoint import model_file
 
     if teachers and len(teachers) != tasks:
         raise BadSetting(f"track.teachers are {len(teachers)} for {tasks} tasks; give the folder of a tracker for each")
-    if teachers and begun:
-        raise BadSetting("who learns from track.teachers begins from nothing; leave track.begin_from out")
     for folder in teachers:
         if not model_file(Path(folder)).is_file():
             raise BadSetting(f"track.teachers names {folder!r}, where no tracker is; give the folder of its checkpoint")

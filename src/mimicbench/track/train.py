@@ -109,7 +109,10 @@ def learner_of(config: TrackConfig, shape: TrackerConfig, env: TrackingParts, ro
         tasks = dict.fromkeys(name for name, _ in env.places())
         folders = dict(zip(tasks, config.teachers, strict=True))
         teachers = teachers_of(folders, env.places(), robot, spec, config.settings, env.layout)
-        return Distiller(blueprint, shape.actions, teachers, config.distill, env.device)
+        taught = Distiller(blueprint, shape.actions, teachers, config.distill, env.device)
+        if config.begin_from:
+            taught.begin_from(load_tracker(Path(config.begin_from), robot).network.tensors())
+        return taught
     learner = ppo_learner()(blueprint, shape.actions, config.num_envs, config.ppo, env.device)
     if config.begin_from:
         begin_from(Path(config.begin_from), robot, learner, env.layout, config.explore_anew)

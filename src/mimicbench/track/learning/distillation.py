@@ -17,6 +17,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.settings import BadSetting
 from mimicbench.core.training import MovingAverage, NetworkState, OptimizerState
 from mimicbench.robots.description import Robot
@@ -100,6 +101,17 @@ class Distiller:
         self.batches = torch.zeros((), dtype=torch.long)
         self._seen: list[Tensor] = []
         self._taught: list[Tensor] = []
+
+    def begin_from(self, tensors: Mapping[str, np.ndarray]) -> None:
+        """Take over the weights and statistics of a network of the same sizes. Raises MimicbenchError for another."""
+        own = self.network.tensors()
+        if {name: value.shape for name, value in own.items()} != {n: value.shape for n, value in tensors.items()}:
+            raise MimicbenchError(
+                "the tracker to begin from has other sizes or inputs; who learns from teachers goes on from one that "
+                "was trained for the same tasks, with the same track.ppo.hidden"
+            )
+        self.network.load_tensors(tensors)
+        self.average = MovingAverage(self.network, self.config.average)
 
     @property
     def deviation(self) -> tuple[float, ...]:
