@@ -148,7 +148,8 @@ class Distiller:
             self.average.follow(self.network, int(self.batches))
             losses.append(loss.detach())
         with torch.no_grad():
-            error = (self.network(seen[:: max(1, len(seen) // 4096)]) - taught[:: max(1, len(seen) // 4096)]).abs()
+            few = slice(None, None, max(1, len(seen) // 4096))
+            error = (self.network(seen[few]) - taught[few]).abs()
         return {"imitation": float(torch.stack(losses).mean()), "action_error": float(error.mean())}
 
     def network_tensors(self) -> dict[str, np.ndarray]:
