@@ -72,7 +72,7 @@ def test_demonstrations_are_cloned(imitation, clips, demos, tmp_path):
 
 def test_plans_are_learned(clips, tmp_path):
     config = PlannerConfig(hidden=(16,), samples=32, num_envs=4, steps=4, batches=1, batch=8, memory=64)
-    network = train_planner(tmp_path / "training", tracker(SHAPE), clips, config, 0, ONE)
+    network = train_planner(tmp_path / "training", tracker(SHAPE), [clips], config, 0, ONE)
     save_planner(tmp_path / "planner", G1, network, config, {})
     save_tracker(tmp_path / "tracker", G1, SHAPE, tracker(SHAPE).network.tensors(), {})
     acts(tmp_path / "planner", clips)

@@ -214,7 +214,7 @@ def test_a_tracker_and_a_planner_learn_on_warp(device, tmp_path):
     small = PlannerConfig(
         hidden=(16,), samples=4 * 8 * 2, num_envs=8, steps=4, batches=2, batch=16, memory=64, threads=1
     )
-    train_planner(tmp_path / "planner", load_tracker(folder, H1), CLIPS, small, 0, there)
+    train_planner(tmp_path / "planner", load_tracker(folder, H1), [CLIPS], small, 0, there)
     assert (tmp_path / "planner" / "training.safetensors").exists()
 
 

@@ -11,6 +11,7 @@ import torch
 
 from learning import ONE, ROBOT, clip_of, shape_of, tracker
 from mimicbench.core import rotations as rot
+from mimicbench.core.checkpoint import BadCheckpoint
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.settings import BadSetting
 from mimicbench.core.training import STATE
@@ -22,10 +23,11 @@ from mimicbench.imitate.clock import SIZE as CLOCK_SIZE
 from mimicbench.imitate.dagger import SEEN, Episodes
 from mimicbench.imitate.goals import both_places, given_goal, goals_of
 from mimicbench.imitate.learn_planner import _Run, train_planner
-from mimicbench.imitate.learners.planner import PlannerConfig
+from mimicbench.imitate.learners.planner import PlannerConfig, PlannerImitation
+from mimicbench.imitate.networks.planner import PlannerSizes, columns_of
 from mimicbench.imitate.perception import Perception, save_perception
 from mimicbench.imitate.plan import PlanLayout
-from mimicbench.imitate.planner import PlannerSizes, load_network, load_planner, save_planner
+from mimicbench.imitate.planner import load_network, load_planner, save_planner
 from mimicbench.imitate.settings.perception import PerceptionConfig
 from mimicbench.objects.families.chair import make_chair
 from mimicbench.references.synthesis.registry import synthesize
@@ -85,7 +87,7 @@ def saved(folder, task, network, shape):
 @pytest.mark.parametrize("task", TASKS.all(), ids=lambda task: task.name)
 def test_every_task_is_learned_over_one_tracker_of_all(task, every, tmp_path):
     clips = every(task.name)
-    network = train_planner(tmp_path / "training", tracker(SIX), clips, SMALL, 0, ONE)
+    network = train_planner(tmp_path / "training", tracker(SIX), [clips], SMALL, 0, ONE)
     policy = load_planner(saved(tmp_path, task, network, SIX), ROBOT, task)
     inputs = torch.randn(3, network.sizes.inputs)
     assert torch.equal(policy._network.plan(inputs), network.plan(inputs))
@@ -97,14 +99,76 @@ def test_every_task_is_learned_over_one_tracker_of_all(task, every, tmp_path):
     assert not run.errors and run.verdict.steps.tolist() == [10, 10] and not run.verdict.diverged.any()
 
 
+SEVERAL = replace(SMALL, clock=False, num_envs=9, batch=18)
+
+
+def several(every, folder):
+    """A planner of three tasks, and its clips: one finds its goal, one is told it, one moves its object."""
+    sets = [every(name) for name in ("sit-chair", "touch-points", "lift-box")]
+    return train_planner(folder / "training", tracker(SIX), sets, SEVERAL, 0, ONE), sets
+
+
+def test_one_network_learns_several_tasks_and_is_told_which(every, tmp_path):
+    network, sets = several(every, tmp_path)
+    tasks = [some.task for some in sets]
+    columns = columns_of(TRACKERS.get("residual"), ROBOT, tasks)
+    assert network.sizes.memory == sum(task.goal.memory_size for task in tasks) + len(tasks)
+    assert network.sizes.plan == columns[2].plans > columns[0].own(torch.zeros(1, columns[0].plans)).shape[1]
+    for number, (some, where) in enumerate(zip(sets, columns, strict=True)):
+        folder = saved(tmp_path / some.task.name, some.task, network, SIX)
+        save_planner(folder, ROBOT, network, SEVERAL, {"tasks": [task.name for task in tasks]})
+        policy = load_planner(folder, ROBOT, some.task)
+        told = where.told(torch.full((2, some.task.goal.memory_size), 5.0))
+        assert told[:, -len(tasks) :].tolist() == [[float(number == other) for other in range(len(tasks))]] * 2
+        assert int((told == 5).sum()) == 2 * some.task.goal.memory_size and (told[:, where.memory] == 5).all()
+        (run,) = run_policy(policy, replace(some, task=replace(some.task, time_limit=0.1)), env_config=ONE)
+        assert not run.errors and run.verdict.steps.tolist() == [5]
+
+
+def test_what_tasks_share_of_a_plan_has_the_same_columns(every):
+    seat, lift = (PlanLayout(TRACKERS.get("residual"), ROBOT, TASKS.get(name)) for name in ("sit-chair", "lift-box"))
+    one, other = columns_of(TRACKERS.get("residual"), ROBOT, [TASKS.get("sit-chair"), TASKS.get("lift-box")])
+    plans = torch.arange(one.plans).float()[None]
+    said = seat.split(one.own(plans)), lift.split(other.own(plans))
+    assert set(said[1]) - set(said[0]) == {"object", "object+1", "object+5"} and one.plans == lift.size
+    assert all(torch.equal(values, said[1][name]) for name, values in said[0].items())
+
+
+def test_a_planner_of_several_tasks_is_refused_at_others(every, tmp_path):
+    network, _ = several(every, tmp_path)
+    bed = TASKS.get("lie-bed")
+    folder = saved(tmp_path, bed, network, SIX)
+    save_planner(folder, ROBOT, network, SEVERAL, {"tasks": ["sit-chair", "touch-points", "lift-box"]})
+    with pytest.raises(BadCheckpoint, match="learned at sit-chair, touch-points, lift-box"):
+        load_planner(folder, ROBOT, bed)
+
+
+def test_a_training_of_several_tasks_goes_on_to_the_same_bytes(every, tmp_path):
+    whole, sets = several(every, tmp_path)
+
+    def kill(row):
+        if row["round"] == 2:
+            raise Killed
+
+    with pytest.raises(Killed):
+        train_planner(tmp_path / "killed", tracker(SIX), sets, SEVERAL, 0, ONE, kill)
+    resumed = train_planner(tmp_path / "killed", tracker(SIX), sets, SEVERAL, 0, ONE)
+    assert all(torch.equal(value, resumed.state_dict()[name]) for name, value in whole.state_dict().items())
+
+
+def test_who_learns_several_tasks_sees_no_clock():
+    with pytest.raises(BadSetting, match="no-clock"):
+        PlannerImitation(also=("sit-sofa",))
+
+
 def test_who_sees_no_clock_does_the_same_whatever_the_time(every, tmp_path):
     clips, config = every("sit-chair"), replace(SMALL, clock=False)
-    network = train_planner(tmp_path / "training", tracker(SHAPE), clips, config, 0, ONE)
+    network = train_planner(tmp_path / "training", tracker(SHAPE), [clips], config, 0, ONE)
     folder = saved(tmp_path, TASK, network, SHAPE)
     save_planner(folder, ROBOT, network, config, {})
     policy = load_planner(folder, ROBOT, TASK)
     assert network.sizes.style == network.sizes.clock == 0
-    timed = PlannerSizes.of(ROBOT, TASK, TRACKERS.get("residual"), 0)
+    timed = PlannerSizes.of(ROBOT, [TASK], TRACKERS.get("residual"), 0)
     assert timed.inputs - network.sizes.inputs == CLOCK_SIZE
 
     env = TrackingEnv(TRACKERS.get("residual"), clips, 2, TrackingConfig(), 0, ONE).env
@@ -122,7 +186,7 @@ def test_who_sees_no_clock_does_the_same_whatever_the_time(every, tmp_path):
 @pytest.mark.parametrize(("design", "own"), [("hst", {"body", "gravity"}), ("hst-original", {"tilt", "joint_offset"})])
 def test_the_papers_trackers_are_planned_for_too(every, tmp_path, design, own):
     clips, shape = every("touch-points"), shape_of(design, TASKS.get("touch-points"))
-    network = train_planner(tmp_path / "training", tracker(shape), clips, SMALL, 0, ONE)
+    network = train_planner(tmp_path / "training", tracker(shape), [clips], SMALL, 0, ONE)
     policy = load_planner(saved(tmp_path, clips.task, network, shape), ROBOT, clips.task)
     assert {*own, "targets"} <= set(policy.observations) and policy.gains == "paper"
     short = replace(clips, task=replace(clips.task, time_limit=0.1))
@@ -130,41 +194,42 @@ def test_the_papers_trackers_are_planned_for_too(every, tmp_path, design, own):
 
 
 def test_training_is_the_same_again_whatever_the_threads(clips, tmp_path):
-    first = train_planner(tmp_path / "a", tracker(SHAPE), clips, SMALL, 0, EnvConfig(workers=1))
-    again = train_planner(tmp_path / "b", tracker(SHAPE), clips, SMALL, 0, EnvConfig(workers=2))
+    first = train_planner(tmp_path / "a", tracker(SHAPE), [clips], SMALL, 0, EnvConfig(workers=1))
+    again = train_planner(tmp_path / "b", tracker(SHAPE), [clips], SMALL, 0, EnvConfig(workers=2))
     for name, value in first.state_dict().items():
         assert torch.equal(value, again.state_dict()[name]), name
-    finished = train_planner(tmp_path / "a", tracker(SHAPE), clips, SMALL, 0, EnvConfig(workers=1))
+    finished = train_planner(tmp_path / "a", tracker(SHAPE), [clips], SMALL, 0, EnvConfig(workers=1))
     assert all(torch.equal(value, finished.state_dict()[name]) for name, value in first.state_dict().items())
 
 
 def test_learning_goes_on_from_another_planner(clips, tmp_path):
-    first = train_planner(tmp_path / "first", tracker(SHAPE), clips, SMALL, 0, ONE)
+    first = train_planner(tmp_path / "first", tracker(SHAPE), [clips], SMALL, 0, ONE)
     save_planner(tmp_path / "planner", ROBOT, first, SMALL, {})
     there = load_network(tmp_path / "planner", ROBOT)
     still = replace(SMALL, learning_rate=0.0)
-    same = train_planner(tmp_path / "same", tracker(SHAPE), clips, still, 1, ONE, begin_from=there)
+    same = train_planner(tmp_path / "same", tracker(SHAPE), [clips], still, 1, ONE, begin_from=there)
     for name, value in first.state_dict().items():
         assert torch.equal(value, same.state_dict()[name]), name
-    on = train_planner(tmp_path / "on", tracker(SHAPE), clips, SMALL, 1, ONE, begin_from=there)
+    on = train_planner(tmp_path / "on", tracker(SHAPE), [clips], SMALL, 1, ONE, begin_from=there)
     assert not torch.equal(first.layers[0].weight, on.layers[0].weight)
     with pytest.raises(BadSetting, match="other layers"):
-        train_planner(tmp_path / "no", tracker(SHAPE), clips, replace(SMALL, hidden=(8,)), 1, ONE, begin_from=there)
+        train_planner(tmp_path / "no", tracker(SHAPE), [clips], replace(SMALL, hidden=(8,)), 1, ONE, begin_from=there)
 
 
 def test_who_goes_on_from_another_planner_tells_styles_as_it_does(clips):
     clock = replace(SMALL, clock=True)
-    there = _Run(tracker(SHAPE), clips, clock, 0, ONE).network.state_dict()
+    there = _Run(tracker(SHAPE), [clips], clock, 0, ONE).network.state_dict()
     there["style_mean"] = there["style_mean"] + 0.25
-    run = _Run(tracker(SHAPE), clips, clock, 0, ONE)
-    before = run.episodes.styles
+    run = _Run(tracker(SHAPE), [clips], clock, 0, ONE)
+    (task,) = run.tasks
+    before = task.episodes.styles
     run.begin_from(there)
     assert before.shape[1] > 0
-    torch.testing.assert_close(run.episodes.styles, before - 0.25 / run.network.style_std)
+    torch.testing.assert_close(task.episodes.styles, before - 0.25 / run.network.style_std)
 
 
 def test_a_planner_may_drive_from_the_first_round_on(clips, tmp_path):
-    train_planner(tmp_path, tracker(SHAPE), clips, replace(SMALL, teacher_share=0.0), 0, ONE)
+    train_planner(tmp_path, tracker(SHAPE), [clips], replace(SMALL, teacher_share=0.0), 0, ONE)
 
 
 class Killed(Exception):
@@ -174,15 +239,15 @@ class Killed(Exception):
 @pytest.mark.parametrize("shape", [SHAPE, shape_of("hst-original", TASK)], ids=lambda shape: shape.tracker)
 def test_a_training_killed_in_the_middle_ends_in_the_same_bytes(clips, tmp_path, shape):
     longer = replace(SMALL, samples=8 * 4 * 30, save_every=0.0)
-    whole = train_planner(tmp_path / "whole", tracker(shape), clips, longer, 0, EnvConfig(workers=1))
+    whole = train_planner(tmp_path / "whole", tracker(shape), [clips], longer, 0, EnvConfig(workers=1))
 
     def kill(row):
         if row["round"] == 20:
             raise Killed
 
     with pytest.raises(Killed):
-        train_planner(tmp_path / "killed", tracker(shape), clips, longer, 0, EnvConfig(workers=1), kill)
-    resumed = train_planner(tmp_path / "killed", tracker(shape), clips, longer, 0, EnvConfig(workers=1))
+        train_planner(tmp_path / "killed", tracker(shape), [clips], longer, 0, EnvConfig(workers=1), kill)
+    resumed = train_planner(tmp_path / "killed", tracker(shape), [clips], longer, 0, EnvConfig(workers=1))
     for name, value in whole.state_dict().items():
         assert torch.equal(value, resumed.state_dict()[name]), name
 
@@ -191,7 +256,7 @@ def test_a_clip_waits_for_who_lags_and_hurries_for_who_is_ahead(clips):
     """By a frame each, on the way alone, and only where the planner drives."""
     calm = ClipStartConfig(first_frame=1.0, pos_noise=0.0, angle_noise=0.0, vel_noise=0.0)
     config = replace(SMALL, pace=1.0, tracking=replace(SMALL.tracking, starts=calm, focus=0.0))
-    run = _Run(tracker(SHAPE), clips, config, 0, EnvConfig(workers=1))
+    (run,) = _Run(tracker(SHAPE), [clips], config, 0, EnvConfig(workers=1)).tasks
     env, bank = run.env.env, run.env.bank
     place = [bank.frame(env.clip, env.index + ahead).root_pos_w[:, :2] for ahead in range(400)]
     gone = torch.stack([(one - place[0]).norm(dim=-1) for one in place])
@@ -210,7 +275,7 @@ def test_a_clip_waits_for_who_lags_and_hurries_for_who_is_ahead(clips):
 
 
 def test_mirror_images_of_all_clips_are_learned_from_too(clips, tmp_path):
-    train_planner(tmp_path, tracker(SHAPE), clips, replace(SMALL, mirrored=True), 0, EnvConfig(workers=1))
+    train_planner(tmp_path, tracker(SHAPE), [clips], replace(SMALL, mirrored=True), 0, EnvConfig(workers=1))
     with safetensors.safe_open(tmp_path / STATE, "pt") as file:
         learned = json.loads(file.metadata()["mimicbench"])["identity"]["clips"]
     names = [motion.id for motion in clips.motions]
@@ -218,9 +283,9 @@ def test_mirror_images_of_all_clips_are_learned_from_too(clips, tmp_path):
 
 
 def test_another_training_is_not_taken_up(clips, tmp_path):
-    train_planner(tmp_path, tracker(SHAPE), clips, SMALL, 0, EnvConfig(workers=1))
+    train_planner(tmp_path, tracker(SHAPE), [clips], SMALL, 0, EnvConfig(workers=1))
     with pytest.raises(MimicbenchError, match="another seed"):
-        train_planner(tmp_path, tracker(SHAPE), clips, SMALL, 1, EnvConfig(workers=1))
+        train_planner(tmp_path, tracker(SHAPE), [clips], SMALL, 1, EnvConfig(workers=1))
 
 
 def test_a_plan_is_what_the_tracker_would_be_told(every):
@@ -243,7 +308,7 @@ def test_memory_in_training_is_what_the_robot_would_carry(clips):
     """The goal that a training robot remembers is where odometry from the start of the clip says it is."""
     quiet = TrackingConfig(ClipStartConfig(1.0, 0.0, 0.0, 0.0), push=0.0)
     env = TrackingEnv(TRACKERS.get("residual"), clips, 4, quiet, 0, ONE)
-    episodes = Episodes(env, torch.zeros(2, 0), 0)
+    episodes = Episodes(env, *columns_of(env.spec, ROBOT, [env.clips.task]), torch.zeros(2, 0), 0)
     for _ in range(25):
         env.step(torch.zeros(4, 19), ResidualConfig())
     carried = TASK.goal.carried(episodes.known, env.context.odometry_pos, env.context.odometry_yaw)
@@ -286,7 +351,11 @@ def test_clocks_show_all_times_to_the_limit_while_a_pose_is_held(every):
     clips = every("lift-box")
     hold = TrackingConfig(ClipStartConfig(1.0), hold=2.0)
     env = TrackingEnv(TRACKERS.get("residual"), clips, 64, hold, 0, ONE)
-    episodes, length, limit = Episodes(env, torch.zeros(1, 0), 0), int(env.bank.lengths[0]), clips.task.time_limit
+    episodes, length, limit = (
+        Episodes(env, *columns_of(env.spec, ROBOT, [env.clips.task]), torch.zeros(1, 0), 0),
+        int(env.bank.lengths[0]),
+        clips.task.time_limit,
+    )
     env.env.index = torch.full_like(env.env.index, length - 1)
     assert (episodes.seconds == (length - 1) * CONTROL_DT).all(), "in the clip it is the clip's own"
     env.env.index = env.env.index + 1

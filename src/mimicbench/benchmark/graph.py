@@ -166,7 +166,8 @@ def tracker_for_learning(run: Run) -> Path:
     if folder is None:
         return make_track_stage(run).folder / keys.CHECKPOINT
     if SHIPPED in folder.parents:
-        run.context.say(f"taking the shipped tracker of {run.recipe.task}; `mimicbench track` trains one here")
+        of = "several tasks" if len(keys.learned_together(run)) > 1 else run.recipe.task
+        run.context.say(f"taking the shipped tracker of {of}; `mimicbench track` trains one here")
     return folder
 
 
@@ -235,6 +236,14 @@ def _learned_from(run: Run) -> tuple[ClipSet, Path | None]:
     return ClipSet(run.task, run.robot, [], training_objects(make_object_stage(run))), None
 
 
+def _training_clips(run: Run) -> ClipSet:
+    """Raises BadMotion if there is none."""
+    clips = retargeted(run).set.split("train")
+    if not len(clips):
+        raise BadMotion(f"no clip of {run.recipe.task} is on an object of the training split; make more objects")
+    return clips
+
+
 def make_imitate_stage(run: Run) -> Stage:
     """Learn the recipe's policy: its folder holds copies of the tracker and of the eyes, if it uses any."""
     from mimicbench.imitate.lerobot import DATASET
@@ -245,7 +254,9 @@ def make_imitate_stage(run: Run) -> Stage:
 
     config: ImitateConfig = run.part("imitate")
     clips, tracker = _learned_from(run)
-    eyes = make_perception_stage(run) if keys.needs_eyes(run) else None
+    together = keys.learned_together(run)
+    eyes = {task: make_perception_stage(part) for task, part in together.items() if keys.needs_eyes(part)}
+    beside = tuple(_training_clips(part) for task, part in together.items() if task)
     demos = make_demo_stage(run) if config.clones else None
     with _opened(run, keys.imitate_key(run, tracker), *PARTS, trained=True) as stage:
         if stage.complete:
@@ -257,10 +268,10 @@ def make_imitate_stage(run: Run) -> Stage:
             gains = gains or load_tracker(tracker, run.robot).spec.gains
         if tracker is not None:
             copy_checkpoint(tracker, stage.folder / keys.TRACKER)
-        if eyes is not None:
-            copy_checkpoint(eyes.folder, stage.folder / keys.PERCEPTION)
+        for task, seen in eyes.items():
+            copy_checkpoint(seen.folder, stage.folder / keys.PERCEPTION / task)
         dataset = None if demos is None else demos.folder / DATASET
-        given = Given(clips, dataset, run.recipe.seed, gains, run.context, load_policy, expert, follows)
+        given = Given(clips, dataset, run.recipe.seed, gains, run.context, load_policy, expert, follows, beside)
         summary = LEARNERS.get(config.learner).learn(stage.folder / keys.POLICY, given, config)
         return stage.finish(**summary, device=run.context.device)
 

@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from mimicbench.benchmark.recipe import Recipe, stage_type
-from mimicbench.benchmark.shipped import PERCEPTION, TRACKER, expert_named, shipped_trackers
+from mimicbench.benchmark.shipped import PERCEPTION, TRACKER, expert_named, shipped_tracker
 from mimicbench.core.checkpoint import checkpoint_digest, used_by
 from mimicbench.core.errors import BadFile
-from mimicbench.core.files import digest_of_json
 from mimicbench.core.names import typed
 from mimicbench.core.run import RunContext
 from mimicbench.core.settings import amounts, identity
-from mimicbench.core.stage import Stage, StageKey, read_stage
+from mimicbench.core.stage import Stage, StageKey, is_complete, read_stage
 from mimicbench.objects.make import MADE
 from mimicbench.retarget.registry import METHODS
 from mimicbench.robots.description import Robot
@@ -189,7 +188,11 @@ def tracker_folder(run: Run) -> Path | None:
     if is_complete(own):
         return own / CHECKPOINT
     same = identity(run.part("track")) == identity(stage_type("track")())
-    return shipped_trackers(run.recipe.robot).get(run.recipe.task) if same else None
+    return (
+        shipped_tracker(run.recipe.robot, tuple(part.recipe.task for part in learned_together(run).values()))
+        if same
+        else None
+    )
 
 
 def expert_folder(run: Run, tracker: Path) -> Path:
@@ -244,57 +247,48 @@ def perception_key(run: Run) -> StageKey:
 
 def imitate_key(run: Run, tracker: Path | None) -> StageKey:
     """The recipe's policy, learned with the tracker in a folder; None for who learns without references."""
+    from mimicbench.imitate.cloning import learned_before
+
     config, settings = run.part("imitate"), identity(run.part("imitate"))
     made_from: dict[str, str] = {}
     reads: dict[str, Path] = {}
-    before = []
+    before: dict[str, StageKey] = {}
     if tracker is None:
         made_from["objects"], reads["objects"] = objects_of(run)
         made_from["robot"] = run.robot.name  # which nothing else that it is made from depends on
     else:
         made_from["tracker"], reads["tracker"] = checkpoint_digest(tracker), tracker
-        made_from |= _learned_before(settings)
+        made_from |= learned_before(settings)
         if config.clones:
             made_from["demos"], reads["demos"] = demos_of(run, tracker)
         else:
-            before.append(retarget_key(run))
-    if needs_eyes(run):
-        before.append(perception_key(run))
-    else:
+            before |= {named("retarget", task): retarget_key(part) for task, part in learned_together(run).items()}
+    seeing = {task: part for task, part in learned_together(run).items() if needs_eyes(part)}
+    before |= {named(PERCEPTION, task): perception_key(part) for task, part in seeing.items()}
+    if not seeing:
         del settings["perception"]
+    if not settings.get("also"):
+        settings.pop("also", None)  # without any, planners are what they were before there were any
     return run.key(
         "imitate",
         settings,
-        {**made_from, **{key.stage: key.fingerprint for key in before}},
+        {**made_from, **{name: key.fingerprint for name, key in before.items()}},
         amounts=amounts(config),
-        words=(config.learner,),
-        reads={**reads, **{key.stage: run.folder(key) for key in before}},
+        words=(config.learner, *(("also",) if config.tasks_beside else ())),
+        reads={**reads, **{name: run.folder(key) for name, key in before.items()}},
     )
 
 
-def _learned_before(settings: dict[str, Any]) -> dict[str, str]:
-    """What a learner goes on from, whose paths are taken out of its settings: whatever they lead to is what counts."""
-    from mimicbench.imitate.cloning import rounds_of
-    from mimicbench.imitate.stored.digests import read_digests
+def learned_together(run: Run) -> dict[str, Run]:
+    """The recipe for each task that its policy learns, its own first, which is called ""."""
+    return {"": run, **{task: run.changed(task=task) for task in run.part("imitate").tasks_beside}}
 
-    found = {}
-    if policy := settings.pop("begin_from", ""):
-        found["begin_from"] = checkpoint_digest(Path(policy))
-    if drivers := settings.get("dagger", {}).pop("rounds_of", ()):
-        places = [place for driver in drivers for place in rounds_of(driver)]
-        found["rounds_of"] = digest_of_json([read_digests(place) for place in places])
-    return found
+
+def named(stage: str, task: str) -> str:
+    """What a stage of a task beside the recipe's own is called, and that of its own, whose name is empty."""
+    return f"{stage}/{task}" if task else stage
 
 
 def needs_eyes(run: Run) -> bool:
     """Whether the recipe's policy remembers a goal that has to be found."""
     return run.part("imitate").remembers and not run.task.goal.given
-
-
-def is_complete(folder: Path) -> bool:
-    """Whether a finished stage is there, with however much it has."""
-    try:
-        read_stage(folder)
-    except BadFile:
-        return False
-    return True

@@ -174,6 +174,19 @@ def learner_finds_policies(recipe: Recipe) -> None:
             )
 
 
+def learned_together(recipe: Recipe) -> None:
+    """A policy of several tasks names each once."""
+    if recipe.imitate is None:
+        return
+    from mimicbench.tasks.registry import TASKS
+
+    also = recipe.imitate.tasks_beside
+    for name in also:
+        TASKS.get(name)
+    if recipe.task in also or len(set(also)) != len(also):
+        raise BadSetting(f"imitate.also is {', '.join(also)}; name each task beside {recipe.task!r} once")
+
+
 RULES: tuple[Callable[[Recipe], None], ...] = (
     names_exist,
     sources_agree,
@@ -184,4 +197,5 @@ RULES: tuple[Callable[[Recipe], None], ...] = (
     gains_agree,
     tracked_together,
     learner_finds_policies,
+    learned_together,
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from mimicbench.core.checkpoint import CONFIG, checkpoint_kind, checkpoint_robot
+from mimicbench.core.checkpoint import CONFIG, checkpoint_kind, checkpoint_robot, checkpoint_tasks
 from mimicbench.core.errors import BadFile
 from mimicbench.core.files import read_json
 
@@ -62,3 +62,12 @@ def shipped_trackers(robot: str) -> dict[str, Path]:
             several = notes.get("tasks", [notes.get("task")])
             found |= dict.fromkeys([folder.parent.name] if folder.parent != SHIPPED else several, folder)
     return found
+
+
+def shipped_tracker(robot: str, tasks: tuple[str, ...]) -> Path | None:
+    """The robot's tracker that comes with the package for a task, or for several together, if there is one."""
+    if len(tasks) == 1:
+        return shipped_trackers(robot).get(tasks[0])
+    folder = SHIPPED / TRACKER
+    there = (folder / CONFIG).exists() and checkpoint_robot(folder) == robot
+    return folder if there and set(tasks) <= set(checkpoint_tasks(folder)) else None

@@ -180,6 +180,15 @@ def read_stage(folder: Path, whole: bool = True) -> Stage:
     return Stage(folder, header)
 
 
+def is_complete(folder: Path) -> bool:
+    """Whether a finished stage is there, with however much it has."""
+    try:
+        read_stage(folder)
+    except BadFile:
+        return False
+    return True
+
+
 def _take_up(folder: Path, key: StageKey, recipe: Mapping[str, Any] | None, trained: bool) -> Stage | None:
     """What is there already, as wanted; None if there is nothing."""
     if not (folder / HEADER).exists():

@@ -8,8 +8,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from mimicbench.core.checkpoint import beside
+from mimicbench.core.checkpoint import beside, checkpoint_digest
 from mimicbench.core.errors import BadFile, MimicbenchError
+from mimicbench.core.files import digest_of_json
 from mimicbench.core.seeds import digest
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.vec_env import EnvConfig
@@ -22,6 +23,7 @@ from mimicbench.imitate.policy import VisionPolicy
 from mimicbench.imitate.settings.cloning import DaggerConfig
 from mimicbench.imitate.settings.inputs import NetworkConfig
 from mimicbench.imitate.spec import CloneImitation, Given
+from mimicbench.imitate.stored.digests import read_digests
 from mimicbench.imitate.stored.scenery import Scenery
 from mimicbench.imitate.train import Course, train
 from mimicbench.robots.description import Robot
@@ -155,3 +157,14 @@ def clone_loader(config_type: type[NetworkConfig]) -> Callable[[Path, Robot, Tas
         return VisionPolicy(learner, goal, str(notes.get("gains", "improved")))
 
     return load
+
+
+def learned_before(settings: dict[str, Any]) -> dict[str, str]:
+    """What a learner goes on from, whose paths are taken out of its settings: whatever they lead to is what counts."""
+    found = {}
+    if policy := settings.pop("begin_from", ""):
+        found["begin_from"] = checkpoint_digest(Path(policy))
+    if drivers := settings.get("dagger", {}).pop("rounds_of", ()):
+        places = [place for driver in drivers for place in rounds_of(driver)]
+        found["rounds_of"] = digest_of_json([read_digests(place) for place in places])
+    return found

@@ -1,6 +1,6 @@
 """What DAgger needs around a tracking environment: what each robot would see, who drives it, and what was seen."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 import torch
@@ -9,7 +9,7 @@ from torch import Tensor
 from mimicbench.core import rotations as rot
 from mimicbench.core.seeds import digest
 from mimicbench.imitate.goals import given_goal, goals_of
-from mimicbench.imitate.planner import planner_inputs
+from mimicbench.imitate.networks.planner import TaskColumns, planner_inputs
 from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.track.tracking import TrackingEnv
 
@@ -34,9 +34,9 @@ class Episodes:
     few seconds of holding on teach that at all of them the same is to be done.
     """
 
-    def __init__(self, env: TrackingEnv, styles: Tensor, seed: int, clock: bool = True) -> None:
+    def __init__(self, env: TrackingEnv, columns: TaskColumns, styles: Tensor, seed: int, clock: bool = True) -> None:
         """`styles` (C, S) are the clips', normalized; `clock` says whether the planner sees one."""
-        self._env, self._styles, self._clock, device = env, styles, clock, env.device
+        self._env, self._columns, self._styles, self._clock, device = env, columns, styles, clock, env.device
         self._spec = env.clips.task.goal
         clips = torch.arange(len(env.bank), device=device)
         first = env.bank.frame(clips, torch.zeros_like(clips))
@@ -77,7 +77,7 @@ class Episodes:
     def inputs(self, seen: Mapping[str, Tensor]) -> Tensor:
         """(N, I) what the planner sees now, of the terms SEEN."""
         seconds = self.seconds if self._clock else None
-        return planner_inputs(seen["proprio"], seconds, self._memory(seen), self.styles)
+        return planner_inputs(seen["proprio"], seconds, self._columns.told(self._memory(seen)), self.styles)
 
     def _memory(self, seen: Mapping[str, Tensor]) -> Tensor:
         """(N, memory_size) what is known of the goals by now."""
@@ -143,14 +143,9 @@ class Replay:
         """The parts of `count` frames at random."""
         return self._rows[torch.randint(self.filled, (count,)).to(self._rows.device)].split(self._widths, -1)
 
-    def statistics(self, network: Normalized) -> None:
-        """Set the network's normalization from what is stored."""
-        inputs, _, label = self._rows[: self.filled].split(self._widths, -1)
-        # the first frames are the teacher's, close to its clips: a plan is to be precise to centimeters and hundredths
-        # of a radian, but a robot that has got off its clip must not outweigh all others
-        for name, values, least in (("input", inputs, 0.05), ("plan", label, 0.1)):
-            getattr(network, f"{name}_mean").copy_(values.mean(0))
-            getattr(network, f"{name}_std").copy_(values.std(0).clamp(min=least))
+    def stored(self) -> tuple[Tensor, ...]:
+        """The parts of all frames."""
+        return self._rows[: self.filled].split(self._widths, -1)
 
     def state_tensors(self) -> dict[str, Tensor]:
         """The frames, and where the next one goes."""
@@ -160,3 +155,25 @@ class Replay:
         """The inverse of `state_tensors`."""
         self.filled, self._next = len(tensors["rows"]), int(tensors["next"])
         self._rows[: self.filled] = tensors["rows"].to(self._rows.device)
+
+
+def set_statistics(network: Normalized, replays: Sequence[Replay], columns: Sequence[TaskColumns]) -> None:
+    """Set a network's normalization from what is stored of each task: of a term of the plan, over those that have it.
+
+    The first frames are the teacher's, close to its clips: a plan is to be precise to centimeters and hundredths of a
+    radian, but a robot that has got off its clip must not outweigh all others.
+    """
+    stored = [replay.stored() for replay in replays]
+    inputs = torch.cat([inputs for inputs, _, _ in stored])
+    network.input_mean.copy_(inputs.mean(0))
+    network.input_std.copy_(inputs.std(0).clamp(min=0.05))
+    found: dict[tuple[int, int], list[Tensor]] = {}
+    for (_, _, label), where in zip(stored, columns, strict=True):
+        for place, values in zip(
+            where.plan, label.split([part.stop - part.start for part in where.plan], -1), strict=True
+        ):
+            found.setdefault((place.start, place.stop), []).append(values)
+    for (start, stop), values in found.items():
+        together = torch.cat(values)
+        network.plan_mean[start:stop] = together.mean(0)
+        network.plan_std[start:stop] = together.std(0).clamp(min=0.1)

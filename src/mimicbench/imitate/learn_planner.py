@@ -2,8 +2,8 @@
 
 import math
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import msgspec
@@ -26,10 +26,11 @@ from mimicbench.core.training import (
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.mirrored import with_mirror_images
 from mimicbench.envs.vec_env import EnvConfig
-from mimicbench.imitate.dagger import SEEN, Drivers, Episodes, Replay
+from mimicbench.imitate.dagger import SEEN, Drivers, Episodes, Replay, set_statistics
 from mimicbench.imitate.learners.planner import PlannerConfig
+from mimicbench.imitate.networks.planner import PlannerNetwork, PlannerSizes, TaskColumns, columns_of
 from mimicbench.imitate.plan import PlanLayout
-from mimicbench.imitate.planner import PlannerNetwork, PlannerSizes, own_terms, styles_of
+from mimicbench.imitate.planner import own_terms, styles_of
 from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.track.history import Follower
 from mimicbench.track.spec import Terms
@@ -40,20 +41,20 @@ from mimicbench.track.tracking import TrackingEnv
 def train_planner(
     folder: Path,
     tracker: Tracker,
-    clips: ClipSet,
+    clips: Sequence[ClipSet],
     config: PlannerConfig,
     seed: int,
     env_config: EnvConfig | None = None,
     report: Callable[[dict], None] | None = None,
     begin_from: Mapping[str, Tensor] | None = None,
 ) -> PlannerNetwork:
-    """Learn a planner over `tracker` by DAgger on `clips`.
+    """Learn a planner over `tracker` by DAgger on `clips`, one set for each task.
 
     Training state goes to `<folder>/training.safetensors`, progress to `<folder>/metrics.jsonl`; a killed training goes
     on from there to the same bytes. The networks move to where the tensors of physics on the device live. With
     `begin_from`, tensors of a planner's network, learning begins there; raises BadSetting if they are of another.
     """
-    clips = with_mirror_images(clips) if config.mirrored else clips
+    clips = [with_mirror_images(some) for some in clips] if config.mirrored else clips
     torch.manual_seed(digest(seed, "planner") % (1 << 63))
     torch.set_num_threads(config.threads)
     run = _Run(tracker, clips, config, seed, env_config)
@@ -61,7 +62,7 @@ def train_planner(
         run.begin_from(begin_from)
     plain = msgspec.to_builtins(asdict(config))
     identity = {"config": {name: value for name, value in plain.items() if name != "save_every"}, "seed": seed}
-    identity["clips"] = [motion.id for motion in clips.motions]
+    identity["clips"] = [motion.id for some in clips for motion in some.motions]
     parts = run.parts()
     progress = resume_training(folder, identity, parts, {"round": 0, "samples": 0, "seconds": 0.0})
     rounds = math.ceil(config.samples / (config.num_envs * config.steps))
@@ -79,7 +80,7 @@ def train_planner(
         if now - saved > config.save_every or finished:
             save_training(folder, identity, parts, progress)
             saved = now
-    run.env.env.close()
+    run.close()
     return run.network.eval()
 
 
@@ -91,48 +92,39 @@ NEAR = 0.08
 """[m] A robot that is so much behind its clip, or ahead of it, is with it."""
 
 
-class _Run:
-    """One training: environment, network, and what they remember."""
+class _Part:
+    """One task of a training: its environment, and what is remembered of it."""
 
     def __init__(
-        self, tracker: Tracker, clips: ClipSet, config: PlannerConfig, seed: int, env_config: EnvConfig | None
+        self,
+        tracker: Tracker,
+        clips: ClipSet,
+        columns: TaskColumns,
+        config: PlannerConfig,
+        seed: int,
+        env_config: EnvConfig | None,
     ) -> None:
-        self.tracker, self.clips, self.config = tracker, clips, config
+        """`config` is of this task alone, as to robots and memory."""
+        self.tracker, self.clips, self.columns, self.config, self.seed = tracker, clips, columns, config, seed
         robot, task = clips.robot, clips.task
         self.env = TrackingEnv(tracker.spec, clips, config.num_envs, config.tracking, seed, env_config)
         self.layout = PlanLayout(tracker.spec, robot, task)
         # what robots measure of themselves is among the inputs anyway
         self.own = ("last_action", *(name for name in own_terms(tracker.spec, task) if name != "proprio"))
-        self.own_widths = sizes(self.own, robot, task)
         self.follower = Follower(tracker, config.num_envs, self.env.device)
+        self.sensed_widths = [*sizes(self.own, robot, task), self.follower.history.past.shape[1]]
         _, styles = styles_of(clips.motions)
-        styles = styles if config.clock else styles[:, :0]
-        device = self.env.device
-        planner_sizes = PlannerSizes.of(robot, task, tracker.spec, styles.shape[1], config.clock)
-        self.network = PlannerNetwork(planner_sizes, config.hidden)
-        self.network.set_styles(styles)
-        self.network.to(device)
-        tracker.network.to(device)
-        self.raw_styles = styles.to(device)
-        self.episodes = Episodes(self.env, self.network.normalized_style(self.raw_styles), seed, config.clock)
-        self.optimizer = torch.optim.Adam(self.network.parameters(), lr=config.learning_rate)
-        self.sensed_widths = [*self.own_widths, self.follower.history.past.shape[1]]
-        widths = [self.network.sizes.inputs, sum(self.sensed_widths), self.layout.size]
-        self.replay = Replay(config.memory, widths, device)
-        self.drivers = Drivers(config.num_envs, device)
-        self.drivers.draw(torch.arange(config.num_envs, device=device), 1.0)
+        self.raw_styles = (styles if config.clock else styles[:, :0]).to(self.env.device)
+        self.drivers = Drivers(config.num_envs, self.env.device)
+        self.drivers.draw(torch.arange(config.num_envs, device=self.env.device), 1.0)
 
-    def begin_from(self, tensors: Mapping[str, Tensor]) -> None:
-        """Take over a network, with what it knows of what it sees. Raises BadSetting if it is of another shape."""
-        own = self.network.state_dict()
-        if {n: v.shape for n, v in tensors.items()} != {n: v.shape for n, v in own.items()}:
-            raise BadSetting(
-                "imitate.begin_from leads to a planner of other layers, or that sees or tells something else; begin "
-                "from one learned with the same --imitate.planner.hidden, clock and tracker, or from nothing"
-            )
-        self.network.load_state_dict(dict(tensors))
-        # it goes on telling styles by the mean and deviation of the clips that it learned from first
-        self.episodes.tell_styles(self.network.normalized_style(self.raw_styles))
+    def begin(self, network: PlannerNetwork) -> None:
+        """Episodes in which this network is to drive."""
+        self.network = network
+        styles = network.normalized_style(self.raw_styles)
+        self.episodes = Episodes(self.env, self.columns, styles, self.seed, self.config.clock)
+        widths = [network.sizes.inputs, sum(self.sensed_widths), self.layout.size]
+        self.replay = Replay(self.config.memory, widths, self.env.device)
 
     def parts(self) -> dict[str, Resumable]:
         """Everything with a state, by name."""
@@ -142,22 +134,7 @@ class _Run:
             "store": self.replay,
             "drivers": self.drivers,
             "follower": self.follower.history,
-            "network": NetworkState(self.network),
-            "optimizer": OptimizerState(self.optimizer),
-            "torch": TorchRandom(self.env.device),
         }
-
-    def round(self, part: float, first: bool) -> dict[str, float]:
-        """Collect and learn, `part` of the training being over; what to tell of it."""
-        config = self.config
-        share = max(0.0, 1.0 - part / config.teacher_share) if config.teacher_share else 0.0
-        failures, endings = self.collect(share)
-        if first:
-            self.replay.statistics(self.network)
-        for group in self.optimizer.param_groups:
-            group["lr"] = config.learning_rate * (0.55 + 0.45 * np.cos(np.pi * part))
-        losses = [self.learn() for _ in range(config.batches)]
-        return {"loss": float(np.mean(losses)), "failed": failures / max(endings, 1), "teacher_share": share}
 
     @torch.no_grad()
     def collect(self, share: float) -> tuple[int, int]:
@@ -172,7 +149,7 @@ class _Run:
             inputs = self.episodes.inputs(terms)
             label = self.layout.flat(terms)
             self.replay.add(inputs, flat(terms, self.own), self.follower.history.past, label)
-            plan = torch.where(drivers.teacher[:, None], label, self.network.plan(inputs))
+            plan = torch.where(drivers.teacher[:, None], label, self.columns.own(self.network.plan(inputs)))
             planned = {**dict(terms), **self.layout.split(plan)}
             action = self.follower.action(planned)
             target = self.tracker.target(robot, planned, action)
@@ -203,13 +180,12 @@ class _Run:
         # the frame after the next control step is the same once more, or the one after the next
         env.index += faster.long() - slower.long()
 
-    def learn(self) -> float:
-        """One step: smooth L1 between the normalized plans, the difference that the plan makes to the tracker's action.
-
-        And the chooser's error.
+    def errors(self, inputs: Tensor, own: Tensor, label: Tensor, planned: Tensor) -> tuple[Tensor, Tensor]:
+        """How far normalized plans (B, plans) are from labels (B, P), and the difference that they make to the
+        tracker's action: smooth L1.
         """
         network = self.network
-        inputs, own, label = self.replay.draw(self.config.batch)
+        mean, std = self.columns.own(network.plan_mean), self.columns.own(network.plan_std)
         *parts, past = own.split(self.sensed_widths, -1)
         sensed: Terms = dict(zip(self.own, parts, strict=True))
         sensed = {**sensed, "proprio": inputs[:, : network.sizes.body]}
@@ -217,17 +193,105 @@ class _Run:
         def act(plan: Tensor) -> Tensor:
             return self.tracker.action({**sensed, **self.layout.split(plan)}, past)
 
-        planned = network(inputs)
-        loss = functional.smooth_l1_loss(planned, (label - network.plan_mean) / network.plan_std)
+        said = self.columns.own(planned)
         with torch.no_grad():
             wanted = act(label)
-        done = act(planned * network.plan_std + network.plan_mean)
-        loss = loss + self.config.action_weight * functional.smooth_l1_loss(done, wanted)
+        done = act(said * std + mean)
+        return functional.smooth_l1_loss(said, (label - mean) / std), functional.smooth_l1_loss(done, wanted)
+
+
+class _Run:
+    """One training: the network, and the parts of its tasks."""
+
+    def __init__(
+        self,
+        tracker: Tracker,
+        clips: Sequence[ClipSet],
+        config: PlannerConfig,
+        seed: int,
+        env_config: EnvConfig | None,
+    ) -> None:
+        self.config, count = config, len(clips)
+        robot, tasks = clips[0].robot, [some.task for some in clips]
+        self.tasks = [
+            _Part(
+                tracker,
+                some,
+                columns,
+                replace(config, num_envs=len(range(number, config.num_envs, count)), memory=config.memory // count),
+                digest(seed, "part", number) if number else seed,
+                env_config,
+            )
+            for number, (some, columns) in enumerate(zip(clips, columns_of(tracker.spec, robot, tasks), strict=True))
+        ]
+        self.device = self.tasks[0].env.device
+        styles = self.tasks[0].raw_styles
+        planner_sizes = PlannerSizes.of(robot, tasks, tracker.spec, styles.shape[1], config.clock)
+        self.network = PlannerNetwork(planner_sizes, config.hidden).to(self.device)
+        self.network.set_styles(styles)
+        tracker.network.to(self.device)
+        for part in self.tasks:
+            part.begin(self.network)
+        self.optimizer = torch.optim.Adam(self.network.parameters(), lr=config.learning_rate)
+
+    def begin_from(self, tensors: Mapping[str, Tensor]) -> None:
+        """Take over a network, with what it knows of what it sees. Raises BadSetting if it is of another shape."""
+        own = self.network.state_dict()
+        if {n: v.shape for n, v in tensors.items()} != {n: v.shape for n, v in own.items()}:
+            raise BadSetting(
+                "imitate.begin_from leads to a planner of other layers, or that sees or tells something else; begin "
+                "from one learned with the same --imitate.planner.hidden, clock, tasks and tracker, or from nothing"
+            )
+        self.network.load_state_dict(dict(tensors))
+        for part in self.tasks:  # it goes on telling styles by the mean and deviation of the clips that it learned from
+            part.episodes.tell_styles(self.network.normalized_style(part.raw_styles))
+
+    def parts(self) -> dict[str, Resumable]:
+        """Everything with a state, by name."""
+        names = ["", *(f"{number}/" for number in range(1, len(self.tasks)))]
+        return {
+            **{
+                f"{name}{key}": value
+                for name, part in zip(names, self.tasks, strict=True)
+                for key, value in part.parts().items()
+            },
+            "network": NetworkState(self.network),
+            "optimizer": OptimizerState(self.optimizer),
+            "torch": TorchRandom(self.device),
+        }
+
+    def round(self, part: float, first: bool) -> dict[str, float]:
+        """Collect and learn, `part` of the training being over; what to tell of it."""
+        config = self.config
+        share = max(0.0, 1.0 - part / config.teacher_share) if config.teacher_share else 0.0
+        failures, endings = map(sum, zip(*(task.collect(share) for task in self.tasks), strict=True))
+        if first:
+            set_statistics(self.network, [task.replay for task in self.tasks], [task.columns for task in self.tasks])
+        for group in self.optimizer.param_groups:
+            group["lr"] = config.learning_rate * (0.55 + 0.45 * np.cos(np.pi * part))
+        losses = [self.learn() for _ in range(config.batches)]
+        return {"loss": float(np.mean(losses)), "failed": failures / max(endings, 1), "teacher_share": share}
+
+    def learn(self) -> float:
+        """One step on as many frames of each task: errors of plans, of what the tracker does by them, and of the
+        chooser.
+        """
+        network = self.network
+        drawn = [task.replay.draw(self.config.batch // len(self.tasks)) for task in self.tasks]
+        planned = network(torch.cat([inputs for inputs, _, _ in drawn])).chunk(len(self.tasks))
+        errors = [task.errors(*frames, said) for task, frames, said in zip(self.tasks, drawn, planned, strict=True)]
+        plans, actions = (torch.stack(each).mean() for each in zip(*errors, strict=True))
+        loss = plans + self.config.action_weight * actions
         if network.sizes.style:
-            chosen = network.chooser(self.episodes.known)
-            loss = loss + functional.mse_loss(chosen, self.episodes.styles)
+            for task in self.tasks:
+                loss = loss + functional.mse_loss(network.chooser(task.episodes.known), task.episodes.styles)
         self.optimizer.zero_grad()
         loss.backward()
         nn.utils.clip_grad_norm_(network.parameters(), 1.0)
         self.optimizer.step()
         return float(loss.detach())
+
+    def close(self) -> None:
+        """Give everything back."""
+        for task in self.tasks:
+            task.env.env.close()

@@ -32,7 +32,9 @@ class PlanLayout:
     def __init__(self, spec: TrackerSpec, robot: Robot, task: Task) -> None:
         self.terms = tuple(term for term in chosen_terms(spec.observations, task) if term.privileged)
         self._widths = [torch.Size(term.shape(robot, task)).numel() for term in self.terms]
-        self.size = sum(width + 3 * len(term.turns) for term, width in zip(self.terms, self._widths, strict=True))
+        self.widths = {t.name: width + 3 * len(t.turns) for t, width in zip(self.terms, self._widths, strict=True)}
+        """Numbers of the plan for each term, in order."""
+        self.size = sum(self.widths.values())
         """P."""
 
     def flat(self, terms: Terms) -> Tensor:
@@ -49,9 +51,8 @@ class PlanLayout:
 
     def split(self, plan: Tensor) -> dict[str, Tensor]:
         """The terms (N, ...) of plans (N, P), by name. No gradient passes through their turns."""
-        widths = [width + 3 * len(term.turns) for term, width in zip(self.terms, self._widths, strict=True)]
         found = {}
-        for term, values in zip(self.terms, plan.split(widths, -1), strict=True):
+        for term, values in zip(self.terms, plan.split(list(self.widths.values()), -1), strict=True):
             parts, end = [], 0
             for number, at in enumerate(term.turns):
                 first = at + 3 * number

@@ -10,10 +10,12 @@ true references to the planner itself.
 What a clip chose beyond its start and its object is told by its style, such as which way it turns its back to it.
 Two choices have no middle: a planner that has to guess them from where it stands wavers, and falls. So the style is an
 input, and a small network, the chooser, settles it once, by what is known of the goal first.
+
+One network may learn several tasks, and is told which: what is known of each task's goal has columns of its own among
+its inputs, and each task has a number that is 1 where it is meant.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,121 +23,28 @@ import torch
 from torch import nn
 
 from mimicbench.core.building import built
-from mimicbench.core.checkpoint import beside, load_checkpoint, save_checkpoint
+from mimicbench.core.checkpoint import CONFIG, BadCheckpoint, beside, checkpoint_tasks, load_checkpoint, save_checkpoint
 from mimicbench.core.motion import RobotMotion
-from mimicbench.imitate.clock import SIZE as CLOCK_SIZE
-from mimicbench.imitate.clock import clock_features
 from mimicbench.imitate.goals import KnownGoal, known_goal
 from mimicbench.imitate.learners.planner import PlannerConfig
+from mimicbench.imitate.networks.planner import (
+    PlannerNetwork,
+    PlannerSizes,
+    TaskColumns,
+    columns_of,
+    planner_inputs,
+)
 from mimicbench.imitate.plan import PlanLayout
 from mimicbench.imitate.policy import BODY
 from mimicbench.robots.description import Robot
-from mimicbench.sensors.observations import TERMS, Observations, chosen_terms
+from mimicbench.sensors.observations import Observations, chosen_terms
 from mimicbench.sim.rows import Rows
+from mimicbench.tasks.registry import TASKS
 from mimicbench.tasks.task import Task
 from mimicbench.track.checkpoint import load_tracker
 from mimicbench.track.history import Follower
 from mimicbench.track.spec import TrackerSpec
 from mimicbench.track.tracker import Tracker
-
-
-@dataclass(frozen=True)
-class PlannerSizes:
-    """What a planner takes and gives, in numbers."""
-
-    body: int
-    """Of what the robot measures of itself."""
-    goal: int
-    """Of the goal as it is known first."""
-    memory: int
-    """Of what is known of it by now."""
-    plan: int
-    """Of what the tracker is told."""
-    style: int
-    """Of what clips choose."""
-    clock: int = CLOCK_SIZE
-    """Of the time."""
-
-    @staticmethod
-    def of(robot: Robot, task: Task, spec: TrackerSpec, style: int, clock: bool = True) -> "PlannerSizes":
-        """For a robot at a task, over a tracker, and clips of so much style, with a clock or without."""
-        (body,) = TERMS["proprio"].shape(robot, task)
-        plan = PlanLayout(spec, robot, task).size
-        return PlannerSizes(body, task.goal.size, task.goal.memory_size, plan, style, CLOCK_SIZE if clock else 0)
-
-    @property
-    def inputs(self) -> int:
-        """All that it takes."""
-        return self.body + self.clock + self.memory + self.style
-
-
-class PlannerNetwork(nn.Module):
-    """Body, clock, memory and style -> plan; and the goal as known first -> style. All are normalized inside."""
-
-    def __init__(self, sizes: PlannerSizes, hidden: tuple[int, ...]) -> None:
-        super().__init__()
-        self.sizes = sizes
-        self.input_mean: torch.Tensor
-        self.input_std: torch.Tensor
-        self.plan_mean: torch.Tensor
-        self.plan_std: torch.Tensor
-        self.style_mean: torch.Tensor
-        self.style_std: torch.Tensor
-        self.style_is_choice: torch.Tensor
-        inputs, outputs, style = sizes.inputs, sizes.plan, sizes.style
-        for name, size in (("input", inputs), ("plan", outputs), ("style", style)):
-            self.register_buffer(f"{name}_mean", torch.zeros(size))
-            self.register_buffer(f"{name}_std", torch.ones(size))
-        self.register_buffer("style_is_choice", torch.zeros(style))
-        self.chooser = (
-            nn.Sequential(nn.Linear(sizes.goal, 64), nn.ELU(), nn.Linear(64, 64), nn.ELU(), nn.Linear(64, style))
-            if style
-            else nn.Sequential()
-        )
-        layers: list[nn.Module] = []
-        width = inputs
-        for size in hidden:
-            layers += [nn.Linear(width, size), nn.ELU()]
-            width = size
-        self.layers = nn.Sequential(*layers, nn.Linear(width, outputs))
-
-    def forward(self, inputs: torch.Tensor) -> torch.Tensor:
-        """(N, outputs) normalized plan."""
-        return self.layers(((inputs - self.input_mean) / self.input_std).clamp(-10, 10))
-
-    def plan(self, inputs: torch.Tensor) -> torch.Tensor:
-        """(N, outputs) plan in the tracker's units."""
-        return self(inputs) * self.plan_std + self.plan_mean
-
-    def set_styles(self, styles: torch.Tensor) -> None:
-        """Set the normalization from the styles (C, S) of all clips.
-
-        What is only ever 1 or -1 is a choice between two.
-        """
-        self.style_mean.copy_(styles.mean(0))
-        self.style_std.copy_(styles.std(0).clamp(min=1e-3) if len(styles) > 1 else torch.ones(styles.shape[1]))
-        self.style_is_choice.copy_((styles.abs() == 1).all(0).float())
-
-    def normalized_style(self, style: torch.Tensor) -> torch.Tensor:
-        """(N, S) styles with mean 0 and deviation 1, as the chooser gives and the planner takes them."""
-        return (style - self.style_mean) / self.style_std
-
-    def choose(self, goal: torch.Tensor) -> torch.Tensor:
-        """(N, S) the normalized style for goals (N, G) as first known: the expected one, and the likelier of two
-        choices.
-        """
-        if not len(self.style_mean):
-            return goal.new_zeros(len(goal), 0)
-        expected = self.chooser(goal)
-        side = torch.where(expected * self.style_std + self.style_mean >= 0, 1.0, -1.0)
-        return torch.where(self.style_is_choice > 0, self.normalized_style(side), expected)
-
-
-def planner_inputs(
-    body: torch.Tensor, seconds: torch.Tensor | None, memory: torch.Tensor, style: torch.Tensor
-) -> torch.Tensor:
-    """(N, PlannerSizes.inputs) what the planner sees; `style` is normalized, `seconds` None for who sees no clock."""
-    return torch.cat([body, *([] if seconds is None else [clock_features(seconds)]), memory, style], -1)
 
 
 def styles_of(motions: Sequence[RobotMotion]) -> tuple[tuple[str, ...], torch.Tensor]:
@@ -155,8 +64,17 @@ def own_terms(spec: TrackerSpec, task: Task) -> tuple[str, ...]:
 class PlannerPolicy:
     """The planner in closed loop: knows its goal, settles its style, plans every frame for the tracker."""
 
-    def __init__(self, robot: Robot, task: Task, network: PlannerNetwork, tracker: Tracker, goal: KnownGoal) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        task: Task,
+        network: PlannerNetwork,
+        tracker: Tracker,
+        goal: KnownGoal,
+        columns: TaskColumns,
+    ) -> None:
         self._robot, self._network, self._tracker, self._goal = robot, network, tracker, goal
+        self._columns = columns
         self._layout, self._own = PlanLayout(tracker.spec, robot, task), own_terms(tracker.spec, task)
         self.gains = tracker.spec.gains
         self.observations: tuple[str, ...] = tuple(dict.fromkeys((*BODY, *goal.observations, *self._own)))
@@ -202,10 +120,10 @@ class PlannerPolicy:
     @torch.no_grad()
     def act(self, obs: Observations) -> torch.Tensor:
         """Joint position targets (N, J) [rad]."""
-        memory = self._goal.recall(obs)
+        memory = self._columns.told(self._goal.recall(obs))
         seconds = obs["time"][:, 0] if self._network.sizes.clock else None
         inputs = planner_inputs(obs["proprio"], seconds, memory, self._style)
-        plan = self._layout.split(self._network.plan(inputs))
+        plan = self._layout.split(self._columns.own(self._network.plan(inputs)))
         terms = {**{name: obs[name] for name in self._own}, "last_action": self._last_action, **plan}
         self._last_action, self._before = self._follower.action(terms), terms
         return self._tracker.target(self._robot, terms, self._last_action)
@@ -242,8 +160,30 @@ def load_planner(folder: Path, robot: Robot, task: Task) -> PlannerPolicy:
     checkpoint = load_checkpoint(folder, "planner", robot.name)
     config = checkpoint.config_as(PlannerConfig)
     tracker = load_tracker(beside(folder, "tracker"), robot)
-    goal = known_goal(beside(folder, "perception"), robot, task)
+    goal = known_goal(eyes_for(folder, task), robot, task)
     style = checkpoint.tensors["style_mean"].size if "style_mean" in checkpoint.tensors else 0
-    sizes = PlannerSizes.of(robot, task, tracker.spec, style, config.clock)
+    tasks = learned_at(folder, task)
+    sizes = PlannerSizes.of(robot, tasks, tracker.spec, style, config.clock)
     network = built(checkpoint, lambda: PlannerNetwork(sizes, config.hidden), [len(config.hidden)])
-    return PlannerPolicy(robot, task, network, tracker, goal)
+    columns = columns_of(tracker.spec, robot, tasks)[tasks.index(task)]
+    return PlannerPolicy(robot, task, network, tracker, goal, columns)
+
+
+def eyes_for(folder: Path, task: Task) -> Path:
+    """Folder of the perception that a planner finds a task's goal with: that of a task beside the first is in a folder
+    of the task's name.
+    """
+    eyes = beside(folder, "perception")
+    return eyes / task.name if (eyes / task.name / CONFIG).exists() else eyes
+
+
+def learned_at(folder: Path, task: Task) -> tuple[Task, ...]:
+    """The tasks that the planner in a folder learned, in order of its columns; one that learned a single task is taken
+    for one of `task`. Raises BadCheckpoint if it learned several others.
+    """
+    names = checkpoint_tasks(folder)
+    if len(names) < 2:
+        return (task,)
+    if task.name not in names or any(name not in TASKS for name in names):
+        raise BadCheckpoint(f"{folder} was learned at {', '.join(names)}; judge it at one of these tasks")
+    return tuple(task if name == task.name else TASKS.get(name) for name in names)

@@ -47,6 +47,11 @@ class ImitateConfig:
         """Whether it remembers its goal, so that it needs eyes for what has to be found."""
         return True
 
+    @property
+    def tasks_beside(self) -> tuple[str, ...]:
+        """Names of the tasks beside the recipe's that it learns."""
+        return ()
+
     @staticmethod
     def chosen(tree: Mapping[str, Any]) -> type[ImitateConfig]:
         """The class of the learner that a tree of values names. Raises UnknownName."""
@@ -105,6 +110,8 @@ class Given:
     """Who demonstrates, for who asks it while it learns; None where that is not known."""
     follows: bool = True
     """Whether the demonstrations follow the clips."""
+    beside: tuple[ClipSet, ...] = ()
+    """Clips of the tasks beside its own that its configuration names."""
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
-from mimicbench.core.settings import Positive, Share, Sizes
+from mimicbench.core.settings import BadSetting, Positive, Share, Sizes
 from mimicbench.envs.settings import ClipStartConfig
 from mimicbench.imitate.spec import Given, ImitateConfig, LearnerSpec
 from mimicbench.track.settings import EndConfig, TrackingConfig
@@ -62,11 +62,28 @@ class PlannerImitation(ImitateConfig):
     """A planner over the tracker, by DAgger."""
 
     planner: PlannerConfig = field(default_factory=PlannerConfig)
+    also: tuple[str, ...] = ()
+    """Other tasks, which the same network learns beside the recipe's task, and is told which; over the tracker of
+    several tasks, without clock and style."""
     begin_from: str = ""
     """Folder of a planner of the same layers, which sees and tells the same, whose network is where learning begins;
     empty: from nothing. It drives from the beginning if `planner.teacher_share` is small."""
 
     tracker: ClassVar[str | None] = None
+
+    def __post_init__(self) -> None:
+        if self.also and self.planner.clock:
+            raise BadSetting("a planner of several tasks sees no clock; give --imitate.planner.no-clock")
+        if self.planner.num_envs <= len(self.also):
+            raise BadSetting(
+                f"imitate.planner.num-envs is {self.planner.num_envs} for {1 + len(self.also)} tasks; give at least "
+                "one robot for each"
+            )
+
+    @property
+    def tasks_beside(self) -> tuple[str, ...]:
+        """Of one network for several tasks."""
+        return self.also
 
 
 def learn(folder: Path, given: Given, config: PlannerImitation) -> dict[str, Any]:
@@ -77,8 +94,9 @@ def learn(folder: Path, given: Given, config: PlannerImitation) -> dict[str, Any
     from mimicbench.imitate.planner import load_network, save_planner
     from mimicbench.track.checkpoint import load_tracker
 
-    clips, context = given.clips, given.context
-    tracker = load_tracker(folder.parent / "tracker", clips.robot)
+    clips, context = (given.clips, *given.beside), given.context
+    robot = given.clips.robot
+    tracker = load_tracker(folder.parent / "tracker", robot)
 
     pulse = Pulse(context.say)
 
@@ -88,10 +106,12 @@ def learn(folder: Path, given: Given, config: PlannerImitation) -> dict[str, Any
         pulse(lambda: f"{row['samples'] / 1e6:6.2f} M frames  {speed:6.0f}/s  {told}")
 
     env_config = EnvConfig(device=context.device, workers=context.workers)
-    before = load_network(Path(config.begin_from), clips.robot) if config.begin_from else None
+    before = load_network(Path(config.begin_from), robot) if config.begin_from else None
     network = train_planner(folder, tracker, clips, config.planner, given.seed, env_config, report, before)
-    told = {"clips": len(clips), "samples": config.planner.samples}
-    save_planner(folder, clips.robot, network, config.planner, {"seed": given.seed, "task": clips.task.name, **told})
+    told = {"clips": sum(map(len, clips)), "samples": config.planner.samples}
+    names = [some.task.name for some in clips]
+    learned = {"tasks": names} if len(names) > 1 else {"task": names[0]}
+    save_planner(folder, robot, network, config.planner, {"seed": given.seed, **learned, **told})
     return told
 
 
