@@ -64,7 +64,8 @@ class Who:
         """Digests of the networks that it runs on: its own, and those in the folders beside it that it may use."""
         if self.folder.suffix in FILES:
             return {PROGRAM: digest_of(self.folder)}
-        used = used_by(self.folder, BESIDE)
+        eyes = (f"{keys.PERCEPTION}/{task}" for task in self.tasks)  # of who learned several
+        used = used_by(self.folder, (*BESIDE, *eyes))
         return {name: digest_of(model_file(folder)) + digest_of(folder / CONFIG) for name, folder in used.items()}
 
 
@@ -72,7 +73,8 @@ def networks_of(made_from: Mapping[str, Any]) -> dict[str, Any]:
     """Of what rows say that they are made from: the digests of whom they are of, as Who has them. Empty if they do not
     say.
     """
-    return {name: digest for name, digest in made_from.items() if name in (PROGRAM, keys.CHECKPOINT, *BESIDE)}
+    own = (PROGRAM, keys.CHECKPOINT, *BESIDE)
+    return {name: digest for name, digest in made_from.items() if name.split("/")[0] in own}
 
 
 def who_of(run: Run, name: str) -> Who:

@@ -138,6 +138,8 @@ class PlannerNetwork(nn.Module):
 
         What is only ever 1 or -1 is a choice between two.
         """
+        if not styles.shape[1]:
+            return
         self.style_mean.copy_(styles.mean(0))
         self.style_std.copy_(styles.std(0).clamp(min=1e-3) if len(styles) > 1 else torch.ones(styles.shape[1]))
         self.style_is_choice.copy_((styles.abs() == 1).all(0).float())
