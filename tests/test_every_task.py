@@ -14,6 +14,7 @@ from mimicbench.benchmark import run_stage
 from mimicbench.benchmark.graph import start
 from mimicbench.benchmark.judging import judge
 from mimicbench.benchmark.recipe import EvaluateConfig
+from mimicbench.benchmark.who import who_of
 from mimicbench.core.errors import BadFile
 from mimicbench.core.motion import RobotMotion
 from mimicbench.envs.clip_starts import ClipStarts
@@ -219,6 +220,26 @@ def test_from_clips_to_a_policy(task, tmp_path):
     rows = judge(start(recipe, tmp_path, making.QUIET), "planner")
     assert len(rows) == 2 and not any(row.error for row in rows)
     assert np.isfinite([row.max_energy for row in rows]).all()
+
+
+def test_one_planner_of_several_tasks_from_clips_to_rows_of_each(tmp_path):
+    """Its stage has the eyes of each task that needs some, and rows of another task say which they were."""
+    sizes = {"hidden": (16,), "clock": False, "samples": 64, "num_envs": 4, "steps": 4, "batches": 1}
+    planner = PlannerConfig(**sizes, batch=8, memory=64)
+    eyes = PerceptionConfig(maps=8, steps=2, batch=4)
+    learned = PlannerImitation(perception=eyes, planner=planner, also=("sit-chair",))
+    recipe = making.small("touch-points", objects=6, clips=3, imitate=learned, evaluate=EvaluateConfig(episodes=1))
+    stage = run_stage("imitate", recipe, tmp_path, making.QUIET)
+    assert {path.parent.name for path in stage.folder.glob("perception/**/config.json")} == {"sit-chair"}, (
+        "what is told"
+    )
+    digests = {}
+    for task in ("touch-points", *learned.also):
+        there = start(replace(recipe, task=task, imitate=None), tmp_path, making.QUIET)
+        rows = judge(there, str(stage.folder / "policy"))
+        assert len(rows) == 1 and not rows[0].error
+        digests[task] = who_of(there, str(stage.folder / "policy")).digests
+    assert len(set(map(str, digests.values()))) == 1 and "perception/sit-chair" in digests["sit-chair"]
 
 
 def test_a_hand_that_has_nothing_to_do_is_on_no_map():

@@ -514,6 +514,34 @@ def test_trackers_that_cannot_be_trained_are_refused_at_once(track, said):
         read_recipe({"task": "sit-chair", "track": track})
 
 
+def test_a_planner_of_several_tasks_reads_clips_and_eyes_of_all(tmp_path):
+    """And learns over the shipped tracker of all tasks, where a planner of one takes that of its task."""
+
+    def run(**more):
+        imitate = {"learner": "planner", "planner": {"clock": False}, **more}
+        return start(read_recipe({"task": "lift-box", "imitate": imitate}), tmp_path)
+
+    alone, together = run(), run(also=["sit-chair", "touch-points"])
+    trackers = [keys.tracker_folder(one) for one in (alone, together)]
+    assert trackers == [SHIPPED / "lift-box" / "tracker", SHIPPED / "tracker"]
+    ours, key = (keys.imitate_key(one, trackers[1]) for one in (alone, together))
+    assert "also" not in ours.settings, "without other tasks it is what it was before there could be any"
+    more = {"retarget/sit-chair", "retarget/touch-points", "perception/sit-chair"}  # what is told needs no eyes
+    assert set(key.reads) - set(ours.reads) == more and key.reads["retarget"] == ours.reads["retarget"]
+    assert key.reads["retarget/sit-chair"].parent == tmp_path / "sit-chair" / "retarget"
+    turned = keys.imitate_key(run(also=["touch-points", "sit-chair"]), trackers[1])
+    assert turned.digest != key.digest, "the order of tasks is that of the network's columns"
+
+
+@pytest.mark.parametrize(
+    ("also", "said"),
+    [(["sit-chair"], "name each task beside 'sit-chair' once"), (["fly"], "unknown task 'fly'")],
+)
+def test_planners_of_tasks_that_are_not_there_are_refused_at_once(also, said):
+    with pytest.raises(MimicbenchError, match=said):
+        read_recipe({"imitate": {"learner": "planner", "planner": {"clock": False}, "also": also}})
+
+
 def test_a_cloner_that_begins_where_no_policy_is_is_refused_at_once():
     with pytest.raises(BadSetting, match="imitate.begin_from is 'nowhere', where no policy is"):
         read_recipe({"task": "sit-chair", "imitate": {"learner": "act", "begin_from": "nowhere"}})
