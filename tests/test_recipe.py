@@ -533,6 +533,20 @@ def test_a_planner_of_several_tasks_reads_clips_and_eyes_of_all(tmp_path):
     assert turned.digest != key.digest, "the order of tasks is that of the network's columns"
 
 
+def test_a_planner_learns_from_recordings_beside_clips_that_are_made(tmp_path):
+    tree = {"task": "sit-chair", "imitate": {"learner": "planner", "recorded": ["people"]}}
+    run = start(read_recipe(tree), tmp_path)
+    with pytest.raises(BadFile, match="mimicbench import FILE --to people"):
+        keys.imitate_key(run, SHIPPED / "tracker")
+    for kind in ("objects", "references"):
+        with making.by_hand(tmp_path / "sit-chair" / kind / "people", kind) as stage:
+            stage.finish()
+    assert list(keys.learned(run)) == ["sit-chair", "sit-chair/people"]
+    key = keys.imitate_key(run, SHIPPED / "tracker")
+    assert set(key.reads) == {"tracker", "retarget", "retarget/sit-chair/people", "perception"}
+    assert "recorded" not in key.settings and key.words == ("planner", "people")
+
+
 @pytest.mark.parametrize(
     ("also", "said"),
     [(["sit-chair"], "name each task beside 'sit-chair' once"), (["fly"], "unknown task 'fly'")],

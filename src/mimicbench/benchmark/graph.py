@@ -136,10 +136,7 @@ def make_track_stage(run: Run) -> Stage:
     config = run.part("track")
     if not config.teachers:
         ppo_learner()  # which had better be missing before clips are made for it
-    train, test = learned_and_judged({name: retargeted(part).set for name, part in keys.tracked(run).items()})
-    for some in train:
-        if not len(some):
-            raise BadMotion(f"no clip of {some.task.name} is on an object of the training split; make more objects")
+    train, test = training_clips(keys.tracked(run))
 
     def report(row: dict) -> None:
         run.context.say(in_words(row))
@@ -166,7 +163,7 @@ def tracker_for_learning(run: Run) -> Path:
     if folder is None:
         return make_track_stage(run).folder / keys.CHECKPOINT
     if SHIPPED in folder.parents:
-        of = "several tasks" if len(keys.learned_together(run)) > 1 else run.recipe.task
+        of = "several tasks" if run.part("imitate").tasks_beside else run.recipe.task
         run.context.say(f"taking the shipped tracker of {of}; `mimicbench track` trains one here")
     return folder
 
@@ -224,24 +221,28 @@ def make_perception_stage(run: Run) -> Stage:
         return stage.finish(**make_perception(stage.folder, run.task, run.robot, train, test, config, quiet))
 
 
-def _learned_from(run: Run) -> tuple[ClipSet, Path | None]:
-    """What a learner is given: training clips and the folder of a tracker; or training objects alone, and no tracker.
+def _learned_from(run: Run) -> tuple[list[ClipSet], Path | None]:
+    """What a learner is given: training clips of each of its tasks, its own first, and the folder of a tracker; or
+    training objects alone, and no tracker.
 
-    Raises BadObject if it wants objects, and there is none.
+    Raises BadObject if it wants objects, and BadMotion if it wants clips, and there is none.
     """
     if run.part("imitate").references:
         _tell_tracker(run)
-        clips = demonstrated(run) if run.part("imitate").clones else retargeted(run).set
-        return clips.split("train"), tracker_for_learning(run)
-    return ClipSet(run.task, run.robot, [], training_objects(make_object_stage(run))), None
+        clips = (
+            [demonstrated(run).split("train")] if run.part("imitate").clones else training_clips(keys.learned(run))[0]
+        )
+        return clips, tracker_for_learning(run)
+    return [ClipSet(run.task, run.robot, [], training_objects(make_object_stage(run)))], None
 
 
-def _training_clips(run: Run) -> ClipSet:
-    """Raises BadMotion if there is none."""
-    clips = retargeted(run).set.split("train")
-    if not len(clips):
-        raise BadMotion(f"no clip of {run.recipe.task} is on an object of the training split; make more objects")
-    return clips
+def training_clips(parts: Mapping[str, Run]) -> tuple[list[ClipSet], list[ClipSet]]:
+    """Of each task, clips to learn from and clips that only judge. Raises BadMotion if there is none to learn from."""
+    train, test = learned_and_judged({name: retargeted(part).set for name, part in parts.items()})
+    for some in train:
+        if not len(some):
+            raise BadMotion(f"no clip of {some.task.name} is on an object of the training split; make more objects")
+    return train, test
 
 
 def make_imitate_stage(run: Run) -> Stage:
@@ -254,9 +255,7 @@ def make_imitate_stage(run: Run) -> Stage:
 
     config: ImitateConfig = run.part("imitate")
     clips, tracker = _learned_from(run)
-    together = keys.learned_together(run)
-    eyes = {task: make_perception_stage(part) for task, part in together.items() if keys.needs_eyes(part)}
-    beside = tuple(_training_clips(part) for task, part in together.items() if task)
+    eyes = {name: make_perception_stage(part) for name, part in keys.seeing(run).items()}
     demos = make_demo_stage(run) if config.clones else None
     with _opened(run, keys.imitate_key(run, tracker), *PARTS, trained=True) as stage:
         if stage.complete:
@@ -268,10 +267,10 @@ def make_imitate_stage(run: Run) -> Stage:
             gains = gains or load_tracker(tracker, run.robot).spec.gains
         if tracker is not None:
             copy_checkpoint(tracker, stage.folder / keys.TRACKER)
-        for task, seen in eyes.items():
-            copy_checkpoint(seen.folder, stage.folder / keys.PERCEPTION / task)
+        for name, seen in eyes.items():
+            copy_checkpoint(seen.folder, stage.folder / name)
         dataset = None if demos is None else demos.folder / DATASET
-        given = Given(clips, dataset, run.recipe.seed, gains, run.context, load_policy, expert, follows, beside)
+        given = Given(clips[0], dataset, run.recipe.seed, gains, run.context, load_policy, expert, follows, clips[1:])
         summary = LEARNERS.get(config.learner).learn(stage.folder / keys.POLICY, given, config)
         return stage.finish(**summary, device=run.context.device)
 

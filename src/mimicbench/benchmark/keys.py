@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -137,15 +137,25 @@ def retarget_key(run: Run) -> StageKey:
 
 
 def tracked(run: Run) -> dict[str, Run]:
-    """The recipe for each set of clips that its tracker learns to follow, its own first, by `task` or `task/set`.
+    """The recipe for each set of clips that its tracker learns to follow, as `sets_of`."""
+    config = run.part("track")
+    return sets_of(run, config.also, config.recorded)
 
-    Raises BadFile if no task has a set of recordings that it names.
+
+def learned(run: Run) -> dict[str, Run]:
+    """The recipe for each set of clips that its policy learns from where it clones nothing, as `sets_of`."""
+    config = run.part("imitate")
+    return sets_of(run, config.tasks_beside, config.sets_beside)
+
+
+def sets_of(run: Run, also: Sequence[str], recorded: Sequence[str]) -> dict[str, Run]:
+    """The recipe for each set of clips of its task and others, its own first, by `task`, or `task/set` for recordings.
+
+    Raises BadFile if no task has a set of recordings that is named.
     """
-    config, found = run.part("track"), {}
-    for task in (run.recipe.task, *config.also):
-        found[task] = replace(run, recipe=replace(run.recipe, task=task))
-    for name in config.recorded:
-        having = [task for task in (run.recipe.task, *config.also) if found[task].has_named("references", name)]
+    found = {task: run.changed(task=task) for task in (run.recipe.task, *also)}
+    for name in recorded:
+        having = [task for task in (run.recipe.task, *also) if found[task].has_named("references", name)]
         if not having:
             found[run.recipe.task].named("references", name)
         for task in having:
@@ -188,11 +198,8 @@ def tracker_folder(run: Run) -> Path | None:
     if is_complete(own):
         return own / CHECKPOINT
     same = identity(run.part("track")) == identity(stage_type("track")())
-    return (
-        shipped_tracker(run.recipe.robot, tuple(part.recipe.task for part in learned_together(run).values()))
-        if same
-        else None
-    )
+    tasks = (run.recipe.task, *run.part("imitate").tasks_beside)
+    return shipped_tracker(run.recipe.robot, tasks) if same else None
 
 
 def expert_folder(run: Run, tracker: Path) -> Path:
@@ -262,11 +269,13 @@ def imitate_key(run: Run, tracker: Path | None) -> StageKey:
         if config.clones:
             made_from["demos"], reads["demos"] = demos_of(run, tracker)
         else:
-            before |= {named("retarget", task): retarget_key(part) for task, part in learned_together(run).items()}
-    seeing = {task: part for task, part in learned_together(run).items() if needs_eyes(part)}
-    before |= {named(PERCEPTION, task): perception_key(part) for task, part in seeing.items()}
-    if not seeing:
+            own = f"/{run.recipe.task}"
+            before |= {f"retarget/{name}".removesuffix(own): retarget_key(p) for name, p in learned(run).items()}
+    eyes = seeing(run)
+    before |= {name: perception_key(part) for name, part in eyes.items()}
+    if not eyes:
         del settings["perception"]
+    settings.pop("recorded", None)  # they are among what it is made from
     if not settings.get("also"):
         settings.pop("also", None)  # without any, planners are what they were before there were any
     return run.key(
@@ -274,19 +283,16 @@ def imitate_key(run: Run, tracker: Path | None) -> StageKey:
         settings,
         {**made_from, **{name: key.fingerprint for name, key in before.items()}},
         amounts=amounts(config),
-        words=(config.learner, *(("also",) if config.tasks_beside else ())),
+        words=(config.learner, *(("also",) if config.tasks_beside else ()), *config.sets_beside),
         reads={**reads, **{name: run.folder(key) for name, key in before.items()}},
     )
 
 
-def learned_together(run: Run) -> dict[str, Run]:
-    """The recipe for each task that its policy learns, its own first, which is called ""."""
-    return {"": run, **{task: run.changed(task=task) for task in run.part("imitate").tasks_beside}}
-
-
-def named(stage: str, task: str) -> str:
-    """What a stage of a task beside the recipe's own is called, and that of its own, whose name is empty."""
-    return f"{stage}/{task}" if task else stage
+def seeing(run: Run) -> dict[str, Run]:
+    """The recipe for each task whose goal the recipe's policy has to find, by what its perception is called."""
+    tasks = {name: part for name, part in learned(run).items() if "/" not in name}
+    own = f"/{run.recipe.task}"
+    return {f"{PERCEPTION}/{name}".removesuffix(own): part for name, part in tasks.items() if needs_eyes(part)}
 
 
 def needs_eyes(run: Run) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -50,6 +50,11 @@ class ImitateConfig:
     @property
     def tasks_beside(self) -> tuple[str, ...]:
         """Names of the tasks beside the recipe's that it learns."""
+        return ()
+
+    @property
+    def sets_beside(self) -> tuple[str, ...]:
+        """Names of the sets of recordings that it learns from beside the recipe's clips."""
         return ()
 
     @staticmethod
@@ -110,7 +115,7 @@ class Given:
     """Who demonstrates, for who asks it while it learns; None where that is not known."""
     follows: bool = True
     """Whether the demonstrations follow the clips."""
-    beside: tuple[ClipSet, ...] = ()
+    beside: Sequence[ClipSet] = ()
     """Clips of the tasks beside its own that its configuration names."""
 
 

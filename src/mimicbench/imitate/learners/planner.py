@@ -65,6 +65,8 @@ class PlannerImitation(ImitateConfig):
     also: tuple[str, ...] = ()
     """Other tasks, which the same network learns beside the recipe's task, and is told which; over the tracker of
     several tasks, without clock and style."""
+    recorded: tuple[str, ...] = ()
+    """Imported or augmented sets of clips, learned from beside the recipe's own at every task that has such a set."""
     begin_from: str = ""
     """Folder of a planner of the same layers, which sees and tells the same, whose network is where learning begins;
     empty: from nothing. It drives from the beginning if `planner.teacher_share` is small."""
@@ -84,6 +86,11 @@ class PlannerImitation(ImitateConfig):
     def tasks_beside(self) -> tuple[str, ...]:
         """Of one network for several tasks."""
         return self.also
+
+    @property
+    def sets_beside(self) -> tuple[str, ...]:
+        """Of clips of people."""
+        return self.recorded
 
 
 def learn(folder: Path, given: Given, config: PlannerImitation) -> dict[str, Any]:
