@@ -230,16 +230,17 @@ def test_one_planner_of_several_tasks_from_clips_to_rows_of_each(tmp_path):
     learned = PlannerImitation(perception=eyes, planner=planner, also=("sit-chair",))
     recipe = making.small("touch-points", objects=6, clips=3, imitate=learned, evaluate=EvaluateConfig(episodes=1))
     stage = run_stage("imitate", recipe, tmp_path, making.QUIET)
-    assert {path.parent.name for path in stage.folder.glob("perception/**/config.json")} == {"sit-chair"}, (
-        "what is told"
-    )
+    seen = [path.parents[1].name for path in stage.folder.rglob("perception/config.json")]
+    assert seen == ["sit-chair"], "what is told needs no eyes"
     digests = {}
     for task in ("touch-points", *learned.also):
         there = start(replace(recipe, task=task, imitate=None), tmp_path, making.QUIET)
         rows = judge(there, str(stage.folder / "policy"))
         assert len(rows) == 1 and not rows[0].error
-        digests[task] = who_of(there, str(stage.folder / "policy")).digests
-    assert len(set(map(str, digests.values()))) == 1 and "perception/sit-chair" in digests["sit-chair"]
+        who = who_of(there, str(stage.folder / "policy"))
+        digests[task] = who.digests
+        assert who.name == rows[0].policy == stage.folder.name, "all policies of a workdir are in a folder `policy`"
+    assert len(set(map(str, digests.values()))) == 1 and "sit-chair/perception" in digests["sit-chair"]
 
 
 def test_a_hand_that_has_nothing_to_do_is_on_no_map():

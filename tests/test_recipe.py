@@ -526,7 +526,7 @@ def test_a_planner_of_several_tasks_reads_clips_and_eyes_of_all(tmp_path):
     assert trackers == [SHIPPED / "lift-box" / "tracker", SHIPPED / "tracker"]
     ours, key = (keys.imitate_key(one, trackers[1]) for one in (alone, together))
     assert "also" not in ours.settings, "without other tasks it is what it was before there could be any"
-    more = {"retarget/sit-chair", "retarget/touch-points", "perception/sit-chair"}  # what is told needs no eyes
+    more = {"retarget/sit-chair", "retarget/touch-points", "sit-chair/perception"}  # what is told needs no eyes
     assert set(key.reads) - set(ours.reads) == more and key.reads["retarget"] == ours.reads["retarget"]
     assert key.reads["retarget/sit-chair"].parent == tmp_path / "sit-chair" / "retarget"
     turned = keys.imitate_key(run(also=["touch-points", "sit-chair"]), trackers[1])

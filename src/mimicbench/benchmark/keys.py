@@ -291,8 +291,8 @@ def imitate_key(run: Run, tracker: Path | None) -> StageKey:
 def seeing(run: Run) -> dict[str, Run]:
     """The recipe for each task whose goal the recipe's policy has to find, by what its perception is called."""
     tasks = {name: part for name, part in learned(run).items() if "/" not in name}
-    own = f"/{run.recipe.task}"
-    return {f"{PERCEPTION}/{name}".removesuffix(own): part for name, part in tasks.items() if needs_eyes(part)}
+    own = f"{run.recipe.task}/"
+    return {f"{name}/{PERCEPTION}".removeprefix(own): part for name, part in tasks.items() if needs_eyes(part)}
 
 
 def needs_eyes(run: Run) -> bool:

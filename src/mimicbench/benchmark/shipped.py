@@ -7,19 +7,27 @@ from pathlib import Path
 from mimicbench.core.checkpoint import CONFIG, checkpoint_kind, checkpoint_robot, checkpoint_tasks
 from mimicbench.core.errors import BadFile
 from mimicbench.core.files import read_json
+from mimicbench.tasks.registry import TASKS
 
 SHIPPED = Path(__file__).parents[1] / "checkpoints"
-"""`tracker`, which follows clips of all tasks, and `<task>/<policy>`, beside the `tracker` and the `perception` that it
-uses."""
+"""`<task>/<policy>`, beside the `tracker` and the `perception` that it uses; and what serves several tasks: `tracker`,
+and `<policy>`, which uses that and each task's own perception."""
 TRACKER, PERCEPTION = "tracker", "perception"
 BEST = "best.json"
 """Which policy has done best at each task, as `scripts/write_results.py` finds it in the rows of `runs/`."""
 
 
+def shipped_folders(task: str) -> dict[str, Path]:
+    """The checkpoints that come with the package for a task, by name: its own come before those of several tasks."""
+    several = [path.parent for path in sorted(SHIPPED.glob(f"*/{CONFIG}")) if task in checkpoint_tasks(path.parent)]
+    own = [path.parent for path in sorted(SHIPPED.glob(f"{task}/*/{CONFIG}"))]
+    return {folder.name: folder for folder in (*several, *own)}
+
+
 def shipped(robot: str, task: str, name: str) -> Path | None:
     """The checkpoint of that name which comes with the package for a task and a robot, if there is one."""
-    folder = SHIPPED / task / name
-    return folder if (folder / CONFIG).exists() and checkpoint_robot(folder) == robot else None
+    folder = shipped_folders(task).get(name)
+    return folder if folder is not None and checkpoint_robot(folder) == robot else None
 
 
 def expert_named(robot: str, task: str, name: str) -> Path:
@@ -41,13 +49,12 @@ def best_shipped(robot: str, task: str) -> str | None:
 
 def shipped_for(name: str) -> list[str]:
     """The tasks for which a checkpoint of that name comes with the package."""
-    return sorted(path.parents[1].name for path in SHIPPED.glob(f"*/{name}/{CONFIG}"))
+    return [task for task in sorted(TASKS) if name in shipped_folders(task)]
 
 
 def shipped_names(task: str) -> list[str]:
     """The policies and trackers that come with the package for a task."""
-    folders = (path.parent for path in sorted(SHIPPED.glob(f"{task}/*/{CONFIG}")))
-    return [folder.name for folder in folders if checkpoint_kind(folder) != PERCEPTION]
+    return [name for name, folder in shipped_folders(task).items() if checkpoint_kind(folder) != PERCEPTION]
 
 
 def shipped_trackers(robot: str) -> dict[str, Path]:

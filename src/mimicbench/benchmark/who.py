@@ -64,7 +64,7 @@ class Who:
         """Digests of the networks that it runs on: its own, and those in the folders beside it that it may use."""
         if self.folder.suffix in FILES:
             return {PROGRAM: digest_of(self.folder)}
-        eyes = (f"{keys.PERCEPTION}/{task}" for task in self.tasks)  # of who learned several
+        eyes = () if self.is_tracker else (f"{task}/{keys.PERCEPTION}" for task in self.tasks)  # of who learned several
         used = used_by(self.folder, (*BESIDE, *eyes))
         return {name: digest_of(model_file(folder)) + digest_of(folder / CONFIG) for name, folder in used.items()}
 
@@ -74,7 +74,7 @@ def networks_of(made_from: Mapping[str, Any]) -> dict[str, Any]:
     say.
     """
     own = (PROGRAM, keys.CHECKPOINT, *BESIDE)
-    return {name: digest for name, digest in made_from.items() if name.split("/")[0] in own}
+    return {name: digest for name, digest in made_from.items() if name.split("/")[-1] in own}
 
 
 def who_of(run: Run, name: str) -> Who:
@@ -95,7 +95,8 @@ def who_of(run: Run, name: str) -> Who:
         folder = Path(os.path.abspath(name))  # `.` has no name, and nothing beside it
         if not (folder / CONFIG).exists():
             raise BadFile(f"{Path(name) / CONFIG} does not exist; give the folder of a checkpoint")
-        return Who(folder.name, folder)
+        # in a stage all are called alike, and the stage's own name tells them apart
+        return Who(folder.parent.name if folder.name in (keys.POLICY, keys.CHECKPOINT) else folder.name, folder)
     tracker = keys.tracker_folder(run)
     if name == keys.TRACKER:
         if tracker is None:
@@ -112,6 +113,8 @@ def who_of(run: Run, name: str) -> Who:
         if tasks := shipped_for(name):
             told = f"no {name} is shipped for {task} (only for {', '.join(tasks)}), and none is learned by that name"
             raise MimicbenchError(f"{told}; name another, or give the folder of a checkpoint") from None
+        if (Path(name) / CONFIG).is_file():
+            raise BadFile(f"no policy is called {name!r}; for the folder, give --policy ./{name}") from None
         for suffix in FILES:
             if Path(f"{name}{suffix}").is_file():
                 told = f"no policy is called {name!r}; for the file, give --policy {name}{suffix}"

@@ -112,7 +112,14 @@ def read_run(argv: Sequence[str]) -> tuple[Call, bool, str]:
     presets = [profile, "new-objects" if not train else "brief" if profile == "smoke" else "ours"]
     # what nobody asked for gives way to the presets of a file
     named, implied = (presets, []) if asked else ([], presets)
-    return read_call("evaluate", argv, RunOptions, named, "run", implied), train, profile
+    call = read_call("evaluate", argv, RunOptions, named, "run", implied)
+    learner = said(argv, "imitate.learner") or said(argv, "learner")
+    for recipe in call.recipes:
+        if learner and learner not in recipe.evaluate.policy:
+            raise MimicbenchError(
+                f"--imitate.learner {learner} is not among what is judged; give --policy {learner}, too"
+            )
+    return call, train, profile
 
 
 def _each_once(one: Run, train: bool) -> Run:

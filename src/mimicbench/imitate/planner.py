@@ -170,11 +170,11 @@ def load_planner(folder: Path, robot: Robot, task: Task) -> PlannerPolicy:
 
 
 def eyes_for(folder: Path, task: Task) -> Path:
-    """Folder of the perception that a planner finds a task's goal with: that of a task beside the first is in a folder
-    of the task's name.
+    """Folder of the perception that a planner finds a task's goal with: beside it, or, for one of several tasks, in a
+    folder of the task's name there.
     """
-    eyes = beside(folder, "perception")
-    return eyes / task.name if (eyes / task.name / CONFIG).exists() else eyes
+    its = folder.parent / task.name / "perception"
+    return its if (its / CONFIG).exists() else beside(folder, "perception")
 
 
 def learned_at(folder: Path, task: Task) -> tuple[Task, ...]:

@@ -96,7 +96,9 @@ def used_objects(objects: Path, config: ReferencesConfig, count: int | None = No
     """
     ids = [name for name in object_ids(objects)[:count] if split_of(name) == "test" or not config.test_only]
     if not ids:
-        raise BadObject(f"{objects} has no object of the test split; make some more (--objects.count)")
+        raise BadObject(
+            f"{objects} has no object of the test split; make or import more, or judge beside all (--split all)"
+        )
     return ids
 
 

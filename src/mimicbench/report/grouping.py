@@ -21,7 +21,7 @@ def label(of: Summary | EpisodeRow, policy: str = "") -> str:
 
 def method_name(summary: Summary) -> str:
     """How a method is called beside the word `tracker` or `policy`, which it need not repeat."""
-    return label(summary, "ours" if summary.policy == stage_name(summary.stage) else summary.policy)
+    return label(summary, "ours" if summary.policy == "tracker" else summary.policy)
 
 
 def stage_name(stage: str) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mimicbench.benchmark import keys
-from mimicbench.benchmark.shipped import SHIPPED, shipped_trackers
+from mimicbench.benchmark.shipped import shipped_folders, shipped_trackers
 from mimicbench.benchmark.who import Who, networks_of
 from mimicbench.core.checkpoint import CONFIG, checkpoint_digest, checkpoint_kind, checkpoint_robot
 from mimicbench.core.errors import BadFile
@@ -35,9 +35,8 @@ def methods(task: str, robot: str, workdir: Path) -> dict[str, Path]:
     tracker = shipped_trackers(robot).get(task)
     if tracker is not None:
         found[TRACKER] = tracker
-    for path in sorted(SHIPPED.glob(f"{task}/*/{CONFIG}")):
-        name = path.parent.name
-        found[f"{name} ({task})" if name in found else name] = path.parent
+    for name, folder in shipped_folders(task).items():
+        found[f"{name} ({task})" if name in found else name] = folder
     for stage, learned in LEARNED.items():  # beside a policy are copies of what it runs on, which nobody learned there
         for path in sorted(workdir.glob(f"{task}/{stage}/*/{learned}/{CONFIG}")):
             found[f"{path.parents[1].name} (workdir)"] = path.parent
