@@ -124,7 +124,7 @@ def test_what_is_refused_is_told_in_one_sentence(words, said, tmp_path, monkeypa
         ("run --train --policy mine.py", "with --train the report is of what is learned here, which 'mine.py' is not"),
         ("run --train --policy ./mine", "name learners (online, planner, act, "),
         ("run --train --policy best", "or judge it without --train"),
-        ("run --train --learner act --profile smoke", "--imitate.learner act is not among what is judged"),
+        ("run --train --imitate.learner act --profile smoke", "--imitate.learner act is not among what is judged"),
         ("run --train --policy parrot", "unknown learner 'parrot'; known are:"),
         ("run --profile smok", "--profile is 'smok'; give one of smoke, default, full"),
         ("references stats --task sit-lamp", "unknown task 'sit-lamp'; known are: lie-bed"),

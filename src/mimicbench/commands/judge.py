@@ -113,7 +113,7 @@ def read_run(argv: Sequence[str]) -> tuple[Call, bool, str]:
     # what nobody asked for gives way to the presets of a file
     named, implied = (presets, []) if asked else ([], presets)
     call = read_call("evaluate", argv, RunOptions, named, "run", implied)
-    learner = said(argv, "imitate.learner") or said(argv, "learner")
+    learner = said(argv, "imitate.learner")
     for recipe in call.recipes:
         if learner and learner not in recipe.evaluate.policy:
             raise MimicbenchError(
