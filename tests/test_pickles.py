@@ -121,6 +121,13 @@ BOMBS = {
     + b".",
     "deep": b"\x80\x02N" + b"\x85" * 15_000 + b".",
     "deep key": b"\x80\x02}N" + b"\x85" * 15_000 + b"Ns.",
+    "tuples of tuples as a key": b"\x80\x04})\x94"
+    + b"".join(b"0h" + bytes([i]) + b"h" + bytes([i]) + b"\x86\x94" for i in range(60))
+    + b"Ns.",
+    "tuples of tuples as a shape": b"\x80\x03cnumpy.core.multiarray\n_reconstruct\n"
+    + b"cnumpy\nndarray\nK\x00\x85C\x01b\x87R(K\x01)q\x00"
+    + b"".join(b"0h" + bytes([i]) + b"h" + bytes([i]) + b"\x86q" + bytes([i + 1]) for i in range(60))
+    + b"cnumpy\ndtype\nX\x02\x00\x00\x00f8\x85R\x89C\x00tb.",
     "no value": b".",
     "python 2": b"(dp0\n.",
 }

@@ -203,6 +203,7 @@ def set_nan(array):
     ("data", "says"),
     [
         (broken(__name__="SkeletonState"), "SkeletonState"),
+        (broken(__name__=np.zeros(3)), "holds 'dict', not a SkeletonMotion"),
         ([1, 2], "ndarray"),
         (with_array("rotation", lambda a: 1.2 * a), "unit length"),
         (with_array("rotation", set_nan), "NaN"),

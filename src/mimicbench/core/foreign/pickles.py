@@ -15,57 +15,8 @@ from typing import Any
 
 import numpy as np
 
-MAX_OPCODES = 20_000
-"""Instructions in one pickle; the motion files that we know have a few hundred."""
+from mimicbench.core.foreign.instructions import MAX_OPCODES, OPCODES, Sizes
 
-_OPCODES = frozenset(
-    {
-        "PROTO",
-        "FRAME",
-        "STOP",
-        "MARK",
-        "POP",
-        "POP_MARK",
-        "DUP",
-        "NONE",
-        "NEWTRUE",
-        "NEWFALSE",
-        "BININT",
-        "BININT1",
-        "BININT2",
-        "LONG1",
-        "LONG4",
-        "BINFLOAT",
-        "BINUNICODE",
-        "SHORT_BINUNICODE",
-        "BINUNICODE8",
-        "BINBYTES",
-        "SHORT_BINBYTES",
-        "BINBYTES8",
-        "EMPTY_LIST",
-        "APPEND",
-        "APPENDS",
-        "EMPTY_TUPLE",
-        "TUPLE",
-        "TUPLE1",
-        "TUPLE2",
-        "TUPLE3",
-        "EMPTY_DICT",
-        "DICT",
-        "LIST",
-        "SETITEM",
-        "SETITEMS",
-        "BINPUT",
-        "LONG_BINPUT",
-        "MEMOIZE",
-        "BINGET",
-        "LONG_BINGET",
-        "GLOBAL",
-        "STACK_GLOBAL",
-        "REDUCE",
-        "BUILD",
-    }
-)
 PLAIN_TYPE = re.compile(r"[<>=|]?(b1|[iu][1248]|f[248]|c(8|16)|\?|[SU]\d{1,4}|O8?)")
 """What a data type may be called."""
 
@@ -260,15 +211,16 @@ def unpickle(raw: bytes, storage: Callable[[Any], Storage] | None = None) -> Any
     RefusedError if it asks for anything else, and nearly anything if it is damaged.
     """
     known = _GLOBALS if storage is None else _TORCH_GLOBALS
+    sizes = Sizes()
     for count, (opcode, argument, _) in enumerate(pickletools.genops(raw)):
-        if opcode.name not in _OPCODES and not (storage is not None and opcode.name == "BINPERSID"):
+        if opcode.name not in OPCODES and not (storage is not None and opcode.name == "BINPERSID"):
             raise RefusedError(f"the pickle instruction {opcode.name}")
         # the memo is a table as long as its largest index: a few bytes could ask for gigabytes
         if count >= MAX_OPCODES or ("PUT" in opcode.name and int(argument or 0) > MAX_OPCODES):
             raise ValueError(f"more than {MAX_OPCODES} pickle instructions")
-        named = str(argument)
-        if opcode.name == "GLOBAL" and tuple(named.split(" ", 1)) not in known:
-            raise RefusedError(named.replace(" ", "."))
+        if opcode.name == "GLOBAL" and tuple(str(argument).split(" ", 1)) not in known:
+            raise RefusedError(str(argument).replace(" ", "."))
+        sizes.follow(opcode, argument)
     return _resolve(_Unpickler(raw, known, storage).load(), {})
 
 

@@ -44,8 +44,9 @@ def import_skeleton_motion(path: Path, wishes: Wishes | None = None) -> Recordin
     """Read and check one recording. Raises BadFile or BadMotion with one sentence about what is wrong."""
     wishes = wishes or Wishes()
     data = load_restricted(path, MAX_BYTES)
-    if not isinstance(data, dict) or data.get("__name__") != "SkeletonMotion":
-        found = data.get("__name__") if isinstance(data, dict) else type(data).__name__
+    kind = data.get("__name__") if isinstance(data, dict) else None
+    if not isinstance(data, dict) or not isinstance(kind, str) or kind != "SkeletonMotion":
+        found = kind if isinstance(kind, str) else type(data).__name__
         hint = " (one pose, no motion)" if found == "SkeletonState" else ""
         raise BadMotion(f"{path} holds {found!r:.60}{hint}, not a SkeletonMotion; give a motion clip of UniHSI or ASE")
     bodies, dropped = _bodies(path, data.get("skeleton_tree"))
