@@ -7,27 +7,17 @@ import torch
 
 from mimicbench.envs.disturbance import Disturbance
 from mimicbench.envs.vec_env import VecEnv
-from mimicbench.track.checkpoint import TrackerConfig, build_tracker
-from mimicbench.track.network import MLPConfig
 from mimicbench.track.rollout import RolloutConfig, track_clips
 from stool import H1, seated
 from tracked import (
     CLIPS,
-    LAYOUT,
     ONE_THREAD,
     SIT_CHAIR,
     STOOL,
     clip_set,
+    idle,
     swing,
 )
-
-
-def idle():
-    """A tracker that leaves the reference as it is."""
-    network = LAYOUT.blueprint(MLPConfig((4,))).network(19)
-    for parameter in network.parameters():
-        parameter.data.zero_()
-    return build_tracker(TrackerConfig("residual", LAYOUT.names, LAYOUT.widths, 19, (4,)), network.tensors())
 
 
 def test_recorded_targets_stay_clean():

@@ -16,7 +16,9 @@ from mimicbench.sensors.pictures import CameraPictures
 from mimicbench.sensors.reference import reference_links
 from mimicbench.sim.physics import RobotState
 from mimicbench.tasks.registry import TASKS
+from mimicbench.track.checkpoint import TrackerConfig, build_tracker
 from mimicbench.track.learning.ppo import PPOConfig
+from mimicbench.track.network import MLPConfig
 from mimicbench.track.registry import TRACKERS
 from mimicbench.track.settings import TrackConfig, TrackingConfig
 from mimicbench.track.tracker import Layout, flat
@@ -71,6 +73,14 @@ CLIPS = [still(standing(), "stands"), still(seated(0.42), "sits")]
 
 def clip_set(*motions):
     return ClipSet(SIT_CHAIR, H1, list(motions) or CLIPS, OBJECTS)
+
+
+def idle():
+    """A tracker that leaves the reference as it is."""
+    network = LAYOUT.blueprint(MLPConfig((4,))).network(19)
+    for parameter in network.parameters():
+        parameter.data.zero_()
+    return build_tracker(TrackerConfig("residual", LAYOUT.names, LAYOUT.widths, 19, (4,)), network.tensors())
 
 
 def state_of(frame):

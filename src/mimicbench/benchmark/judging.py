@@ -161,7 +161,7 @@ def _source(run: Run, who: Who, clips: Clips) -> dict[str, Any]:
 
 def judge_tracker(run: Run, who: Who, clips: ClipSet) -> list[EpisodeRow]:
     """One row per clip: the tracker follows it from its first frame, and goes on to the time limit."""
-    from mimicbench.evaluate.rollout import Judged, tracker_rows
+    from mimicbench.evaluate.rollout import Judged, Protocol, tracker_rows
     from mimicbench.track.checkpoint import load_tracker
     from mimicbench.track.rollout import RolloutConfig, track_clips
     from mimicbench.track.settings import TrackConfig
@@ -170,11 +170,14 @@ def judge_tracker(run: Run, who: Who, clips: ClipSet) -> list[EpisodeRow]:
     tracker = load_tracker(who.folder, run.robot)
     if not run.context.quiet:
         run.context.say(f"evaluating {who.name}, {len(clips)} clips")
-    rollout = track_clips(tracker, clips, RolloutConfig(settle=None), env_config(run))
+    batch, config = Protocol().batch, RolloutConfig(settle=None)
+    starts = range(0, len(clips), batch)  # as policies are: last bits depend on how many are side by side
+    parts = [replace(clips, motions=clips.motions[first : first + batch]) for first in starts]
+    runs = [track_clips(tracker, part, config, env_config(run)) for part in parts]
     # all that are learned here are called `tracker`, but one of another design than ours is another method
     another = who.name == keys.TRACKER and tracker.spec.name != TrackConfig.tracker
     name = tracker.spec.name if another else who.name
-    return tracker_rows(rollout, clips, Judged("track", name, tracker.spec.gains, run.recipe.seed))
+    return tracker_rows(runs, clips, Judged("track", name, tracker.spec.gains, run.recipe.seed))
 
 
 def _loaded(run: Run, who: Who) -> Policy:

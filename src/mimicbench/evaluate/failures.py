@@ -2,8 +2,9 @@
 
 from mimicbench.evaluate.rows import EpisodeRow
 
-NEAR = 0.15
-"""[m] Who ends farther than this from the object was still on the way, or had lost it."""
+NEAR, REACH = 0.15, 0.5
+"""[m] Who ends farther than this from what is sat or lain on was still on the way, or had lost it; or farther than this
+from what is reached for, in front of which one stands: nine of ten who reach it do so from less than 0.43 m."""
 FAILURES = (
     "fell walking",
     "fell turning",
@@ -27,4 +28,4 @@ def failure(row: EpisodeRow) -> str | None:
         return None if row.stays else FAILURES[5]
     if row.fell:
         return _FALLS.get(row.fell_phase, FAILURES[2])
-    return FAILURES[3] if row.end_distance > NEAR else FAILURES[4]
+    return FAILURES[3] if row.end_distance > (REACH if row.seat_height is None else NEAR) else FAILURES[4]

@@ -16,7 +16,6 @@ from mimicbench.envs.policy import Policy, refuse_privileged
 from mimicbench.envs.vec_env import EnvConfig, VecEnv
 from mimicbench.evaluate.guard import PATIENCE, Guard
 from mimicbench.evaluate.rows import EpisodeRow
-from mimicbench.objects.shape import SceneObject
 from mimicbench.sim.rows import Rows
 from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.task import Task
@@ -156,18 +155,13 @@ def policy_rows(runs: Sequence[PolicyRun], clips: ClipSet, who: Judged) -> list[
     return rows
 
 
-def tracker_rows(rollout: Rollout, clips: ClipSet, who: Judged) -> list[EpisodeRow]:
-    """One row per clip of `track.rollout.track_clips`."""
+def tracker_rows(runs: Sequence[Rollout], clips: ClipSet, who: Judged) -> list[EpisodeRow]:
+    """One row per clip of `track.rollout.track_clips`, batch by batch."""
     rows = []
-    for i, (motion, obj) in enumerate(zip(clips.motions, clips.scenes, strict=True)):
-        distances = _distance(obj, motion.root_pos_w[0]), _distance(obj, rollout.last_qpos[i])
-        rows.append(_row(rollout.verdict, i, clips, i, who, distances))
+    for run in runs:
+        for i, distances in enumerate(zip(run.start_distance.tolist(), run.end_distance.tolist(), strict=True)):
+            rows.append(_row(run.verdict, i, clips, len(rows), who, distances))
     return rows
-
-
-def _distance(obj: SceneObject, pos: np.ndarray) -> float:
-    low, high = obj.bounds()
-    return float(np.linalg.norm(np.maximum(np.maximum(low[:2] - pos[:2], pos[:2] - high[:2]), 0.0)))
 
 
 def _row(

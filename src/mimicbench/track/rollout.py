@@ -71,6 +71,10 @@ class Rollout:
     """Empty unless it was asked for."""
     last_qpos: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     """(C, nq) simulator positions before the last step of all."""
+    start_distance: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    """(C,) horizontal distance of the root from the object's rectangle in the first frame [m]."""
+    end_distance: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    """(C,) the same, wherever the object is then, when the episode was over for K and P."""
 
 
 def track_clips(
@@ -100,6 +104,8 @@ def roll_out(
     assert env.metrics is not None
     rows: tuple[list[np.ndarray], ...] = tuple([] for _ in range(4 + len(config.observe)))
     last_qpos = env.physics.qpos().astype(np.float32)
+    start_distance = env.root_distance()
+    end_distance, running = start_distance, torch.ones_like(start_distance, dtype=torch.bool)
     for step in range(int(lengths.max())):
         active = step < lengths
         if config.leave_fallen:
@@ -111,6 +117,8 @@ def roll_out(
         last_qpos, shown = before[0], env.observe(config.observe)
         seen = [shown[name].cpu().numpy() for name in config.observe]
         env.step(target, action, active)
+        end_distance = torch.where(running & active, env.root_distance(), end_distance)
+        running = running & ~env.metrics.over()
         if config.record:
             taken = (*before, target.cpu().numpy(), env.applied.cpu().numpy(), *seen)
             for kept, values in zip(rows, taken, strict=True):
@@ -122,7 +130,9 @@ def roll_out(
     ]
     env.close()
     seen = dict(zip(config.observe, recording[4:], strict=True))
-    return Rollout(env.metrics.verdict(), ends, Recording(*recording[:4], seen=seen), last_qpos)
+    kept = Recording(*recording[:4], seen=seen)
+    distances = start_distance.cpu().numpy(), end_distance.cpu().numpy()
+    return Rollout(env.metrics.verdict(), ends, kept, last_qpos, *distances)
 
 
 def at_their_beginning(
