@@ -85,6 +85,7 @@ def called(*words: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
         ("table --show bets", "unknown table 'bets'; known are: beside-paper, best,"),
         ("import nowhere.npy", "nowhere.npy"),
         ("dance", "there is no command 'dance'; there are: objects,"),
+        ("evalute", "did you mean 'evaluate'?"),
     ],
 )
 def test_what_is_refused_is_told_in_one_sentence(words, said, tmp_path, monkeypatch, capsys):

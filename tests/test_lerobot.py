@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import imageio.v3 as iio
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -205,6 +206,28 @@ def test_a_table_of_episodes_without_what_is_read(tmp_path):
     write_table(path, read_table(path).drop_columns(["success"]))
     (tmp_path / "meta/digests.json").unlink()
     with pytest.raises(BadFile, match="has no column 'success'"):
+        load_demos(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["episode_index", "length", "data/file_index"])
+@pytest.mark.parametrize("value", [None, "many"])
+def test_a_table_of_episodes_with_something_else_than_numbers(tmp_path, name, value):
+    fill(tmp_path)
+    path = tmp_path / "meta/episodes/chunk-000/file-000.parquet"
+    table = read_table(path)
+    odd = pa.array([value] * table.num_rows, pa.string())
+    write_table(path, table.set_column(table.schema.get_field_index(name), name, odd))
+    (tmp_path / "meta/digests.json").unlink()
+    with pytest.raises(BadFile, match=f"something else than whole numbers in '{name}'"):
+        load_demos(tmp_path)
+
+
+def test_a_table_without_tasks(tmp_path):
+    fill(tmp_path)
+    path = tmp_path / "meta/tasks.parquet"
+    write_table(path, read_table(path).slice(0, 0))
+    (tmp_path / "meta/digests.json").unlink()
+    with pytest.raises(BadFile, match="names no tasks"):
         load_demos(tmp_path)
 
 

@@ -42,6 +42,12 @@ def test_who_is_not_the_same_on_both_sides_has_no_mirror_image():
         mirrored_joints(replace(H1, links=(*H1.links[:5], longer, *H1.links[6:])))
     with pytest.raises(BadMotion, match="no other side"):
         mirrored_joints(replace(H1, joints=(replace(H1.joints[0], name="left_tail"), *H1.joints[1:])))
+    clips = clip_set(CLIPS[1])
+    one_sided = replace(
+        clips.motions[0], contact_names=("left_hand",), contacts=np.zeros((clips.motions[0].frames, 1), bool)
+    )
+    with pytest.raises(BadMotion, match="has no labels of right_hand"):
+        mirrored(one_sided, clips.robot, clips.scenes[0])
 
 
 @pytest.mark.parametrize("name", ["sit-chair", "lie-bed", "touch-points", "lift-box"])

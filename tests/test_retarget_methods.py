@@ -430,7 +430,7 @@ def test_bad_input_is_named(tmp_path: Path) -> None:
     ):
         METHODS.get("guess")
     assert METHODS.get("omnih2o").preset(None) == "paper" and METHODS.get("interaction").preset(None) == "improved"
-    with pytest.raises(MimicbenchError, match="omnih2o has no preset 'improved'"):
+    with pytest.raises(MimicbenchError, match="omnih2o has no variant 'improved'"):
         METHODS.get("omnih2o").preset("improved")
     box = make_box(0, 0)
     stage = given(tmp_path, [], box)

@@ -12,7 +12,7 @@ from types import FrameType
 from typing import NoReturn
 
 from mimicbench import __version__
-from mimicbench.core.errors import MimicbenchError
+from mimicbench.core.errors import MimicbenchError, guess
 from mimicbench.core.names import printable
 
 STOPPED = "stopped; the same command goes on from here"
@@ -115,7 +115,7 @@ def _call(words: list[str]) -> None:
     name = " ".join(words[:2]) if " ".join(words[:2]) in COMMANDS else words[0]
     if name not in COMMANDS:
         known = ", ".join(COMMANDS)
-        raise MimicbenchError(f"there is no command {name!r}; there are: {known}")
+        raise MimicbenchError(f"there is no command {name!r}; there are: {known}{guess(name, COMMANDS)}")
     command, rest = COMMANDS[name], words[len(name.split()) :]
     function = getattr(import_module(f"mimicbench.commands.{command.module}"), command.function)
     if command.recipe:

@@ -131,12 +131,13 @@ def make_track_stage(run: Run) -> Stage:
     """Train the tracker on the clips of training objects; objects of the test split only judge it."""
     from mimicbench.track.evaluation import in_words
     from mimicbench.track.learning.ppo_config import ppo_learner
-    from mimicbench.track.train import train_tracker
+    from mimicbench.track.train import check_given, train_tracker
 
-    config = run.part("track")
+    config, sets = run.part("track"), keys.tracked(run)
     if not config.teachers:
         ppo_learner()  # which had better be missing before clips are made for it
-    train, test = training_clips(keys.tracked(run))
+    check_given(config, run.robot, [part.task for part in sets.values()])
+    train, test = training_clips(sets)
 
     def report(row: dict) -> None:
         run.context.say(in_words(row))

@@ -170,8 +170,8 @@ def track_key(run: Run) -> StageKey:
     clips = {name: retarget_key(part) for name, part in parts.items()}
     names = {name: "retarget" if name == run.recipe.task else name for name in clips}
     made_from = {names[name]: key.fingerprint for name, key in clips.items()}
-    # the order of other tasks matters to nothing but their shares
-    told_apart = ("begin_from", "teachers", "recorded", *(() if config.shares else ("also",)))
+    # the order of what it learns from decides its random numbers; none at all is not written down
+    told_apart = ("begin_from", "teachers", *(name for name in ("also", "recorded") if not getattr(config, name)))
     settings = {name: value for name, value in identity(config).items() if name not in told_apart}
     if config.learned_from:
         from mimicbench.track.checkpoint import tracker_digest
@@ -275,9 +275,9 @@ def imitate_key(run: Run, tracker: Path | None) -> StageKey:
     before |= {name: perception_key(part) for name, part in eyes.items()}
     if not eyes:
         del settings["perception"]
-    settings.pop("recorded", None)  # they are among what it is made from
-    if not settings.get("also"):
-        settings.pop("also", None)  # without any, planners are what they were before there were any
+    for name in ("also", "recorded"):
+        if not settings.get(name):
+            settings.pop(name, None)  # without any, planners are what they were before there were any
     return run.key(
         "imitate",
         settings,

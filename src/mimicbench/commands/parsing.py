@@ -259,7 +259,7 @@ def _in_full(argv: Sequence[str], stage: str, settings: Sequence[Field], kind: t
     own = {entry.name for entry in settings}
     for word in argv:
         first = word[2:].partition("=")[0].partition(".")[0].replace("-", "_")
-        short = word.startswith("--") and first not in taken and first in own
+        short = word.startswith("--") and first not in taken and {first, first.removeprefix("no_")} & own
         yield f"--{stage}.{word[2:]}" if short else word
 
 

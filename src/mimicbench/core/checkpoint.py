@@ -103,7 +103,8 @@ def save_checkpoint(
     tensors: Mapping[str, np.ndarray],
     notes: Mapping[str, Any] | None = None,
 ) -> None:
-    """Write a checkpoint, whole or not at all, over an earlier one if there is one.
+    """Write a checkpoint, over an earlier one if there is one: each file whole or not at all; if it is killed between
+    the two, loading says so.
 
     Args:
         folder: Where `config.json` and `model.safetensors` go; made if missing.
@@ -137,8 +138,10 @@ def save_checkpoint(
     write_record(folder / CONFIG, header)
 
 
-def load_checkpoint(folder: Path, kind: str | None = None, robot: str | None = None) -> Checkpoint:
-    """Read a checkpoint; `kind` and `robot`, if given, are what it must be of. Raises BadCheckpoint."""
+def load_checkpoint(folder: Path, kind: str | None = None, robot: str | None = None, again: bool = True) -> Checkpoint:
+    """Read a checkpoint; `kind` and `robot`, if given, are what it must be of. If it is being written meanwhile, it is
+    read `again`, once. Raises BadCheckpoint.
+    """
     header = _read_header(folder)
     if kind is not None and header["kind"] != kind:
         raise BadCheckpoint(
@@ -152,9 +155,11 @@ def load_checkpoint(folder: Path, kind: str | None = None, robot: str | None = N
     path = model_file(folder)
     tensors = read_tensors(path)
     if header.get("model", "") not in ("", digest_of(path)):
+        if again and _read_header(folder) != header:  # a training has just written both files
+            return load_checkpoint(folder, kind, robot, again=False)
         raise BadCheckpoint(
-            f"{path} is not what its {CONFIG} was written beside; it is damaged or of another training: copy "
-            "or train the whole checkpoint again"
+            f"{path} is not what its {CONFIG} was written beside: it is damaged or of another training, or one was "
+            "killed as it wrote; give the command that trains it once more, or copy the whole checkpoint again"
         )
     return Checkpoint(folder, header["kind"], header["robot"], header["config"], tensors, header["notes"])
 

@@ -240,7 +240,8 @@ def _header(key: StageKey, recipe: Mapping[str, Any] | None, raised_from: tuple[
 
 def _read_header(folder: Path) -> dict[str, Any]:
     header = read_record(folder / HEADER, (*_NEEDED, *_TOLD))
-    if not header.keys() >= _NEEDED:
+    header.setdefault("reads", {})
+    if not header.keys() >= _NEEDED or not isinstance(header["reads"], dict):
         raise BadFile(f"{folder / HEADER} is not the header of a stage; delete {folder} and make it again")
     return header
 

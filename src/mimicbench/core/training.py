@@ -15,13 +15,14 @@ import safetensors.torch
 import torch
 from torch import Tensor, nn
 
-from mimicbench.core.checkpoint import MAX_BYTES, BadCheckpoint
+from mimicbench.core.checkpoint import BadCheckpoint
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.events import append_events, write_events
 from mimicbench.core.files import DIGEST, write_atomic
 
 STATE = "training.safetensors"
 METRICS = "metrics.jsonl"
+MAX_BYTES = 64 << 30  # a planner's memory of frames can be several GiB
 _HEADER = "mimicbench"
 
 
@@ -137,7 +138,7 @@ def resume_training(
         forget_after(folder / METRICS, {name: -1 for name in fresh})
         return dict(fresh)
     if path.stat().st_size > MAX_BYTES:
-        raise BadCheckpoint(f"{path} is larger than {MAX_BYTES >> 30} GiB; it is no training of ours: delete it")
+        raise BadCheckpoint(f"{path} is larger than {MAX_BYTES >> 30} GiB, more than any training keeps: delete it")
     try:
         with safetensors.safe_open(path, "pt") as file:
             written = file.metadata() or {}

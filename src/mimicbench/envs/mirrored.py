@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import RobotMotion
 from mimicbench.envs.clips import ClipSet
 from mimicbench.objects.shape import SceneObject
@@ -13,8 +14,10 @@ from mimicbench.robots.mirror import SPECULAR, SPECULAR_QUAT, mirrored_joints, o
 def mirrored(motion: RobotMotion, robot: Robot, obj: SceneObject) -> RobotMotion:
     """Left and right exchanged, of the robot, the object's path and the goals, for `obj`, the object in the mirror.
 
-    Twice gives the same clip again. Raises BadMotion if the robot is not the same on both sides.
+    Twice gives the same clip again. Raises BadMotion if the robot is not the same on both sides, or its labels are not.
     """
+    if missing := {other_side(name) for name in motion.contact_names} - set(motion.contact_names):
+        raise BadMotion(f"clip {motion.id} has no labels of {', '.join(sorted(missing))}: it has no mirror image")
     other, sign = mirrored_joints(robot)
     columns = [motion.contact_names.index(other_side(name)) for name in motion.contact_names]
     return replace(

@@ -35,17 +35,11 @@ DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 EPISODES_PATH = "meta/episodes/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 MAX_FRAMES = 20_000_000  # 35 GB of frames, in memory or on the disk
 
-_NEEDED = {
-    "episode_index",
-    "length",
-    "dataset_from_index",
-    "dataset_to_index",
-    "data/chunk_index",
-    "data/file_index",
-    "object_id",
-    "reference_id",
-    "success",
-}
+_NUMBERS = (
+    *("episode_index", "length", "dataset_from_index", "dataset_to_index"),
+    *("data/chunk_index", "data/file_index"),
+)
+_NEEDED = {*_NUMBERS, "object_id", "reference_id", "success"}
 """Columns of the table of episodes that are read."""
 Shard = tuple[dict[str, int], list[dict[str, Any]], list[dict[str, Any]]]
 """Where its frames are, its episodes in order, and those of them that are wanted."""
@@ -262,7 +256,10 @@ def _shards(folder: Path, only_success: bool) -> list[Shard]:
         missing = sorted(_NEEDED - set(names))
         if missing:
             raise BadFile(f"{path} has no column {missing[0]!r}; it is no table of demonstrations of mimicbench's")
-        rows = sorted(read_table(path, names).to_pylist(), key=lambda row: row["episode_index"])
+        rows = read_table(path, names).to_pylist()
+        if odd := [name for name in _NUMBERS if any(type(row[name]) is not int for row in rows)]:
+            raise BadFile(f"{path} has something else than whole numbers in {odd[0]!r}; make the demonstrations again")
+        rows = sorted(rows, key=lambda row: row["episode_index"])
         if rows:
             place = {"chunk_index": rows[0]["data/chunk_index"], "file_index": rows[0]["data/file_index"]}
             shards.append((place, rows, [row for row in rows if row["success"] or not only_success]))

@@ -29,5 +29,7 @@ class Method:
         Raises MimicbenchError for one that the method does not have.
         """
         if wanted is not None and wanted not in self.presets:
-            raise MimicbenchError(f"{self.name} has no preset {wanted!r}, only {self.presets[0]!r}; leave --preset out")
+            raise MimicbenchError(
+                f"{self.name} has no variant {wanted!r}, only {self.presets[0]!r}; leave --variant out"
+            )
         return wanted or self.presets[0]

@@ -18,6 +18,7 @@ from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.mirrored import with_mirror_images
 from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.robots.description import Robot
+from mimicbench.tasks.task import Task
 from mimicbench.track.checkpoint import (
     TrackerConfig,
     build_tracker,
@@ -27,7 +28,7 @@ from mimicbench.track.checkpoint import (
     save_tracker,
 )
 from mimicbench.track.evaluation import evaluated, good_enough, was_good_enough
-from mimicbench.track.learning.distillation import Distiller, teachers_of
+from mimicbench.track.learning.distillation import Distiller, suitable, teachers_of
 from mimicbench.track.learning.ppo_config import ppo_learner
 from mimicbench.track.parts import TrackingParts
 from mimicbench.track.registry import TRACKERS
@@ -100,6 +101,16 @@ def train_tracker(
         now = time.monotonic()
     env.close()
     return folder / "checkpoint"
+
+
+def check_given(config: TrackConfig, robot: Robot, tasks: Sequence[Task]) -> None:
+    """Raise what a training would raise of the trackers that it begins or learns from, before clips are made for it."""
+    config = config.resolved()
+    spec = TRACKERS.get(config.tracker)
+    for folder in config.teachers:
+        suitable(folder, robot, spec, config.settings, Layout.of(spec, robot, tasks, config.frames))
+    if config.begin_from:
+        load_tracker(Path(config.begin_from), robot)
 
 
 def learner_of(config: TrackConfig, shape: TrackerConfig, env: TrackingParts, robot: Robot) -> "Learner":

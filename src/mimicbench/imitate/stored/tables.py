@@ -192,5 +192,8 @@ def matrix(table: pa.Table, column: str, folder: Path) -> np.ndarray:
 
 def read_tasks(folder: Path) -> list[str]:
     """The tasks of a dataset in the order of their index. Raises BadFile."""
-    rows = read_table(folder / "meta" / "tasks.parquet").to_pylist()
+    path = folder / "meta" / "tasks.parquet"
+    rows = read_table(path).to_pylist()
+    if not rows or any(type(row.get("task_index")) is not int or type(row.get("task")) is not str for row in rows):
+        raise BadFile(f"{path} names no tasks with their numbers; make the demonstrations again")
     return [row["task"] for row in sorted(rows, key=lambda row: row["task_index"])]

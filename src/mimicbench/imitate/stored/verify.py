@@ -19,11 +19,12 @@ def unfulfilled(demos: Demos, clips: ClipSet) -> list[str]:
     Raises BadFile if a demonstration is of none of the clips.
     """
     task, found = clips.task, []
+    frames = max(task.hold_frames(demos.fps), round(STAY * demos.fps))
     for episode, clip in enumerate(clips_of(demos, clips).tolist()):
         motion = replayed(demos, episode, clips.motions[clip])
         obj = clips.objects[motion.object_id]
-        last = task.held(motion, obj, clips.robot)[-round(STAY * motion.fps) :]
-        if not (task.fulfilled(motion, obj, clips.robot) and last.all()):
+        last = task.held(motion, obj, clips.robot)[-frames:]
+        if not (task.fulfilled(motion, obj, clips.robot) and len(last) == frames and last.all()):
             found.append(demos.reference_ids[episode])
     return found
 

@@ -61,20 +61,26 @@ def teachers_of(
     """
     found = []
     for task, folder in folders.items():
-        tracker = load_tracker(Path(folder), robot)
-        if tracker.spec.name != spec.name:
-            raise BadSetting(f"the teacher {folder} is a {tracker.spec.name}; give --track.tracker {tracker.spec.name}")
-        smoothing = spec.smoothing(tracker.settings)
-        if smoothing != spec.smoothing(settings):
-            raise BadSetting(
-                f"the teacher {folder} smoothes its actions by {smoothing:g}, and the learner by "
-                f"{spec.smoothing(settings):g}; give --track.settings.smoothing {smoothing:g}, and teachers that agree"
-            )
-        if tracker.layout.frames > layout.frames or not set(tracker.observed) <= set(layout.names):
-            raise BadSetting(f"the teacher {folder} sees more than the learner; give --track.frames or other teachers")
+        tracker = suitable(folder, robot, spec, settings, layout)
         its = tuple(place for name, place in robots if name == task)
         found.append(Teacher(tracker, its, tuple(layout.columns_of(tracker.layout))))
     return tuple(found)
+
+
+def suitable(folder: str, robot: Robot, spec: TrackerSpec, settings: object, layout: Layout) -> Tracker:
+    """The tracker in a folder, as a teacher of one of this design and layout. Raises as `teachers_of` does."""
+    tracker = load_tracker(Path(folder), robot)
+    if tracker.spec.name != spec.name:
+        raise BadSetting(f"the teacher {folder} is a {tracker.spec.name}; give --track.tracker {tracker.spec.name}")
+    smoothing = spec.smoothing(tracker.settings)
+    if smoothing != spec.smoothing(settings):
+        raise BadSetting(
+            f"the teacher {folder} smoothes its actions by {smoothing:g}, and the learner by "
+            f"{spec.smoothing(settings):g}; give --track.settings.smoothing {smoothing:g}, and teachers that agree"
+        )
+    if tracker.layout.frames > layout.frames or not set(tracker.observed) <= set(layout.names):
+        raise BadSetting(f"the teacher {folder} sees more than the learner; give --track.frames or other teachers")
+    return tracker
 
 
 class Distiller:
