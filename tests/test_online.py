@@ -18,7 +18,7 @@ from mimicbench.envs.reference import ReferenceBank, lay
 from mimicbench.evaluate.rollout import run_policy
 from mimicbench.imitate.goals import goals_of
 from mimicbench.imitate.learners.online import OnlineConfig
-from mimicbench.imitate.online.planning import Planning, from_plan, from_standing, from_walking
+from mimicbench.imitate.online.planning import Planning, from_plan, from_standing, from_walking, numbers_of
 from mimicbench.imitate.online.policy import OnlinePolicy, load_online, save_online
 from mimicbench.imitate.online.reckoning import in_hands, reckoned, risen, seen_from
 from mimicbench.imitate.perception import Perception, save_perception
@@ -324,6 +324,26 @@ def test_the_shipped_tracker_follows_plans():
     taught = load_tracker(SHIPPED / "sit-chair" / "tracker", ROBOT)
     (run,) = run_policy(OnlinePolicy(ROBOT, task, taught, Told(clips), OnlineConfig()), clips, env_config=ONE)
     assert not run.errors and int(run.verdict.success.sum()) >= 3 and int(run.verdict.stays.sum()) >= 3
+
+
+def test_an_episode_comes_out_alike_whatever_came_before_it():
+    """And whoever is beside it: by the same policy once more, and of the second of two alone."""
+    task = replace(TASKS.get("sit-chair"), time_limit=0.3)
+    several = [clip_of(task, index) for index in range(2)]
+    objects = {key: obj for clips in several for key, obj in clips.objects.items()}
+    clips = ClipSet(task, ROBOT, [clips.motions[0] for clips in several], objects)
+    taught, told = load_tracker(SHIPPED / "sit-chair" / "tracker", ROBOT), Told(clips)
+    policy, found = OnlinePolicy(ROBOT, task, taught, told, OnlineConfig()), []
+    for _ in range(2):
+        (run,) = run_policy(policy, clips, env_config=ONE, record=[0, 1])
+        found.append([run.recordings[0].tobytes(), run.recordings[1].tobytes()])
+    assert found[0] == found[1]
+    alone = replace(clips, motions=clips.motions[1:])
+    policy._goal = Told(alone)
+    (run,) = run_policy(policy, alone, env_config=ONE, record=[0])
+    np.testing.assert_allclose(run.recordings[0], np.frombuffer(found[0][1], np.float32).reshape(16, -1), atol=1e-4)
+    first, second = numbers_of(told.goal, torch.zeros(2, 19))
+    assert first != second == numbers_of(told.goal[1:] + 1e-6, torch.full((1, 19), 1e-6))[0]
 
 
 def test_a_plan_goes_where_its_goal_is_known_to_be():

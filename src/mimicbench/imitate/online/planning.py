@@ -4,10 +4,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+import torch
+from torch import Tensor
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion, BadObject, MimicbenchError
 from mimicbench.core.motion import HumanMotion, RobotMotion
+from mimicbench.core.seeds import digest
 from mimicbench.imitate.learners.online import OnlineConfig
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body.body import Body
@@ -110,6 +113,16 @@ class Planning:
     def _retargeted(self, human: HumanMotion, obj: SceneObject) -> RobotMotion:
         human = replace(human, object_id=obj.id)
         return self._method.retarget(Clip(human, obj, self._robot), self._method.preset(None))
+
+
+def numbers_of(goal: Tensor, joint_pos: Tensor) -> list[int]:
+    """What decides the styles of N robots' plans: how their goals (N, G) are known, and how they stand, with joints
+    (N, J) [rad], as they begin; to a tenth, so that last bits decide nothing.
+
+    So an episode comes out alike whatever came before it, and whoever is beside it.
+    """
+    rounded = (torch.cat([goal, joint_pos], -1).nan_to_num() * 10.0).round().long().tolist()
+    return [digest(0, "styles", *row) % (1 << 32) for row in rounded]
 
 
 def from_standing(robot: Robot, root: np.ndarray, joint_pos: np.ndarray) -> Begin:

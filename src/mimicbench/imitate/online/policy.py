@@ -19,6 +19,7 @@ from mimicbench.imitate.online.planning import (
     from_plan,
     from_standing,
     from_walking,
+    numbers_of,
     standing,
 )
 from mimicbench.imitate.online.reckoning import in_hands, reckoned, risen, seen_from
@@ -49,7 +50,7 @@ class OnlinePolicy:
         self._told = tuple(term for term in chosen_terms(tracker.spec.observations, task) if term.privileged)
         self.gains = tracker.spec.gains
         self.observations: tuple[str, ...] = tuple(dict.fromkeys((*BODY, *goal.observations, "elevation", *self._own)))
-        self._device, self._begun = "cpu", 0
+        self._device = "cpu"
         self._forget(0)
 
     def _forget(self, robots: int) -> None:
@@ -90,9 +91,10 @@ class OnlinePolicy:
             i: from_walking(self._robot, here, i) if walks[i] else from_standing(self._robot, stands[i], joint_pos[i])
             for i in ids.tolist()
         }
+        numbers = numbers_of(self._goal.goal, here.joint_pos)
         for i in begins:
             self._plans[i], self._minds[i] = lay(standing(self._robot, self._task, here, i), self._robot), None
-            self._numbers[i], self._begun = self._begun, self._begun + 1
+            self._numbers[i] = numbers[i]
         self._plan(begins, obs)
         # who could plan nothing does not try again at every step
         self._planned_for = self._planned_for.index_copy(0, ids, self._goal.goal[ids])
