@@ -36,7 +36,7 @@ run: $(READY)
 
 test: lint
 	@echo "Running the tests on $(JOBS) processes"
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses $(JOBS)
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses $(JOBS) --dist worksteal
 
 check: type test
 
