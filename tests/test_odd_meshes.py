@@ -19,6 +19,8 @@ from mimicbench.objects.importing.ply import read_ply
 from mimicbench.objects.importing.polygons import triangles
 from mimicbench.objects.importing.sheets import agreed, one_sheet
 from mimicbench.objects.importing.topology import topology
+from mimicbench.robots.registry import ROBOTS
+from mimicbench.sim.scene import build_model
 
 
 def as_mesh(found):
@@ -79,6 +81,16 @@ def test_a_chair_of_sheets_seen_from_both_sides_is_imported(tmp_path):
     obj, evidence = import_mesh(tmp_path / "chair.obj", "chair", ImportConfig())
     assert obj.seat_height == pytest.approx(0.44, abs=0.01) and evidence.front == "z-"
     assert any("come twice, once reversed" in reason for reason in evidence.reasons)
+
+
+@pytest.mark.parametrize("width", [1e-15, 1e-9, 1e-5])
+def test_a_needle_beside_a_chair_is_left_out(width, tmp_path):
+    """No physics could take a piece of it, nor could anybody touch it."""
+    needle = trimesh.Trimesh([[0, 0, 1.0], [0.3, 0, 1.0], [0.15, width, 1.0]], [[0, 1, 2]], process=False)
+    trimesh.util.concatenate([shapes.chair(), needle]).export(tmp_path / "chair.obj", digits=17)
+    obj, evidence = import_mesh(tmp_path / "chair.obj", "chair", ImportConfig(Wishes(unit="m", up="z+")))
+    assert len(obj.box_pos) == 6 and any("in two directions" in reason for reason in evidence.reasons)
+    assert build_model(ROBOTS.get("h1"), obj).nbody > 1
 
 
 # -- seats

@@ -46,7 +46,7 @@ from mimicbench.report.person import EYES, HAIR, SHIRT, SHOES, SKIN, SOLES, TROU
 from mimicbench.report.pictures.gallery import Failed, counted, draw_failures, draw_objects
 from mimicbench.report.pictures.sheet import CELL, contact_sheet, sheet_camera
 from mimicbench.report.pictures.showcase import Clip, Recording, Showcase, ShowConfig, draw, moments, positions
-from mimicbench.report.provenance import Provenance, package_versions, this_machine
+from mimicbench.report.provenance import Provenance, package_versions, this_machine, without_folders
 from mimicbench.report.render import (
     Painter,
     human_frames,
@@ -233,6 +233,18 @@ def test_what_is_markup_elsewhere_is_text_on_the_terminal():
     table = Table("t", "[y] of", ("[bold]n",), (("[red]a [/] b and more",),), note="needs [train] in /x[/y]")
     shown = to_terminal(table)
     assert all(words in shown for words in ("[y] of", "[bold]n", "[red]a [/] b", "needs [train] in /x[/y]"))
+
+
+def test_names_steer_no_terminal():
+    table = Table("t", "title\x1b[2J", ("na\x1bme",), (("evil\x1b]0;owned\x07",),), "a note\x1b[31m")
+    shown = to_terminal(table)
+    assert "\x1b" not in shown and "\x07" not in shown and "owned" in shown
+
+
+def test_commands_name_no_folder():
+    words = ["--workdir", "/home/alice/work", "--policy=/home/alice/x.py", "work/mine", "~/w", "--seed=3", "/"]
+    said = ["--workdir", "work", "--policy=x.py", "work/mine", "w", "--seed=3", "/"]
+    assert list(map(without_folders, words)) == said
 
 
 def test_comparison_with_the_paper():

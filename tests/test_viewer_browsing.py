@@ -1,5 +1,6 @@
 """What the page opens, and that nothing is left of what is no longer listed. No browser looks."""
 
+import shutil
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -14,6 +15,7 @@ from making import make, small  # noqa: E402
 from mimicbench.benchmark.shipped import SHIPPED  # noqa: E402
 from mimicbench.benchmark.who import Who  # noqa: E402
 from mimicbench.core.errors import MimicbenchError  # noqa: E402
+from mimicbench.core.files import read_record, write_record  # noqa: E402
 from mimicbench.core.motion import RobotMotion  # noqa: E402
 from mimicbench.evaluate.rows import write_rows  # noqa: E402
 from mimicbench.viewer.catalog import Catalog  # noqa: E402
@@ -103,6 +105,32 @@ def test_curves_tell_of_the_steps_that_are_over(workdir):
             times, dots = found.plot.effort.data[0], found.plot.effort.data[-1]
             assert times[np.isfinite(dots)].tolist() == pytest.approx([step * 0.02] if step else [])
             assert told_power(curves.effort[:step].max(initial=0.0)) in found.show.words.content
+
+
+def test_what_cannot_be_shown_keeps_nobody_from_the_rest(workdir, tmp_path):
+    """A damaged clip comes first, whose name is what a browser would run; the next one is opened, and people beside
+    whom an earlier set has lost its own.
+    """
+    for kind in ("objects", "references", "retarget"):
+        shutil.copytree(workdir / TASK / kind, tmp_path / TASK / kind)
+    (made,) = Catalog(tmp_path).sets(TASK, "retarget")
+    stage = made.path
+    (stage / "<b onload='x'>.npz").write_bytes(b"PK")
+    lost = stage.parent / "a-lost"
+    shutil.copytree(stage, lost)
+    header = read_record(lost / "header.json")
+    write_record(
+        lost / "header.json", {**header, "reads": {**header["reads"], "references": "references/gone-11111111"}}
+    )
+    with page(tmp_path, kind="retarget") as found:
+        found.browse.set.value = made.name
+        assert found.browse.item.value == "<b onload='x'>" and found.session.opened is None
+        shown = found.browse.facts.content
+        assert "cannot be shown" in shown and "<" not in shown.replace("\\<", "")
+        found.browse.item.value = next(name for name in made.items if name.startswith(TASK))
+        assert found.session.opened is not None
+        found.browse.kind.value = "human references"
+        assert set(found.session.actors) == {"human", "retargeted"}
 
 
 def test_nothing_failed(workdir):

@@ -27,6 +27,8 @@ from mimicbench.tasks.registry import TASKS
 
 PAPER_COUNTS = {TASKS.get(task).family: paper.objects for task, paper in PAPER_SETS.items()}
 """Objects of each family in the paper's table: 10.6 thousand."""
+OTHERS = 400
+"""Objects of families that are not in the paper."""
 CONTROLS = ("position", "torque")
 
 
@@ -90,8 +92,8 @@ def soak(config: SoakConfig, say: Callable[[str], None]) -> dict[str, Any]:
     """
     robot = ROBOTS.get(DEFAULT_ROBOT)
     compiled = [
-        compile_family(robot, family, config.objects or PAPER_COUNTS[family], config.seed, say)
-        for family in PAPER_COUNTS
+        compile_family(robot, family, _count(family, config), config.seed, say)
+        for family in dict.fromkeys(task.family for task in TASKS.all())
     ]
     steps = max(1, config.steps // (len(TASKS) * len(CONTROLS)))
     parts = {
@@ -118,6 +120,10 @@ def soak(config: SoakConfig, say: Callable[[str], None]) -> dict[str, Any]:
     }
 
 
+def _count(family: str, config: SoakConfig) -> int:
+    return config.objects or PAPER_COUNTS.get(family, OTHERS)
+
+
 def compile_family(robot: Robot, family: str, count: int, seed: int, say: Callable[[str], None]) -> CompiledFamily:
     """Make objects 0 to count - 1 of a family, compile their scenes, and have one batch take each of them."""
     started = time.perf_counter()
@@ -138,7 +144,7 @@ def soak_task(
     task: str, control: str, steps: int, threads: int, config: SoakConfig, say: Callable[[str], None]
 ) -> SoakedTask:
     """Step environments of a task with random targets, `steps` control steps in all, rounded up."""
-    pool = config.objects or PAPER_COUNTS[TASKS.get(task).family]
+    pool = _count(TASKS.get(task).family, config)
     envs = min(config.envs, steps)
     env = TaskVectorEnv(task, envs, split="all", pool=pool, control=control, time_limit=config.episode, workers=threads)
     env.reset(seed=config.seed)

@@ -191,7 +191,9 @@ class SceneObject:
                 friction=data["friction"],
                 hulls=tuple(np.array(hull, dtype=float) for hull in data["hulls"]),
             )
-        except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
+        except KeyError as error:
+            raise BadObject(f"not an object description: it lacks {error}") from None
+        except (TypeError, ValueError, AttributeError, OverflowError) as error:
             raise BadObject(f"not an object description: {error}") from None
 
 

@@ -11,6 +11,12 @@ from typing import Any
 PACKAGES = ("mimicbench", "mujoco", "torch", "rsl-rl-lib", "numpy", "scipy", "pyarrow")
 
 
+def without_folders(word: str) -> str:
+    """A word of a command line; of an absolute path, also behind `--name=`, the last part."""
+    name, sign, value = word.partition("=") if word.startswith("-") else ("", "", word)
+    return f"{name}{sign}{Path(value).name or value}" if value.startswith(("/", "~")) else word
+
+
 @dataclass(frozen=True)
 class Provenance:
     """What it takes to make the numbers again."""

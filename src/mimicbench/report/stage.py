@@ -26,7 +26,7 @@ from mimicbench.evaluate.rows import EpisodeRow
 from mimicbench.report.curves import Curve, read_curve
 from mimicbench.report.pictures.gallery import Failed
 from mimicbench.report.pictures.showcase import Clip, Recording, Showcase, ShowConfig
-from mimicbench.report.provenance import Provenance, package_versions, this_machine
+from mimicbench.report.provenance import Provenance, package_versions, this_machine, without_folders
 from mimicbench.report.write import ReportInputs, write_report
 from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.track.checkpoint import load_tracker
@@ -67,7 +67,7 @@ def _provenance(run: Run, clips: Clips) -> Provenance:
     stages = {"references": read_stage(clips.human, whole=False), "retarget": clips.stage}
     objects = run.workdir / run.recipe.task / stages["retarget"].header["reads"]["objects"]
     stages = {"objects": read_stage(objects, whole=False), **stages}
-    command = shlex.join(["mimicbench", *sys.argv[1:]])
+    command = shlex.join(["mimicbench", *map(without_folders, sys.argv[1:])])
     return Provenance(
         run.recipe.seed,
         (command,),

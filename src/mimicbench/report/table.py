@@ -15,6 +15,7 @@ from rich.markup import escape
 from rich.table import Table as RichTable
 
 from mimicbench.core.errors import MimicbenchError
+from mimicbench.core.names import printable
 from mimicbench.evaluate.intervals import Rate, whole
 
 
@@ -181,8 +182,8 @@ def to_rich(table: Table, width: int = 160) -> RichTable:
     padding = 1 if widths is not None else 0
     widths = widths or _widths(table, width - columns - 1)
     shown = RichTable(
-        title=escape(table.title),
-        caption=escape(table.note) or None,
+        title=escape(printable(table.title)),
+        caption=escape(printable(table.note, lines=True)) or None,
         title_justify="left",
         caption_justify="left",
         title_style="bold",
@@ -194,13 +195,13 @@ def to_rich(table: Table, width: int = 160) -> RichTable:
             shown.add_column(style=style, overflow="fold")
         for row in table.rows:
             for column, cell in zip(table.columns, row, strict=True):
-                shown.add_row(escape(column), escape(text(cell)))
+                shown.add_row(escape(printable(column)), escape(printable(text(cell))))
             shown.add_section()
         return shown
     for i, column in enumerate(table.columns):
-        shown.add_column(escape(column), justify="right" if table.numeric(i) else "left", width=widths[i])
+        shown.add_column(escape(printable(column)), justify="right" if table.numeric(i) else "left", width=widths[i])
     for row in table.rows:
-        shown.add_row(*(escape(text(cell)) for cell in row))
+        shown.add_row(*(escape(printable(text(cell))) for cell in row))
     return shown
 
 
@@ -209,7 +210,9 @@ def _widths(table: Table, room: int) -> list[int] | None:
 
     None if there is no room for the words.
     """
-    columns = [[name, *(text(row[i]) for row in table.rows)] for i, name in enumerate(table.columns)]
+    columns = [
+        [printable(name), *(printable(text(row[i])) for row in table.rows)] for i, name in enumerate(table.columns)
+    ]
     widths = [max((cell_len(word) for cell in column for word in _WORD.findall(cell)), default=1) for column in columns]
     whole_cells = [max(map(cell_len, column)) for column in columns]
     if sum(widths) > room:

@@ -114,7 +114,7 @@ class NativePhysics:
             if obj.hulls and not self._meshes:
                 raise MimicbenchError(
                     f"object {obj.id} has convex pieces, and this simulation has room for boxes only; make it with "
-                    "meshes=True"
+                    "PhysicsConfig(meshes=True)"
                 )
             if obj.movable != self._movable:
                 kind = "movable" if obj.movable else "fixed"

@@ -93,7 +93,7 @@ class WarpPhysics:
         self._broken, self._torque, self._velocity = (
             wp.to_torch(array) for array in (self._broken_wp, self._torque_wp, self._velocity_wp)
         )
-        self._breaks = Breaks(self._broken, [*self._state, self._ctrl])
+        self._breaks = Breaks(self._broken, [*self._state, self._ctrl, self._wrench, self.object_index])
         self._effort = torch.zeros(n, dtype=torch.float64, device=self.device)
 
     def _run_substeps(self) -> None:
@@ -200,14 +200,13 @@ class WarpPhysics:
         if measure_effort:
             effort = ((self._torque.double() / SUBSTEPS * self._velocity.double() / SUBSTEPS) ** 2).sum(-1)
             self._effort = effort if running is None else torch.where(running, effort, self._effort)
-        self._breaks.notice(self._broken, [*self._before, target])
+        self._breaks.notice(self._broken, [*self._before, target, self._wrench, self.object_index])
 
     def report(self) -> None:
         """Tell of scenes that broke since the last report; of one that did so twice, the last time."""
-        for env, reason, state in self._breaks.taken():
-            config, obj = self.config, self.catalog[int(self.object_index[env])]
+        for env, reason, (*state, wrench, place) in self._breaks.taken():
+            config, obj = self.config, self.catalog[int(place)]
             scene = env, "warp", self.robot.name, config.gains, config.control, obj
-            wrench = self._wrench[env].double().cpu().numpy().copy()
             self._broken_log.add(BrokenScene(reason, *scene, *state, wrench, config.friction, config.mass))
 
     def advance(self, target: torch.Tensor) -> None:

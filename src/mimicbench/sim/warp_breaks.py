@@ -20,7 +20,9 @@ class Breaks:
     """The last good states of worlds that broke, and why, until they are told."""
 
     def __init__(self, broken: torch.Tensor, state: Sequence[torch.Tensor]) -> None:
-        """`broken` (N,) marks worlds; `state` is positions, velocities, warmstart and targets, (N, ...) each."""
+        """`broken` (N,) marks worlds; `state` is positions, velocities, warmstart, targets and wrenches, (N, ...) each,
+        and which object is there, (N,), for a world may be given another until it is told of.
+        """
         self._last_good = [array.clone() for array in state]  # before, and of, the steps in which worlds broke
         self._noticed = torch.zeros_like(broken, dtype=torch.bool)
         self._untold = torch.zeros_like(broken)

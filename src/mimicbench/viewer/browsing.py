@@ -6,8 +6,10 @@ import random
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from mimicbench.core.errors import MimicbenchError
 from mimicbench.tasks.registry import TASKS
 from mimicbench.viewer.catalog import ANY, FAILED, KINDS, Catalog, ItemSet
+from mimicbench.viewer.markdown import plain
 from mimicbench.viewer.opened import open_item
 from mimicbench.viewer.session import Session
 
@@ -111,12 +113,17 @@ class BrowsePanel:
             self.facts.content, self.details.content = f"*nothing {' and '.join(lacks) or 'is here'}*", ""
             self.session.empty()
             return
-        opened = open_item(self.catalog, self.current, item)
+        place = f"**{plain(item)}** · {self._found.index(item) + 1} of {len(self._found)}"
+        try:
+            opened = open_item(self.catalog, self.current, item)
+        except MimicbenchError as error:  # one that is damaged keeps nobody from the others
+            self.facts.content, self.details.content = f"{place}\n\ncannot be shown: {plain(str(error))}", ""
+            self.session.empty()
+            return
         self.session.open(opened)
-        place = f"**{item}** · {self._found.index(item) + 1} of {len(self._found)}"
         lines = [TASKS.get(str(self.task.value)).title, *opened.facts]
-        self.facts.content = "\n".join([place, "", *(f"- {_plain(line)}" for line in lines)])
-        self.details.content = "\n".join(f"- {_plain(line)}" for line in opened.details) or "*nothing more is known*"
+        self.facts.content = "\n".join([place, "", *(f"- {plain(line)}" for line in lines)])
+        self.details.content = "\n".join(f"- {plain(line)}" for line in opened.details) or "*nothing more is known*"
 
     def _step(self, step: str) -> None:
         if not self._found:
@@ -128,8 +135,3 @@ class BrowsePanel:
         first = min(max(0, place - SHOWN // 2), max(0, count - SHOWN))
         self._choose(self.item, self._found[first : first + SHOWN], self._found[place])
         self._open()
-
-
-def _plain(line: str) -> str:
-    """A line without what Markdown would take for its own."""
-    return "".join(f"\\{sign}" if sign in "\\`*_{}[]<>#|!" else sign for sign in line)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -70,8 +71,9 @@ def _object(one: ItemSet, object_id: str, name: str, robot: Robot) -> Opened:
 def _open_reference(catalog: Catalog, one: ItemSet, item: str) -> Opened:
     human = HumanMotion.load(one.file(item))
     for made in catalog.sets(one.task, "retarget"):
-        if item in made.places and catalog.read_by(made, "references") is one:
-            return _clip(catalog, made, human, RobotMotion.load(made.file(item)), item)
+        with suppress(BadFile):  # a set whose people are gone says nothing of these
+            if item in made.places and catalog.read_by(made, "references") is one:
+                return _clip(catalog, made, human, RobotMotion.load(made.file(item)), item)
     return _clip(catalog, one, human, None, item)
 
 

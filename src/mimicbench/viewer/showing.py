@@ -14,6 +14,7 @@ from PIL import Image
 from mimicbench.evaluate.rows import ENERGY_LIMITS
 from mimicbench.viewer.acting import ROLES, ActPanel
 from mimicbench.viewer.coloring import ColorCameras, Look
+from mimicbench.viewer.markdown import plain
 from mimicbench.viewer.opened import Opened
 from mimicbench.viewer.sensing import (
     Probe,
@@ -109,19 +110,21 @@ class ShowPanel:
         assert opened is not None
         frame, done = frame_at(track, self.session.time), track.fulfilled()
         lacks = track.lacks(frame)
-        now = f"K lacks: {lacks}" if lacks else f"K's condition holds ({opened.task.hold_time:g} s are asked for)"
+        now = (
+            f"K lacks: {plain(lacks)}" if lacks else f"K's condition holds ({opened.task.hold_time:g} s are asked for)"
+        )
         if done is None:
             ever = "K not fulfilled"
         elif frame >= done:
             ever = f"**K fulfilled** at {done / track.fps:.1f} s"
         else:
             ever = f"K will be fulfilled at {done / track.fps:.1f} s"
-        lines = [f"**{track.title}** · {ever}", now]
+        lines = [f"**{plain(track.title)}** · {ever}", now]
         curves = track.curves()
         if curves is not None:
             lines.append(told_power(float(curves.effort[: curves.until(frame / track.fps)].max(initial=0.0))))
         if name in self.act.episodes:
-            lines.append(self.act.episodes[name].verdict())
+            lines.append(plain(self.act.episodes[name].verdict()))
         return "  \n".join(lines)
 
     def _seeing(self) -> Actor | None:

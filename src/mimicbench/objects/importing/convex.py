@@ -17,6 +17,8 @@ from mimicbench.objects.shape import SLOTS
 
 CORNERS = 24
 """Most corners of a convex piece."""
+NEEDLE = 1e-4
+"""[m] Parts and pieces that are thinner than this in two directions are left out: nothing could touch them."""
 SHEET = 0.01
 """[m]; what is thinner than half of this gets this thickness, as physics needs one."""
 MAX_PARTS = 96
@@ -44,14 +46,20 @@ def split(mesh: Mesh, found: Topology, limit: int = SLOTS) -> tuple[list[np.ndar
     parts = np.bincount(found.part, minlength=len(found.closed))
     big = np.argsort(-parts, kind="stable")[:MAX_PARTS]
     rest += sorted(set(range(len(parts))) - set(big.tolist()))
+    needles = 0
     for part in sorted(big.tolist()):
         corners = mesh.vertices[np.unique(mesh.faces[found.part == part])]
+        if _needle(corners):
+            needles += 1
+            continue
         piece = _whole(Mesh(mesh.vertices, mesh.faces[found.part == part]), corners, bool(found.closed[part]))
         if piece is None:
             rest.append(part)
         else:
             pieces.append(piece)
     notes = [f"{len(pieces)} of {len(parts)} parts are convex as they are"]
+    if needles:
+        notes.append(f"{needles} parts are thinner than {1000 * NEEDLE:g} mm in two directions and were left out")
     if rest:
         concave = np.isin(found.part, rest)
         part = np.where(np.isin(found.part, big), found.part, -1)  # crumbs are one part
@@ -64,6 +72,13 @@ def split(mesh: Mesh, found: Topology, limit: int = SLOTS) -> tuple[list[np.ndar
         notes.append(f"of {len(pieces)} pieces, those were joined that add the least volume")
         pieces = _join(pieces, limit)
     return [fewer_corners(piece) for piece in pieces], notes
+
+
+def _needle(corners: np.ndarray) -> bool:
+    """Whether a piece is thin in two directions."""
+    spread = corners - corners.mean(0)
+    axes = np.linalg.svd(spread, full_matrices=False)[2]
+    return len(axes) < 2 or bool(np.ptp(spread @ axes[1]) < NEEDLE)
 
 
 def _whole(part: Mesh, corners: np.ndarray, closed: bool) -> np.ndarray | None:
@@ -136,7 +151,8 @@ def _coacd(mesh: Mesh, part: np.ndarray, limit: int) -> list[np.ndarray]:
             reason = str(error)
             continue
         pieces = np.split(found["corners"], np.cumsum(found["counts"])[:-1]) if len(found["counts"]) else []
-        return [_solid(piece) for piece in pieces if np.ptp(piece, axis=0).max() > 0.01 * (high - low).max()]
+        large = [piece for piece in pieces if np.ptp(piece, axis=0).max() > 0.01 * (high - low).max()]
+        return [_solid(piece) for piece in large if not _needle(piece)]
     raise BadObject(f"{reason}; reduce the mesh, or mend its holes first")
 
 

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial import ConvexHull, Delaunay
+from scipy.spatial import ConvexHull, Delaunay, QhullError
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadFile, BadObject, MimicbenchError
@@ -56,6 +56,8 @@ def import_mesh(
         return _make(mesh, path, family, config, object_id or own_id(path))
     except BadObject as error:
         raise BadObject(f"{path}: {error}") from None
+    except QhullError:
+        raise BadObject(f"{path}: a piece of it has no volume; mend or simplify the mesh") from None
 
 
 def _make(mesh: Mesh, path: Path, family: str, config: ImportConfig, object_id: str) -> tuple[SceneObject, Evidence]:
