@@ -24,6 +24,7 @@ from mimicbench.sim.backends import make_physics
 from mimicbench.sim.broken import load_broken, replay
 from mimicbench.sim.native import NativePhysics
 from mimicbench.sim.physics import PhysicsConfig
+from mimicbench.sim.rows import Rows
 from mimicbench.sim.scene import FLOOR_GROUP, OBJECT_GROUP, ROBOT_GROUP, build_model
 from mimicbench.sim.warp import WarpPhysics
 from mimicbench.sim.warp_objects import PER_WORLD
@@ -198,6 +199,23 @@ def test_only_the_broken_world_ends(device, tmp_path):
     stool.put(broken, np.array([1, 2]), pos[1:3], upright(2), joints[1:3])
     broken.step(target)
     assert not broken.diverged.any()
+
+
+def test_a_world_is_told_of_with_what_it_broke_beside(device, tmp_path):
+    """Though it was given another object, and is pushed no longer, before anybody asks."""
+    objects, pos, joints = scenes()
+    physics = make_physics(device, H1, objects, PhysicsConfig(broken_dir=tmp_path))
+    stool.put(physics, np.arange(4), pos, upright(4), joints)
+    physics.assist(torch.full((4, 3), 7.0), torch.full((4, 3), 2.0))
+    bad = torch.from_numpy(joints)
+    bad[2, 3] = torch.nan
+    physics.step(bad)
+    physics.set_objects(Rows.of(torch.tensor([2]), 4), torch.tensor([0]))
+    stool.put(physics, np.array([2]), pos[2:3], upright(1), joints[2:3])
+    physics.assist(torch.zeros(4, 3), torch.zeros(4, 3))
+    (path,) = physics.broken.paths
+    told = load_broken(path)
+    assert told.scene == 2 and told.obj.id == objects[2].id and told.wrench.tolist() == [7.0] * 3 + [2.0] * 3
 
 
 def test_a_world_with_too_many_contacts_ends(on, tmp_path):

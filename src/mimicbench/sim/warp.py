@@ -61,12 +61,12 @@ class WarpPhysics:
         self._places = object_places(base, joints)
         root = base.body(robot.link_names[0]).id
         self._link_rows = slice(root, root + len(robot.link_names))  # links are consecutive bodies, in order
+        self.object_index = torch.zeros(self.num_envs, dtype=torch.long, device=device)
         with wp.ScopedDevice(self._wp_device):
             self._make(base, contacts)
         self._objects = ObjectRows(self._movable, device, self.config.friction)
         self.catalog = self._objects.catalog
         every = Rows.every(self.num_envs, device)
-        self.object_index = torch.zeros(self.num_envs, dtype=torch.long, device=device)
         self.set_objects(every, torch.tensor(self.add_objects(objects), device=device))
         self._qpos0 = torch.from_numpy(base.qpos0.astype(np.float32)).to(device)
         self._substeps = program(self._wp_device, self._run_substeps)
