@@ -170,9 +170,8 @@ def judge_tracker(run: Run, who: Who, clips: ClipSet) -> list[EpisodeRow]:
     tracker = load_tracker(who.folder, run.robot)
     if not run.context.quiet:
         run.context.say(f"evaluating {who.name}, {len(clips)} clips")
-    batch, config = Protocol().batch, RolloutConfig(settle=None)
-    starts = range(0, len(clips), batch)  # as policies are: last bits depend on how many are side by side
-    parts = [replace(clips, motions=clips.motions[first : first + batch]) for first in starts]
+    # as many side by side as of policies, for last bits depend on that
+    parts, config = clips.batches(Protocol().batch), RolloutConfig(settle=None)
     runs = [track_clips(tracker, part, config, env_config(run)) for part in parts]
     # all that are learned here are called `tracker`, but one of another design than ours is another method
     another = who.name == keys.TRACKER and tracker.spec.name != TrackConfig.tracker

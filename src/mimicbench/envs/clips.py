@@ -58,6 +58,11 @@ class ClipSet:
         """The first so many clips."""
         return replace(self, motions=self.motions[:count])
 
+    def batches(self, size: int) -> "list[ClipSet]":
+        """All clips in their order, so many at a time."""
+        starts = range(0, len(self.motions), size)
+        return [replace(self, motions=self.motions[start : start + size]) for start in starts]
+
     def spread(self, count: int) -> "ClipSet":
         """About so many clips from all over the set, never more."""
         have = len(self.motions)

@@ -2,13 +2,12 @@
 
 from dataclasses import replace
 
-from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import RobotMotion
 from mimicbench.envs.clips import ClipSet
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.augment import LATERAL, mirrored_object
 from mimicbench.robots.description import Robot
-from mimicbench.robots.mirror import SPECULAR, SPECULAR_QUAT, mirrored_joints, other_side, toggled
+from mimicbench.robots.mirror import SPECULAR, SPECULAR_QUAT, mirrored_joints, mirrored_labels, other_side, toggled
 
 
 def mirrored(motion: RobotMotion, robot: Robot, obj: SceneObject) -> RobotMotion:
@@ -16,10 +15,8 @@ def mirrored(motion: RobotMotion, robot: Robot, obj: SceneObject) -> RobotMotion
 
     Twice gives the same clip again. Raises BadMotion if the robot is not the same on both sides, or its labels are not.
     """
-    if missing := {other_side(name) for name in motion.contact_names} - set(motion.contact_names):
-        raise BadMotion(f"clip {motion.id} has no labels of {', '.join(sorted(missing))}: it has no mirror image")
     other, sign = mirrored_joints(robot)
-    columns = [motion.contact_names.index(other_side(name)) for name in motion.contact_names]
+    columns = mirrored_labels(motion.id, motion.contact_names)
     return replace(
         motion,
         id=toggled(motion.id),

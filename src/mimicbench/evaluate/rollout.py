@@ -69,8 +69,8 @@ def run_policy(
     refuse_privileged(policy.observations, "this policy")
     protocol, env_config = protocol or Protocol(), env_config or EnvConfig()
     runs = []
-    for first in range(0, len(clips), protocol.batch):
-        part = replace(clips, motions=clips.motions[first : first + protocol.batch])
+    for number, part in enumerate(clips.batches(protocol.batch)):
+        first = number * protocol.batch
         wanted = [episode - first for episode in record if first <= episode < first + len(part)]
         runs.append(_run_batch(policy, part, wanted, env_config, protocol.patience, tick or (lambda count: None)))
     return runs

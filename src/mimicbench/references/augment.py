@@ -28,7 +28,7 @@ from mimicbench.objects.make import object_ids, read_objects
 from mimicbench.objects.shape import SceneObject, load_object, save_object
 from mimicbench.references.checks.quality import Fulfils, check_clip, gate
 from mimicbench.references.warp import approach_end, rescaled, turned_approach
-from mimicbench.robots.mirror import SPECULAR, SPECULAR_QUAT, other_side, toggled
+from mimicbench.robots.mirror import SPECULAR, SPECULAR_QUAT, mirrored_labels, other_side, toggled
 
 Kind = Literal["mirror", "speed", "start", "size"]
 LATERAL = ("turn", "seat_y", "twist", "tilt", "askew", "first", "habits", "uneven", "later_hand", "later_leg")
@@ -77,9 +77,7 @@ def mirrored_joints(skeleton: Skeleton) -> list[int]:
 
 def mirror(motion: HumanMotion, obj: SceneObject) -> tuple[HumanMotion, SceneObject]:
     """Left and right exchanged, of the person, the object and the goals. Twice gives the same clip again."""
-    if missing := {other_side(name) for name in motion.contact_names} - set(motion.contact_names):
-        raise BadMotion(f"clip {motion.id} has no labels of {', '.join(sorted(missing))}: it has no mirror image")
-    columns = [motion.contact_names.index(other_side(name)) for name in motion.contact_names]
+    columns = mirrored_labels(motion.id, motion.contact_names)
     joints = mirrored_joints(motion.skeleton)
     quat = motion.local_quat[:, joints] * SPECULAR_QUAT
     other = mirrored_object(obj)

@@ -3,6 +3,8 @@
 The mirror stands upright along x, so left and right are exchanged, and y changes its sign.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from mimicbench.core import rotations as rot
@@ -20,6 +22,13 @@ TOLERANCE = 1e-3
 def other_side(name: str) -> str:
     """With left in place of right and right in place of left."""
     return name.replace("left", "\0").replace("right", "left").replace("\0", "right")
+
+
+def mirrored_labels(clip_id: str, names: Sequence[str]) -> list[int]:
+    """Of each contact label of a clip, which is that of the other side. Raises BadMotion if there is none."""
+    if missing := {other_side(name) for name in names} - set(names):
+        raise BadMotion(f"clip {clip_id} has no labels of {', '.join(sorted(missing))}: it has no mirror image")
+    return [names.index(other_side(name)) for name in names]
 
 
 def toggled(name: str) -> str:
