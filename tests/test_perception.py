@@ -15,12 +15,13 @@ from mimicbench.core.checkpoint import BadCheckpoint
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.files import read_record, write_record
 from mimicbench.imitate.goals import GoalMemory
-from mimicbench.imitate.learn_perception import draw_maps, evaluate_perception, goal_loss, train_perception, turned
-from mimicbench.imitate.perception import Perception, load_perception, save_perception, window
+from mimicbench.imitate.learn_perception import draw_maps, evaluate_perception, goal_loss, train_perception
+from mimicbench.imitate.perception import Perception, load_perception, save_perception, turned, window
 from mimicbench.imitate.settings.perception import PerceptionConfig
 from mimicbench.objects.families.chair import make_chair
 from mimicbench.objects.registry import FAMILIES, make_object
 from mimicbench.objects.shape import split_of
+from mimicbench.objects.symmetry import MOTIONS
 from mimicbench.robots.rigs import HEAD_RIG, PELVIS_RIG
 from mimicbench.sensors.heightmap import ObjectMaps, box_heightmap
 from mimicbench.tasks.registry import TASKS
@@ -59,7 +60,9 @@ def test_the_shipped_network_sees_what_it_always_saw():
     yaw = torch.tensor([3.0, -0.6, 1.4, -1.5])
     objects = ObjectMaps([make_object(f"chair-0-{i:05d}") for i in range(4)])
     maps = objects.sample(torch.arange(4), pos, yaw, occlusion=torch.tensor([True, False, True, False]))
-    goal, uncertainty = net.look(maps, pos[:, 2])
+    goals, uncertainty, likely = net(*window(maps + pos[:, 2, None, None], net.window, net.cell))
+    assert likely.shape == (4, 1)
+    goal, uncertainty = SIT.goal.normalized(goals[:, 0]), uncertainty[:, 0]
     # to the last bit on the machine that made them; other processors add up in another order
     torch.testing.assert_close(goal, torch.tensor(SEEN), atol=1e-6, rtol=0)
     torch.testing.assert_close(uncertainty, torch.tensor(UNCERTAIN), atol=1e-7, rtol=0)
@@ -145,10 +148,62 @@ def test_turned_maps_are_maps(quarters, mirror):
 
     # turning the robot to the right turns what it sees to the left
     expected = look(-0.713 if mirror else 0.713, (2.9 if mirror else -2.9) - quarters * math.pi / 2)
-    view, center, seat = turned(SIT.goal, *look(0.713, -2.9), quarters, mirror)
+    motion = MOTIONS[quarters + 4 * mirror]
+    view, center, seat = look(0.713, -2.9)
+    view, center = turned(view, center, motion)
+    seat = SIT.goal.transformed(seat, motion)
     torch.testing.assert_close(center, expected[1])
     torch.testing.assert_close(seat, expected[2], atol=1e-5, rtol=0)
     assert float(((view - expected[0]).abs() > 1e-4).float().mean()) < 0.01
+
+
+@pytest.mark.parametrize("task", FOUND, ids=lambda task: task.name)
+def test_what_is_seen_does_not_depend_on_the_side_it_is_seen_from(task):
+    """Of any network, even one that has learned nothing."""
+    torch.manual_seed(3)
+    net, obj = Perception(SIGHT, task), FAMILIES.get(task.family).make(1, 0)
+    pos, yaw = np.array([1.4, 0.3, 0.95]), 2.6
+    height = torch.tensor(box_heightmap(obj, pos, yaw)).float()[None]
+    goal, uncertainty = net.look(height, torch.tensor([0.95]))
+    assert len(net.sides) == 2 * task.rig.quarters()
+    for motion in net.sides[1:]:
+        moved, _ = turned(height, torch.zeros(1, 2), motion)
+        found, doubt = net.look(moved, torch.tensor([0.95]))
+        torch.testing.assert_close(found, task.goal.transformed(goal, motion), atol=2e-5, rtol=0)
+        torch.testing.assert_close(doubt, uncertainty, atol=2e-5, rtol=0)
+
+
+def test_answers_that_agree_outweigh_a_likelier_one():
+    net = Perception(SIGHT, SIT)
+    ahead = torch.tensor([1.0, 0.0, 0.0, 1.0, 0.45, 0.4])
+    aside = ahead + torch.tensor([0.0, 0.02, 0.0, 0.0, 0.0, 0.0])
+    back = torch.tensor([1.0, 0.01, 0.0, -1.0, 0.45, 0.4])
+    goals, off = torch.stack([ahead, back, aside])[None], torch.tensor([[0.01, 0.05, 0.03]])
+    goal, uncertainty = net._agreed(goals, off, torch.tensor([[0.3, 0.4, 0.3]]).log())
+    middle, (sin, cos) = goal[0, :2], goal[0, 2:4]
+    assert float(middle[1]) == pytest.approx(0.01, abs=5e-4) and abs(float(sin)) < 1e-5 and float(cos) == 1.0
+    # they are 2 cm off in the mean, and 1 cm from their mean; what says the contrary is as wrong as can be: 0.35
+    assert float(uncertainty) == pytest.approx(0.02 + 0.6 * 0.01 + 0.4 * 0.35, abs=1e-3)
+    sure, little = net._agreed(goals[:, :1], off[:, :1], torch.zeros(1, 1))
+    torch.testing.assert_close(sure, goals[:, 0])
+    assert float(little) == pytest.approx(0.01)
+
+
+def test_who_has_been_in_doubt_of_everything_can_become_sure(chairs, tmp_path):
+    """Also where the doubt was beyond its bound: of sofas to lie on it stayed there."""
+    net = Perception(SIGHT, SIT)
+    with torch.no_grad():
+        net.layers[-1].bias.view(1 + SIGHT.hypotheses, -1)[0, SIT.goal.size] = 9.0
+    drawn = draw_maps(SIGHT, SIT, chairs, 16, "check", seen=0.0)
+    seen = window(drawn.maps + drawn.root_height[:, None, None], net.window, net.cell)
+    optimizer, doubts = torch.optim.Adam(net.parameters(), 3e-2), []
+    for _ in range(60):
+        found, off, likely = net(*seen)
+        doubts.append(float(off.detach().mean()))
+        optimizer.zero_grad()
+        goal_loss(net, found, off, likely, drawn.answers).backward()
+        optimizer.step()
+    assert doubts[0] == pytest.approx(0.03 * math.exp(3.0)) and doubts[-1] < 0.5 * doubts[0]
 
 
 def in_its_frame(seen):

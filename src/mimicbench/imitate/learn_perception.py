@@ -14,21 +14,20 @@ import msgspec
 import numpy as np
 import torch
 from torch import Tensor
-from torch.nn import functional
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.checkpoint import CONFIG, load_checkpoint
 from mimicbench.core.progress import counter
 from mimicbench.core.seeds import digest
 from mimicbench.core.training import NetworkState, OptimizerState, append_metrics, resume_training, save_training
-from mimicbench.imitate.perception import Perception, save_perception, window
+from mimicbench.imitate.perception import Perception, save_perception, turned, window
 from mimicbench.imitate.settings.perception import PerceptionConfig
 from mimicbench.objects.shape import SceneObject
+from mimicbench.objects.symmetry import MOTIONS
 from mimicbench.robots.description import Robot
 from mimicbench.robots.rigs import Rig
 from mimicbench.sensors.cameras import CameraMaps
 from mimicbench.sensors.heightmap import CELLS, ObjectMaps
-from mimicbench.tasks.goal import GoalSpec
 from mimicbench.tasks.task import Task
 
 CLEAR = 0.2
@@ -157,13 +156,7 @@ def train_perception(
     for step in range(int(progress["step"]), config.steps):
         for group in optimizer.param_groups:
             group["lr"] = config.learning_rate * 0.5 * (1 + math.cos(math.pi * step / config.steps))
-        # its random numbers follow from a batch's number, so that a killed training draws the same ones
-        g = torch.Generator().manual_seed(digest(config.seed, "perception", "batch", step) % (1 << 63))
-        batch = torch.randint(len(view), (config.batch,), generator=g)
-        quarters, mirror = (int(torch.randint(limit, (), generator=g)) for limit in (task.rig.quarters(), 2))
-        heights, middle, right = turned(task.goal, view[batch], center[batch], answers[batch], quarters, bool(mirror))
-        heights = torch.where(torch.rand(heights.shape, generator=g) < config.dropout, 0.0, heights)
-        heights = heights + config.noise * torch.randn(heights.shape, generator=g)
+        heights, middle, right = _batch(config, task, view, center, answers, step)
         found, uncertainty, likely = net(heights, middle)
         loss = goal_loss(net, found, uncertainty, likely, right)
         optimizer.zero_grad()
@@ -195,6 +188,23 @@ def _windows(net: Perception, task: Task, objects: Sequence[SceneObject]) -> tup
     return torch.cat(views), torch.cat(centers), torch.cat(answers)
 
 
+def _batch(
+    config: PerceptionConfig, task: Task, view: Tensor, center: Tensor, answers: Tensor, step: int
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Some of all windows, their centers and right answers, all moved alike, with what sensors add and leave out.
+
+    Its random numbers follow from the batch's number, so that a killed training draws the same ones.
+    """
+    g = torch.Generator().manual_seed(digest(config.seed, "perception", "batch", step) % (1 << 63))
+    batch = torch.randint(len(view), (config.batch,), generator=g)
+    quarters, mirror = (int(torch.randint(limit, (), generator=g)) for limit in (task.rig.quarters(), 2))
+    motion = MOTIONS[quarters + 4 * mirror]
+    heights, middle = turned(view[batch], center[batch], motion)
+    heights = torch.where(torch.rand(heights.shape, generator=g) < config.dropout, 0.0, heights)
+    heights = heights + config.noise * torch.randn(heights.shape, generator=g)
+    return heights, middle, task.goal.transformed(answers[batch], motion)
+
+
 def goal_loss(net: Perception, found: Tensor, uncertainty: Tensor, likely: Tensor, answers: Tensor) -> Tensor:
     """The negative logarithm of how likely the mixture of H hypotheses says the nearest of the right answers (N, A, G)
     is, for each number of the goal, and the error of the uncertainties.
@@ -206,32 +216,13 @@ def goal_loss(net: Perception, found: Tensor, uncertainty: Tensor, likely: Tenso
         likely: (N, H) logarithms of their shares.
         answers: (N, A, G).
     """
-    spread = net.get_buffer("spread")
     target = net.goal.nearest(found.detach(), answers)
-    unlike = functional.smooth_l1_loss(found / spread, target / spread, beta=0.3, reduction="none").sum(-1)
-    evidence = likely - unlike
+    evidence = likely - net.unlike(found, target)
     total = evidence.logsumexp(-1)
     # the uncertainty that minimizes this is the expected distance, of hypotheses that are right
     off = (found - target)[..., net.goal.where].norm(dim=-1).detach()
     right = (evidence - total[:, None]).exp().detach()
     return -total.mean() / net.goal.size + 0.02 * (right * (off / uncertainty + uncertainty.log())).sum(-1).mean()
-
-
-def turned(
-    goal: GoalSpec, view: Tensor, center: Tensor, answers: Tensor, quarters: int, mirror: bool
-) -> tuple[Tensor, Tensor, Tensor]:
-    """Windows, centers and goals (..., G) as from a robot that sees its left on its right (`mirror`), and then
-    everything turned left by quarters.
-    """
-    if mirror:
-        view, center = view.flip(2), center * torch.tensor([1.0, -1.0])
-        answers = goal.transformed(answers, np.array([[1, 0], [0, -1]]))
-    for _ in range(quarters % 4):
-        # x, y -> -y, x: the row of a cell becomes its column, counted from the other end of the rows
-        view = view.transpose(1, 2).flip(1)
-        center = torch.stack([-center[:, 1], center[:, 0]], -1)
-        answers = goal.transformed(answers, np.array([[0, -1], [1, 0]]))
-    return view, center, answers
 
 
 def evaluate_perception(

@@ -11,26 +11,35 @@ which looks again while the robot walks, keeps the surest look.
 
 And part of it can be in doubt: of a block without a back the edges are plain, but hardly which of them is its front.
 One answer would be a mean of several that are each possible, turned by half of a quarter and true of none. So the
-network gives several goals, and how likely each is (a mixture density network, Bishop 1994); the likeliest is what it
-sees.
+network gives several goals, and how likely each is (a mixture density network, Bishop 1994).
+
+Where an object is does not depend on which way one looks at it, but what a small network says does, a little. So it is
+asked from all sides: of the window as it is, mirrored, and turned by quarters where the cameras see all around. What is
+seen is the mean of the answers that agree, where most of them do. The others say how much it is in doubt.
 """
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
 import torch
 from torch import Tensor, nn
+from torch.nn import functional
 
 from mimicbench.core.building import built
 from mimicbench.core.checkpoint import BadCheckpoint, load_checkpoint, save_checkpoint
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.imitate.settings.perception import PerceptionConfig
+from mimicbench.objects.symmetry import MOTIONS
 from mimicbench.sensors.heightmap import CELLS
 from mimicbench.tasks.registry import TASKS
 from mimicbench.tasks.task import Task
 
 _RAISED = 0.12
 """[m] above the floor: what is higher belongs to an object; far above the noise."""
+_WRONG = 0.35
+"""[m], [rad] An answer that is farther off is no worse: it is as wrong as can be."""
 
 
 class Perception(nn.Module):
@@ -42,6 +51,8 @@ class Perception(nn.Module):
         if task.goal.given:
             raise MimicbenchError(f"{task.name} tells the robot its goal; there is nothing to learn to see")
         self.config, self.goal, self.task_name, self.cell = config, task.goal, task.name, task.map_cell
+        self.sides = tuple(motion for i, motion in enumerate(MOTIONS) if i % 4 < task.rig.quarters())
+        """(2, 2) motions of what is seen after which the robot could have seen it as well."""
         self.window = config.window or round(task.goal.window / task.map_cell)
         """Side of the window, in cells."""
         # one block of numbers is common to all hypotheses, or each would have to learn alone what they agree on
@@ -85,7 +96,7 @@ class Perception(nn.Module):
         found, size = found[:, 1:] + found[:, :1] if self._blocks > 1 else found, self.goal.size
         goal = found[..., :size] * self.get_buffer("spread") + self.get_buffer("middle")
         likely = found[..., size + 1] if self._blocks > 1 else torch.zeros_like(found[..., size])
-        off = 0.03 * found[..., size].clamp(-3, 3).exp()
+        off = 0.03 * _bounded(found[..., size], 3.0).exp()
         return self.goal.shifted(goal, center[:, None]), off, likely.log_softmax(-1)
 
     def perceive(self, elevation: Tensor, root_height: Tensor) -> Tensor:
@@ -99,12 +110,38 @@ class Perception(nn.Module):
 
     @torch.no_grad()
     def look(self, elevation: Tensor, root_height: Tensor) -> tuple[Tensor, Tensor]:
-        """As `perceive`, and the uncertainty (N,): how far off [m] each goal is likely to be."""
+        """As `perceive`, and the uncertainty (N,): how far off [m], [rad] each goal is likely to be."""
         self.eval()
-        goals, off, likely = self(*window(elevation + root_height[:, None, None], self.window, self.cell))
-        best = likely.argmax(-1, keepdim=True)
-        goal = goals.gather(1, best[..., None].expand(-1, -1, goals.shape[-1]))[:, 0]
-        return self.goal.normalized(goal), off.gather(1, best)[:, 0]
+        view, center = window(elevation + root_height[:, None, None], self.window, self.cell)
+        said = []
+        for motion in self.sides:
+            goals, off, likely = self(*turned(view, center, motion))
+            said.append((self.goal.transformed(goals, motion.T), off, likely - math.log(len(self.sides))))
+        goals, off, likely = (torch.cat(parts, 1) for parts in zip(*said, strict=True))
+        return self._agreed(self.goal.normalized(goals), off, likely)
+
+    def _agreed(self, goals: Tensor, off: Tensor, likely: Tensor) -> tuple[Tensor, Tensor]:
+        """The mean (N, G) of those of H answers (N, H, G) that agree with each other most, and the uncertainty (N,):
+        how far off they say they are, and how far from them the other answers are, as likely as these are.
+
+        Args:
+            goals: (N, H, G).
+            off: (N, H) [m].
+            likely: (N, H) logarithms of their shares.
+        """
+        agree = likely[:, None] - self.unlike(goals[:, :, None], goals[:, None])
+        most = agree.logsumexp(-1).argmax(-1)
+        share = agree[torch.arange(len(goals), device=goals.device), most].softmax(-1)
+        goal = self.goal.normalized((share[..., None] * goals).sum(1))
+        away = torch.stack(list(self.goal.errors(goals, goal[:, None].expand_as(goals)).values())).amax(0)
+        doubt = (likely.exp() * away.clamp(max=_WRONG)).sum(-1)
+        return goal, (share * off).sum(-1) + doubt
+
+    def unlike(self, goal: Tensor, other: Tensor) -> Tensor:
+        """(...) how much less likely goals (..., G) are where others are right: minus a logarithm."""
+        spread = self.get_buffer("spread")
+        goal, other = torch.broadcast_tensors(goal, other)
+        return functional.smooth_l1_loss(goal / spread, other / spread, beta=0.3, reduction="none").sum(-1)
 
 
 def window(height: Tensor, size: int, cell: float) -> tuple[Tensor, Tensor]:
@@ -117,6 +154,18 @@ def window(height: Tensor, size: int, cell: float) -> tuple[Tensor, Tensor]:
     view = height[n, rows.clamp(0, CELLS - 1)[:, :, None], columns.clamp(0, CELLS - 1)[:, None, :]]
     center = torch.stack([rows, columns], -1).float().mean(1) - (CELLS - 1) / 2
     return torch.where(inside, view, 0.0), center * cell
+
+
+def turned(view: Tensor, center: Tensor, motion: np.ndarray) -> tuple[Tensor, Tensor]:
+    """Windows (N, W, W) and their centers (N, 2), of which everything is moved about the robot.
+
+    Args:
+        view: (N, W, W), along x and y.
+        center: (N, 2) [m].
+        motion: (2, 2) one of objects.symmetry.MOTIONS.
+    """
+    view = view if motion[0, 0] else view.transpose(1, 2)
+    return view.flip([1 + i for i in range(2) if motion[i].sum() < 0]), center @ center.new_tensor(motion.T)
 
 
 def _window_cells(height: Tensor, size: int) -> tuple[Tensor, Tensor]:
@@ -134,6 +183,13 @@ def _window_cells(height: Tensor, size: int) -> tuple[Tensor, Tensor]:
         center = torch.where(count > 0, (profile * index).sum(1) / count.clamp(min=1), middle)
         axes.append(torch.round(center - (size - 1) / 2).long()[:, None] + steps)
     return axes[0], axes[1]
+
+
+def _bounded(numbers: Tensor, most: float) -> Tensor:
+    """Numbers from -`most` to `most`; the gradient is that of what was bounded, or what runs into a bound while all is
+    in doubt could never leave it.
+    """
+    return torch.where(numbers.abs() < most, numbers, numbers.clamp(-most, most) + (numbers - numbers.detach()))
 
 
 def save_perception(folder: Path, net: Perception, robot: str, error: Mapping[str, float] | None = None) -> None:
