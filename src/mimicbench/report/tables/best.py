@@ -17,9 +17,9 @@ def best_table(found: Sequence[Summary]) -> Table:
         "The best of ours beside the best of the paper",
         ("Task", "Policy", "K", "K, paper", "Stays", "Tracker: K", "K, paper's", "Tracker: stays"),
         tuple(_row(task, [s for s in found if s.task == task]) for task in ordered),
-        note="The best is who stays most often. On objects and starts that nothing was trained on, with 95 % Wilson intervals and k/n. Simulator, "
-        "objects, clips and starts differ from the paper's, which gives no counts and does not look past the moment of "
-        "success.",
+        note="The best is who stays most often. On objects and starts that nothing was trained on, with 95 % Wilson "
+        "intervals and k/n. Simulator, objects, clips and starts differ from the paper's, which gives no counts and "
+        "does not look past the moment of success.",
         source=CITATION,
     )
 
