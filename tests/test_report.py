@@ -57,6 +57,7 @@ from mimicbench.report.sections import _judging_html
 from mimicbench.report.stage import _curves
 from mimicbench.report.table import Reported, Table, text, to_csv, to_latex, to_markdown, to_terminal
 from mimicbench.report.tables.beside_paper import beside_paper_table, counterpart
+from mimicbench.report.tables.best import best_policy
 from mimicbench.report.tables.registry import TABLES
 from mimicbench.report.tables.spec import Episodes, TableSpec
 from mimicbench.report.video import strip, write_video
@@ -300,6 +301,21 @@ def test_the_best_of_tasks_that_the_paper_has_not():
         ("read-book", "hit", Rate(15, 20), None),
     ]
     assert table.rows[0][5:7] == (Rate(18, 20), Reported(92)) and table.rows[2][5:] == (None, None, None)
+
+
+def test_the_best_is_who_stays_most_often():
+    """And of those that stay as often, who fulfils K more often."""
+
+    def judged(policy, successes, stay):
+        return [replace(EPISODE, policy=policy, episode=i, success=i < successes, stays=i < stay) for i in range(10)]
+
+    def best(*rows):
+        found = best_policy(Episodes(tuple(row for each in rows for row in each)).summaries)
+        return found and found.policy
+
+    assert best(judged("leaves", 10, 7), judged("stays", 9, 8)) == "stays"
+    assert best(judged("seldom", 8, 8), judged("often", 9, 8)) == "often"
+    assert best() is None
 
 
 def test_failed_episodes_one_by_one():
