@@ -189,7 +189,7 @@ def test_answers_that_agree_outweigh_a_likelier_one():
     assert float(little) == pytest.approx(0.01)
 
 
-def test_who_has_been_in_doubt_of_everything_can_become_sure(chairs, tmp_path):
+def test_who_has_been_in_doubt_of_everything_can_become_sure(chairs):
     """Also where the doubt was beyond its bound: of sofas to lie on it stayed there."""
     net = Perception(SIGHT, SIT)
     with torch.no_grad():

@@ -26,7 +26,7 @@ LOOK_EVERY = 1.0
 BESIDE = 0.3
 """[m] between the hands of who is told a place for one of them: both reach, as people of `touch-points` do."""
 SURE = 0.02
-"""[m] Who expects to be off by less than this does not look again."""
+"""[m], [rad] Who expects to be off by less than this does not look again."""
 
 
 class KnownGoal(Protocol):
@@ -83,7 +83,7 @@ class GoalMemory:
         self.goal = torch.zeros(robots, self.spec.size, device=device)
         """(N, G) in the heading frame of each robot's start."""
         self.uncertainty = torch.full((robots,), torch.inf, device=device)
-        """(N,) how far off it may be [m]."""
+        """(N,) how far off it may be [m], [rad]; see Perception.look."""
 
     def forget(self, ids: Tensor) -> None:
         """Robots `ids` (M,) begin anew."""
