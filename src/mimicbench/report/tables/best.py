@@ -25,10 +25,8 @@ def best_table(found: Sequence[Summary]) -> Table:
 
 
 def best_policy(found: Sequence[Summary], stage: str = "imitate") -> Summary | None:
-    """That which stays most often of all that were judged in a stage, for K is fulfilled by who is gone a moment later,
-    too; of those that are alike, that with the highest K.
-    """
-    return max((s for s in found if s.stage == stage), key=lambda s: (s.stays.rate, s.kinematic.rate), default=None)
+    """The first of a stage, of summaries in the order of Episodes: that which stays most often."""
+    return next((s for s in found if s.stage == stage), None)
 
 
 def _row(task: str, found: Sequence[Summary]) -> tuple[Cell, ...]:

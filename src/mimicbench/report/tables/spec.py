@@ -34,7 +34,7 @@ class Episodes:
 
     @cached_property
     def methods(self) -> tuple[tuple[Summary, tuple[EpisodeRow, ...]], ...]:
-        """Each method on each task: its rates, and its episodes. Policies first, the best first, then trackers."""
+        """Each method on each task: its rates, and its episodes. Policies first, then trackers, who stays most often first."""
         found = [(summarize(rows), tuple(rows)) for rows in group(self.rows).values()]
         return tuple(sorted(found, key=lambda one: _order(one[0])))
 
@@ -65,8 +65,9 @@ def _of_task(table: Table, episodes: Episodes) -> Table:
     return replace(table, name=f"{table.name}-{task}", title=table.title if told else f"{table.title} ({task})")
 
 
-def _order(s: Summary) -> tuple[bool, float, float, str, str]:
-    return s.stage != "imitate", -s.kinematic.rate, -s.energy.rate, s.policy, s.preset
+def _order(s: Summary) -> tuple[bool, float, float, float, str, str]:
+    # K is fulfilled by who is gone a moment later, too
+    return s.stage != "imitate", -s.stays.rate, -s.kinematic.rate, -s.energy.rate, s.policy, s.preset
 
 
 @dataclass(frozen=True)
