@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from mimicbench.core.errors import BadFile
@@ -169,6 +169,7 @@ def test_missing_empty_large_and_folders(tmp_path):
 
 
 @settings(max_examples=120, deadline=None)
+@example(raw=b"(\x94", head=b"")
 @given(
     raw=st.binary(max_size=60),
     head=st.sampled_from([b"", b"\x80\x03", b"\x80\x04\x95", b"\x93NUMPY\x01\x00", b"\x93NUMPY\x01\x00\x10\x00"]),

@@ -74,8 +74,9 @@ class Sizes:
         if "GET" in opcode.name:
             stack.append(self._memo[int(argument)])
         elif "PUT" in opcode.name or opcode.name == "MEMOIZE":
-            assert stack[-1] is not None
-            self._memo[len(self._memo) if opcode.name == "MEMOIZE" else int(argument)] = stack[-1]
+            if (value := stack[-1]) is None:
+                raise ValueError("it remembers a mark, which is no value")
+            self._memo[len(self._memo) if opcode.name == "MEMOIZE" else int(argument)] = value
         elif opcode.name == "MARK":
             stack.append(None)
         else:

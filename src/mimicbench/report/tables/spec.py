@@ -34,7 +34,7 @@ class Episodes:
 
     @cached_property
     def methods(self) -> tuple[tuple[Summary, tuple[EpisodeRow, ...]], ...]:
-        """Each method on each task: its rates, and its episodes. Policies first, then trackers, who stays most often first."""
+        """Each method on each task, its rates and episodes: policies, then trackers, who stays most often first."""
         found = [(summarize(rows), tuple(rows)) for rows in group(self.rows).values()]
         return tuple(sorted(found, key=lambda one: _order(one[0])))
 
