@@ -115,12 +115,13 @@ def _seen_from_above(
 def move_arms(act: Lying, trunk: Trunk, legs: Legs) -> tuple[Arms, np.ndarray]:
     """Arms that come forward to sit, bear the trunk while it goes down, and rest; and (T, 2) where the hands bear."""
     body, berth, style, clock = act.body, act.berth, act.style, act.clock
-    forward = minimum_jerk(act.sitting / 0.65)
+    later, farther, thigh = act.hands()
+    forward = minimum_jerk((act.sitting[:, None] - 0.8 * later) / 0.65)
     swinging = act.way.arms(body, style.arm_swing)
     # the hand that is to bear the trunk comes forward less
-    amount = np.where(np.arange(2) == act.near, FORWARD[0], FORWARD[1]) * forward[:, None]
+    amount = farther * np.where(np.arange(2) == act.near, FORWARD[0], FORWARD[1]) * forward
     moving = Arms(
-        rot.multiply(about_y(-amount), swinging.upper), rot.multiply(swinging.elbow, about_y(-0.25 * forward)[:, None])
+        rot.multiply(about_y(-amount), swinging.upper), rot.multiply(swinging.elbow, about_y(-0.25 * forward))
     )
     goal = _support(act)
     planted = _within_reach(body, trunk, goal)
@@ -140,7 +141,8 @@ def move_arms(act: Lying, trunk: Trunk, legs: Legs) -> tuple[Arms, np.ndarray]:
             rest[:, side] = ease(clock, 3.6 + late - 0.5 * wide, 5.3 + late + 0.4 * wide)
         else:
             rest[:, side] = ease(clock, 1.8, 4.0)
-    arms = blend(moving, _on_thighs(body, trunk, legs), minimum_jerk((act.sitting - 0.65) / 0.55))
+    on_thighs = thigh * minimum_jerk((act.sitting[:, None] - 0.65 - later) / 0.55)
+    arms = blend(moving, _on_thighs(body, trunk, legs), on_thighs)
     bearing &= np.linalg.norm(planted - goal, axis=-1) < 0.01
     bearing[:, 1 - act.near] &= (clock < REPLANTS[0]) | (clock >= REPLANTS[1])
     return _go_to_rest(act, trunk, legs, blend(arms, support, start), rest), bearing

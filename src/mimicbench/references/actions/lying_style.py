@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mimicbench.core.seeds import rng
 from mimicbench.references.actions.berths import Berth
 from mimicbench.references.actions.resting_hands import BELLY, BESIDE, CHEST, HEAD, SPOTS, UP
 from mimicbench.references.body.body import Body
@@ -23,6 +24,12 @@ NEAR_TRUNK = {BESIDE: BELLY, UP: BELLY, HEAD: CHEST}
 """Where the hands of who turns onto the side are before, instead of elsewhere."""
 HAND_SHARES = (0.28, 0.24, 0.14, 0.08, 0.12, 0.14)
 """How often hands rest at each of the spots of `resting_hands`."""
+LATER = (0.12, 0.40)
+"""How much later one hand goes than the other while somebody sits down, in durations of the way down."""
+FORWARD = (0.8, 1.3)
+"""How far an arm swings forward then, as a share of the usual: less, and a late hand would meet the bed's edge."""
+HANGS = 0.45
+"""Share of people of whom one hand does not go to the thigh then, but hangs until it is put down on the bed."""
 
 
 @dataclass(frozen=True)
@@ -157,6 +164,21 @@ class Lying:
     def rest(self) -> np.ndarray:
         """(T,) since then [s]."""
         return self.style.pace * (self.clock - self.ends)
+
+    def hands(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """How each hand (2,) goes its own way while somebody sits down, which follows from the person's habits: how
+        much later, in durations of the way down, how far forward as a share of the usual, and whether to the thigh (1
+        or 0).
+        """
+        random = rng(abs(int(self.style.habits)), "hands")
+        late = random.permutation([0.0, random.uniform(*LATER)])
+        far = random.uniform(*FORWARD, 2)
+        thigh = np.ones(2)
+        if random.uniform() < HANGS:
+            thigh[random.integers(2)] = 0.0
+        # of the near hand and the other one, so that they change sides in a mirror
+        sides = [self.near, 1 - self.near]
+        return late[sides], far[sides], thigh[sides]
 
     @property
     def near(self) -> int:
