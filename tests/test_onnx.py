@@ -168,7 +168,7 @@ def test_files_that_are_no_onnx(tmp_path):
 
 
 def test_who_has_no_such_form_is_told_who_has(tmp_path):
-    """The kinds that say so are those that the test above exports."""
+    """The kinds that say so are those that the tests above export."""
     from mimicbench.policies.export import export_policy
 
     with pytest.raises(MimicbenchError, match="one of these kinds: act, bc, diffusion, hit, planner, ppo$"):

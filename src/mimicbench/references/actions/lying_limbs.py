@@ -115,6 +115,7 @@ def _seen_from_above(
 def move_arms(act: Lying, trunk: Trunk, legs: Legs) -> tuple[Arms, np.ndarray]:
     """Arms that come forward to sit, bear the trunk while it goes down, and rest; and (T, 2) where the hands bear."""
     body, berth, style, clock = act.body, act.berth, act.style, act.clock
+    # who is late comes forward a little sooner than to the thigh, or the hand would meet the edge
     later, farther, thigh = act.hands()
     forward = minimum_jerk((act.sitting[:, None] - 0.8 * later) / 0.65)
     swinging = act.way.arms(body, style.arm_swing)

@@ -26,7 +26,7 @@ HAND_SHARES = (0.28, 0.24, 0.14, 0.08, 0.12, 0.14)
 """How often hands rest at each of the spots of `resting_hands`."""
 LATER = (0.12, 0.40)
 """How much later one hand goes than the other while somebody sits down, in durations of the way down."""
-FORWARD = (0.8, 1.3)
+SWINGS = (0.8, 1.3)
 """How far an arm swings forward then, as a share of the usual: less, and a late hand would meet the bed's edge."""
 HANGS = 0.45
 """Share of people of whom one hand does not go to the thigh then, but hangs until it is put down on the bed."""
@@ -172,7 +172,7 @@ class Lying:
         """
         random = rng(abs(int(self.style.habits)), "hands")
         late = random.permutation([0.0, random.uniform(*LATER)])
-        far = random.uniform(*FORWARD, 2)
+        far = random.uniform(*SWINGS, 2)
         thigh = np.ones(2)
         if random.uniform() < HANGS:
             thigh[random.integers(2)] = 0.0
