@@ -41,9 +41,7 @@ def untrained(kind, folder):
 
 @pytest.mark.parametrize("kind", ["bc", "act", "hit", "diffusion", "ppo", "bc-clock"])
 def test_exported_policies_decide_as_the_originals(kind, tmp_path):
-    """Over episodes, whatever they remember; bc-clock has eyes, whose eight views take a minute to export, and the
-    planner of the next test has none.
-    """
+    """Over episodes, whatever they remember; bc-clock has eyes, the planner of the next test has none."""
     from mimicbench.policies.export import TOLERANCE, export_policy
 
     folder = SHIPPED / kind if (SHIPPED / kind).exists() and kind not in ("bc", "act") else untrained(kind, tmp_path)

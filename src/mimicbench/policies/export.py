@@ -71,24 +71,16 @@ def export_policy(folder: Path, robot: Robot, task: Task, path: Path) -> dict[st
     carried = policy.memory()
     graph = _Graph(policy, names, tuple(carried))
     values = (*(observed[name] for name in names), *carried.values())
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        logging.getLogger("torch.onnx").setLevel(logging.ERROR)
-        try:
-            program = torch.onnx.export(
-                graph.eval(),
-                values,
-                input_names=[*names, *(f"{name}.before" for name in carried)],
-                output_names=["target", *(f"{name}.after" for name in carried)],
-                opset_version=OPSET,
-                dynamo=True,
-                verbose=False,
-            )
-        except Exception as error:  # noqa: BLE001 torch's exporter raises what it likes
-            told = str(error).strip().partition("\n")[0]
-            raise MimicbenchError(f"{folder} holds a policy that has no ONNX form ({told}); export another") from None
-    assert program is not None
-    model = program.model_proto
+    try:
+        model = _translated(
+            graph.eval(),
+            values,
+            [*names, *(f"{name}.before" for name in carried)],
+            ["target", *(f"{name}.after" for name in carried)],
+        )
+    except Exception as error:  # noqa: BLE001 torch's exporter raises what it likes
+        told = str(error).strip().partition("\n")[0]
+        raise MimicbenchError(f"{folder} holds a policy that has no ONNX form ({told}); export another") from None
     told = {"robot": robot.name, "task": task.name, "gains": policy.gains, "observations": ",".join(names)}
     onnx.helper.set_model_props(model, {**told, **({"carried": ",".join(carried)} if carried else {})})
     data = model.SerializeToString()
@@ -104,6 +96,38 @@ def export_policy(folder: Path, robot: Robot, task: Task, path: Path) -> dict[st
 
     write_atomic(path, write)
     return {"file": str(path), "bytes": len(data), "observations": list(names), "difference": found[0]}
+
+
+def _translated(graph: nn.Module, values: tuple[Tensor, ...], inputs: list[str], outputs: list[str]) -> Any:
+    """The ONNX model of a graph.
+
+    Of torch's own optimization only what makes files smaller is done, and from where in which code an operation comes
+    is left out. Rewriting patterns takes most of the exporter's time, and onnxruntime does so as it loads a file.
+    """
+    from onnx_ir.passes.common import ClearMetadataAndDocStringPass, CommonSubexpressionEliminationPass
+    from onnxscript import optimizer
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        logging.getLogger("torch.onnx").setLevel(logging.ERROR)
+        program = torch.onnx.export(
+            graph,
+            values,
+            input_names=inputs,
+            output_names=outputs,
+            opset_version=OPSET,
+            dynamo=True,
+            optimize=False,
+            verbose=False,
+        )
+    assert program is not None
+    model: Any = program.model
+    optimizer.inline(model)
+    optimizer.fold_constants(model)
+    CommonSubexpressionEliminationPass()(model)
+    optimizer.remove_unused_nodes(model)
+    ClearMetadataAndDocStringPass()(model)
+    return program.model_proto
 
 
 class _Graph(nn.Module):
