@@ -14,6 +14,7 @@ from mimicbench.references.actions import postures, reaching
 from mimicbench.references.body.body import body_of, core4d_body
 from mimicbench.references.body.posing import Arms, Legs, Trunk, pose, reach, shoulders
 from mimicbench.references.checks.quality import check_clip, faults
+from mimicbench.references.checks.signals import RATE, signals_of
 from mimicbench.references.locomotion.gait import Gait
 from mimicbench.references.synthesis import lift_box
 from mimicbench.references.synthesis.registry import synthesize
@@ -118,6 +119,13 @@ def test_nobody_freezes_who_holds_or_touches(touches: Clips, lifts: Clips):
         pos, _ = motion.forward_kinematics()
         speed = np.linalg.norm(np.diff(pos, axis=0), axis=-1).mean(-1) * motion.fps
         assert np.convolve(speed, np.full(8, 1 / 8), "valid").min() > 2e-3
+
+
+def test_chests_give_under_a_box(lifts: Clips):
+    """Shoulders turn against hips: 0.3 degrees/s^2 before they did, 152 in recordings."""
+    for motion, _ in lifts:
+        twist = signals_of(motion).single["shoulders against hips"]
+        assert np.abs(np.diff(twist, 2)[len(twist) // 2 :]).mean() * RATE**2 > 5
 
 
 def test_durations_are_the_papers(touches: Clips, lifts: Clips):

@@ -12,16 +12,18 @@ import numpy as np
 
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import HumanMotion
+from mimicbench.core.seeds import rng
 from mimicbench.core.skeleton import forward_kinematics
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.actions import on_side
 from mimicbench.references.actions.berths import SINK, Berth, lifted_share
 from mimicbench.references.actions.lying_limbs import lay_hands_down, move_arms, move_legs, rests_beside
 from mimicbench.references.actions.lying_style import LYING_TIME, LieStyle, Lying, ease, needed_time
+from mimicbench.references.actions.resting_hands import BELLY, CHEST, THIGH
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.hands import keep_off
 from mimicbench.references.body.limbs import about_y
-from mimicbench.references.body.liveliness import Rest, enliven
+from mimicbench.references.body.liveliness import Rest, enliven, unrest
 from mimicbench.references.body.posing import Trunk, pose
 from mimicbench.references.curves import minimum_jerk
 from mimicbench.references.locomotion.course import Course
@@ -32,8 +34,15 @@ from mimicbench.references.locomotion.walking import FPS, Excerpt, Walk, walk
 CONTACT_NAMES = ("left_foot", "right_foot", "pelvis", "back", "left_hand", "right_hand")
 SETTLES = 1.6
 """Who lies down begins to breathe and look as who is at rest so long before [s]."""
-GAZE = 0.7
-"""How far who lies looks around, as a share of what who sits does."""
+GAZE = np.array([0.7, 0.7, 1.4])
+"""How far the head of who lies tilts, nods and turns to look around, as shares of what who sits does."""
+LOOKS = (0.25, 0.7)
+"""How far the head turns to the pillow before the trunk goes down [rad]."""
+SETTLES_ALONG = 0.05
+"""Hands on the own body settle so far along it while somebody rests, at body size 1 [m]."""
+ON_BODY = {BELLY, CHEST, THIGH}
+WOBBLE = np.array([0.02, 0.02, 0.06])
+"""How far the head tilts, nods and turns without a reason until somebody rests; the chest three tenths of it [rad]."""
 RECLINED = np.pi / 2 - 0.05
 """How far a lying trunk is tilted: the chest rests a little higher than the pelvis [rad]."""
 
@@ -88,7 +97,7 @@ def _lie(
     arms = keep_off(body, trunk, legs, arms)
     quat = lay_hands_down(act, trunk, lain, pose(body, trunk, legs, arms))
     held = (0.0, 0.0) if style.side < 0.5 else (1.0, 1.0)
-    rest = Rest(act.rest + SETTLES, held=held, trunk=0.0, gaze=GAZE)
+    rest = Rest(act.rest + SETTLES, held, 0.0, GAZE, _settles(act))
     root, quat = enliven(body, trunk.pelvis_pos_w, quat, rest, style.habits)
     return HumanMotion(
         clip_id,
@@ -102,6 +111,12 @@ def _lie(
         contacts,
         {**{name: float(value) for name, value in vars(style).items()}, "turn": last_turn(way.steps)},
     )
+
+
+def _settles(act: Lying) -> np.ndarray:
+    """(2, 3) how far hands that rest on the own body settle along it [m]; others bear, or have a way to go."""
+    on_body = [act.style.side < 0.5 and set(spots) <= ON_BODY for spots in zip(*act.spots, strict=True)]
+    return SETTLES_ALONG * act.body.size * np.array(on_body)[:, None] * np.array([*act.berth.head, 0.0])
 
 
 def _trunk(act: Lying, scoot: np.ndarray) -> Trunk:
@@ -126,12 +141,18 @@ def _trunk(act: Lying, scoot: np.ndarray) -> Trunk:
     pelvis = rot.multiply(turn, way.pelvis_quat(0.03 + (style.lean - 0.03) * lean - style.lean * upright - balance))
 
     curl = 0.16 * (ease(clock, 0.2, 1.4) - ease(clock, 3.4, 4.8))
-    chest = rot.multiply(pelvis, way.chest_turn(0.02 + 0.16 * lean - 0.17 * upright + curl))
+    wobble = unrest(style.habits, way.time - way.end, WOBBLE)
+    wobble *= 1 - minimum_jerk((act.rest + SETTLES) / 1.2)[:, None]
+    turned = way.chest_turn(0.02 + 0.16 * lean - 0.17 * upright + curl)
+    chest = rot.multiply(pelvis, rot.multiply(rot.from_rotvec(0.3 * wobble), turned))
     on_pillow = _nod_on_pillow(body, berth, pelvis_pos[-1], rot.normalize(pelvis[-1]), chest[-1])
     nod = (
         0.12 - 0.30 * lean + 0.20 * upright + 0.25 * ease(clock, 0.6, 2.2) + (on_pillow - 0.27) * ease(clock, 3.3, 4.9)
     )
-    return Trunk(pelvis_pos, pelvis, chest, rot.multiply(chest, way.head_turn(nod)))
+    look = rng(abs(int(style.habits)), "pillow").uniform(*LOOKS) * (ease(clock, -1.0, 0.2) - ease(clock, 1.6, 3.2))
+    turned = rot.multiply(rot.from_yaw(-np.sign(berth.turn) * look), way.head_turn(nod))
+    head = rot.multiply(rot.from_rotvec(wobble), turned)
+    return Trunk(pelvis_pos, pelvis, chest, rot.multiply(chest, head))
 
 
 def _nod_on_pillow(body: Body, berth: Berth, pelvis_pos: np.ndarray, pelvis: np.ndarray, chest: np.ndarray) -> float:

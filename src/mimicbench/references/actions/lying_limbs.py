@@ -138,7 +138,7 @@ def move_arms(act: Lying, trunk: Trunk, legs: Legs) -> tuple[Arms, np.ndarray]:
         if side == act.near or berth.wide:
             start[:, side] = ease(clock, begin, begin + 1.0)
             bearing[:, side] = (clock >= begin + 1.0) & (clock < 2.4)
-            wide = _spots(act)[0][side] in WIDE
+            wide = act.spots[0][side] in WIDE
             rest[:, side] = ease(clock, 3.6 + late - 0.5 * wide, 5.3 + late + 0.4 * wide)
         else:
             rest[:, side] = ease(clock, 1.8, 4.0)
@@ -156,7 +156,7 @@ def _go_to_rest(act: Lying, trunk: Trunk, legs: Legs, arms: Arms, share: np.ndar
     body, style = act.body, act.style
     bedding = Bedding(body, act.berth, trunk, legs, (style.left_farther, style.right_farther))
     before, raised = (BESIDE, BESIDE), _raised(act, trunk)
-    for spots, shares in zip(_spots(act), (share, _later(act)), strict=True):
+    for spots, shares in zip(act.spots, (share, _later(act)), strict=True):
         goes = shares * (np.array(spots) != before) if shares is not share else shares
         rested = [bedding.rest(spot, side) for side, spot in enumerate(spots)]
         wrists, poles = (np.stack([getattr(rest, name) for rest in rested], 1) for name in ("wrist_w", "pole_w"))
@@ -214,14 +214,6 @@ def _later(act: Lying) -> np.ndarray:
     return np.repeat(minimum_jerk((act.rest - act.style.later) / SHIFT)[:, None], 2, 1)
 
 
-def _spots(act: Lying) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Where the hands rest, and where later."""
-    first = (int(act.style.left_hand), int(act.style.right_hand))
-    moves = act.style.later_hand if act.style.side < 0.5 else 0.0
-    last = tuple(int(act.style.later_spot) if moves == sign else first[side] for side, sign in enumerate((1.0, -1.0)))
-    return (first[0], first[1]), (last[0], last[1])
-
-
 def _support(act: Lying) -> np.ndarray:
     """(T, 2, 3) places on the bed on which the hands bear the trunk while it goes down [m]."""
     berth, size = act.berth, act.body.size
@@ -259,7 +251,7 @@ def lay_hands_down(act: Lying, trunk: Trunk, legs: Legs, quat: np.ndarray) -> np
     quat = lay_on_body(body, trunk, quat)
     bedding = Bedding(body, berth, trunk, legs, (style.left_farther, style.right_farther))
     shares = (ease(act.clock, 4.0, 5.6), minimum_jerk((act.rest - style.later) / SHIFT))
-    for spots, share in zip(_spots(act), shares, strict=True):
+    for spots, share in zip(act.spots, shares, strict=True):
         fingers = np.stack([bedding.rest(spot, side).fingers_w for side, spot in enumerate(spots)], 1)
         flat = point_hands(body, trunk, quat, _along(fingers), np.ones((len(quat), 2)))
         quat = _blended(body, quat, flat, share)
@@ -272,7 +264,7 @@ def lay_hands_down(act: Lying, trunk: Trunk, legs: Legs, quat: np.ndarray) -> np
 
 def rests_beside(act: Lying) -> np.ndarray:
     """(T, 2) where hands rest beside the hips, and bear."""
-    first, last = _spots(act)
+    first, last = act.spots
     moved = act.rest > act.style.later
     sides = [np.where(moved, later == BESIDE, spot == BESIDE) for spot, later in zip(first, last, strict=True)]
     moving = moved & (act.rest < act.style.later + SHIFT)

@@ -181,6 +181,14 @@ class Lying:
         return late[sides], far[sides], thigh[sides]
 
     @property
+    def spots(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Where the hands rest on the back, and where later."""
+        first = (int(self.style.left_hand), int(self.style.right_hand))
+        moves = self.style.later_hand if self.style.side < 0.5 else 0.0
+        last = [int(self.style.later_spot) if moves == sign else first[side] for side, sign in enumerate((1.0, -1.0))]
+        return first, (last[0], last[1])
+
+    @property
     def near(self) -> int:
         """The side (0 left, 1 right) at the pillow's side of who sits, at the free edge's of who lies."""
         return 0 if self.berth.turn < 0 else 1

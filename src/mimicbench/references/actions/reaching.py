@@ -26,6 +26,7 @@ from mimicbench.references.actions.postures import (
 )
 from mimicbench.references.body.body import Body
 from mimicbench.references.body.limbs import about_y
+from mimicbench.references.body.liveliness import unrest
 from mimicbench.references.body.posing import Arms, Legs, Trunk, blend, pose, reach, shoulders
 from mimicbench.references.curves import minimum_jerk
 from mimicbench.references.locomotion.gait import Footsteps, Gait
@@ -40,6 +41,8 @@ WRIST = 1.2
 """[rad] that a wrist bends, at most."""
 AHEAD = 0.6
 """How much fingers of a forearm that stands on a surface turn to the front, instead of where it leans."""
+STRAIN = np.array([0.012, 0.008, 0.012])
+"""How far the chest of who bears a load tilts, nods and turns without a reason, and the head over it [rad]."""
 HANGS = 0.3
 """How far the arms of who leans hang straight down, instead of going with the trunk."""
 MOST_STRETCH = 0.985
@@ -129,6 +132,16 @@ def settle(
     ahead = rot.multiply(chest, way.head_turn(np.full(len(pos), 0.1)))
     first = postures[0][1]
     return Trunk(pos, pelvis, chest, rot.slerp(ahead, looking, first))
+
+
+def strained(trunk: Trunk, time: np.ndarray, phase: float) -> Trunk:
+    """The trunk of who bears a load, at times (T,) [s]: the chest gives by STRAIN all the time, and the head with it.
+    `phase` [rad] is that of `settle`.
+    """
+    gives = rot.from_rotvec(unrest(1e5 * phase, time, STRAIN))
+    chest = rot.multiply(trunk.chest_quat_w, gives)
+    head = rot.multiply(chest, rot.multiply(rot.conjugate(trunk.chest_quat_w), trunk.head_quat_w))
+    return replace(trunk, chest_quat_w=chest, head_quat_w=rot.multiply(head, gives))
 
 
 def _wander(time: np.ndarray, phase: float) -> np.ndarray:

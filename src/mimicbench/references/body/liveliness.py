@@ -52,8 +52,8 @@ class Rest:
     one that goes with the chest."""
     trunk: float = 1.0
     """How freely pelvis and chest shift: 1 for who sits or stands upright, 0 for who lies; breathing goes on."""
-    gaze: float = 1.0
-    """How far they look around, as a share of the usual."""
+    gaze: float | np.ndarray = 1.0
+    """How far they look around, as a share of the usual; or shares (3,) of tilts, nods and turns."""
     settle_w: np.ndarray | None = None
     """(2, 3) how far each hand may settle elsewhere [m], such as along a thigh."""
 
