@@ -134,11 +134,11 @@ def settle(
     return Trunk(pos, pelvis, chest, rot.slerp(ahead, looking, first))
 
 
-def strained(trunk: Trunk, time: np.ndarray, phase: float) -> Trunk:
-    """The trunk of who bears a load, at times (T,) [s]: the chest gives by STRAIN all the time, and the head with it.
-    `phase` [rad] is that of `settle`.
+def strained(trunk: Trunk, time: np.ndarray, phase: float, load: np.ndarray) -> Trunk:
+    """The trunk of who bears some share (T,) of a load, at times (T,) [s]: the chest gives by STRAIN all the time, and
+    the head with it. `phase` [rad] is that of `settle`.
     """
-    gives = rot.from_rotvec(unrest(1e5 * phase, time, STRAIN))
+    gives = rot.from_rotvec(load[:, None] * unrest(1e5 * phase, time, STRAIN))
     chest = rot.multiply(trunk.chest_quat_w, gives)
     head = rot.multiply(chest, rot.multiply(rot.conjugate(trunk.chest_quat_w), trunk.head_quat_w))
     return replace(trunk, chest_quat_w=chest, head_quat_w=rot.multiply(head, gives))

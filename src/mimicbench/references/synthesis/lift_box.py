@@ -208,7 +208,7 @@ def _lift(
     # the eyes leave the box when it is up
     look = axis + [0.0, 0.0, 0.15] + np.stack([up, up, up], -1) * (carried + [-0.8, 0.0, 0.45] * near[:, None])
     trunk = settle(way, body.size, [(grip, minimum_jerk(progress / 0.92)), (stand, up)], look, style.sway)
-    trunk = strained(trunk, way.time, style.sway)
+    trunk = strained(trunk, way.time, style.sway, minimum_jerk((progress - 1.0) / 0.3))
     grasp = Grasp(clasp, SIDES, float(grip.elbow))
     reaching = reach_past(body, obj, trunk, way.legs(), way.arms(body, style.arm_swing), grasp, progress, detour)
     hands = box_pos[:, None] + rot.rotate(box_quat[:, None], clasp)
