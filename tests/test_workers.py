@@ -37,7 +37,7 @@ def test_the_same_tracking(runs):
 
 
 def test_the_same_episodes_of_the_best_policy(runs):
-    one, two = (judge_policy(run, who_of(run, "best"), episodes_of(run, 4).set)[0] for run in runs)
+    one, two = (judge_policy(run, who_of(run, "best"), episodes_of(run, 2).set)[0] for run in runs)
     assert one == two
     again = replace(runs[0], context=RunContext(2, quiet=True))
-    assert judge_policy(again, who_of(again, "best"), episodes_of(again, 4).set)[0] == one
+    assert judge_policy(again, who_of(again, "best"), episodes_of(again, 2).set)[0] == one
