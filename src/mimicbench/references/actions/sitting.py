@@ -57,6 +57,8 @@ WOBBLE = np.array([0.008, 0.014, 0.012])
 """How far the head tilts, nods and turns without a reason until somebody rests [rad]."""
 LOOKS, FARTHEST = 2.6, 1.0
 """So long before the last step somebody begins to look at the seat [s], over the shoulder by so much at most [rad]."""
+HEAD = 0.65
+"""Of that the head turns so much against the chest; the eyes do the rest."""
 
 
 def sinking(progress: np.ndarray) -> np.ndarray:
@@ -237,7 +239,7 @@ def _trunk(seat: _Seat, way: Walk, clock: np.ndarray) -> Trunk:
     gaze, looks = _gaze(way, seat, clock)
     aside[:, 2] += 0.2 * gaze - (1.0 if seated.bears else 0.3) * askew  # both shoulders to the back
     chest = rot.multiply(pelvis, rot.multiply(rot.from_rotvec(aside), way.chest_turn(spine)))
-    turn = gaze - looks * way.look - 0.4 * askew
+    turn = HEAD * gaze - looks * way.look - 0.4 * askew
     head = rot.multiply(rot.from_rotvec(wobble), rot.multiply(rot.from_yaw(turn), way.head_turn(nod)))
     return Trunk(pelvis_pos, pelvis, chest, rot.multiply(chest, head))
 
