@@ -61,11 +61,11 @@ def sofa_clips() -> list[Pair]:
     return [(synthesize("lie-sofa", index, couch, 0), couch) for index, couch in enumerate(couches)]
 
 
-def twisting(motion: HumanMotion, begins: float, ends: float) -> float:
-    """Mean change of the rate at which shoulders turn against hips, between two shares of a clip [degrees/s^2]."""
-    twist = signals_of(motion).single["shoulders against hips"]
-    first, last = (round(share * len(twist)) for share in (begins, ends))
-    return float(np.abs(np.diff(twist, 2)[first:last]).mean() * RATE**2)
+def turning(motion: HumanMotion, begins: float, ends: float) -> float:
+    """Mean change of the rate at which the head turns, between two shares of a clip [degrees/s^2]."""
+    turn = signals_of(motion).single["head turn"]
+    first, last = (round(share * len(turn)) for share in (begins, ends))
+    return float(np.abs(np.diff(turn, 2)[first:last]).mean() * RATE**2)
 
 
 def test_clips_pass_the_gate_and_fulfil_the_task(bed_clips: list[Pair], sofa_clips: list[Pair]) -> None:
@@ -193,11 +193,11 @@ def test_nobody_who_lies_freezes(bed_clips: list[Pair], sofa_clips: list[Pair]) 
         assert np.convolve(speed, np.full(30, 1 / 30), "valid").min() > 3e-4
 
 
-def test_no_trunk_is_a_board_while_somebody_lies_down(bed_clips: list[Pair], sofa_clips: list[Pair]) -> None:
-    """Shoulders turn against hips all the way: 0.003 degrees/s^2 before they did, 72 in recordings."""
+def test_heads_are_never_quite_still_while_somebody_lies_down(bed_clips: list[Pair], sofa_clips: list[Pair]) -> None:
+    """1.4 degrees/s^2 before they were not, 291 in recordings."""
     for clips, begins, ends in ((bed_clips, 0.3, 0.5), (sofa_clips, 0.65, 0.85)):
         for motion, _ in clips:
-            assert twisting(motion, begins, ends) > 5
+            assert turning(motion, begins, ends) > 15
 
 
 def test_lying_poses_differ_on_one_bed() -> None:
