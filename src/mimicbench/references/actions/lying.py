@@ -38,8 +38,8 @@ GAZE = np.array([0.7, 0.7, 1.4])
 LOOKS = (0.25, 0.7)
 """How far the head turns to the pillow before the trunk goes down [rad]."""
 WOBBLE = np.array([0.02, 0.02, 0.06])
-"""How far the head tilts, nods and turns without a reason until somebody rests [rad]. The chest does not: robots, whose
-clips it would be in, fall a little more often by it."""
+"""How far the head tilts, nods and turns without a reason until somebody rests [rad]. The chest, which robots
+have, too, does not: they follow it no better, and people are told from real ones as surely (docs/notes/lying.md)."""
 RECLINED = np.pi / 2 - 0.05
 """How far a lying trunk is tilted: the chest rests a little higher than the pelvis [rad]."""
 
@@ -94,7 +94,7 @@ def _lie(
     arms = keep_off(body, trunk, legs, arms)
     quat = lay_hands_down(act, trunk, lain, pose(body, trunk, legs, arms))
     held = (0.0, 0.0) if style.side < 0.5 else (1.0, 1.0)
-    rest = Rest(act.rest + SETTLES, held, 0.0, GAZE)
+    rest = Rest(act.rest + SETTLES, held=held, trunk=0.0, gaze=GAZE)
     root, quat = enliven(body, trunk.pelvis_pos_w, quat, rest, style.habits)
     return HumanMotion(
         clip_id,
