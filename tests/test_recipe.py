@@ -23,7 +23,8 @@ from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
 from mimicbench.core.motion import RobotMotion
 from mimicbench.core.settings import Amount, BadSetting, Within, amounts, check, identity, merge, read
 from mimicbench.core.stage import read_stage
-from mimicbench.evaluate.rows import read_rows, rows_made_from
+from mimicbench.evaluate.rollout import Protocol
+from mimicbench.evaluate.rows import read_rows, rows_made_from, write_rows
 from mimicbench.imitate.learners.act import ACTConfig
 from mimicbench.imitate.learners.bc import BCConfig
 from mimicbench.imitate.learners.diffusion import DiffusionConfig
@@ -389,6 +390,50 @@ def test_fewer_episodes_do_not_replace_more_and_more_do(judged):
     asked = lambda count: replace(judged, recipe=replace(judged.recipe, evaluate=EvaluateConfig(tracked=count)))  # noqa: E731
     assert len(judge(asked(1), "tracker")) == 1 and len(read_rows(path)) == 2
     assert len(judge(asked(3), "tracker")) == 3 and len(read_rows(path)) == 3
+
+
+def test_who_is_stopped_goes_on_after_the_last_whole_batch(judged, tmp_path):
+    """The rows are those of one go, and what is there is not run again: it is shown by a distance that nobody ran."""
+    batch = Protocol(batch=2)
+    asked = lambda count: replace(  # noqa: E731
+        judged, workdir=tmp_path, recipe=replace(judged.recipe, evaluate=EvaluateConfig(tracked=count))
+    )
+    at_once = judge(asked(5), "tracker", batch)
+    (path,) = tmp_path.glob("sit-chair/evaluate/*.parquet")
+    source = rows_made_from(path)
+    marked = [replace(row, end_distance=77.0) for row in at_once]
+    for there, kept in ((3, 2), (4, 4)):
+        write_rows(path, marked[:there], {**source, "episodes": there})
+        assert judge(asked(5), "tracker", batch) == marked[:kept] + at_once[kept:] == read_rows(path)
+        assert rows_made_from(path) == source
+
+
+SEES_ROWS = """
+import torch
+from pathlib import Path
+
+class SeesRows:
+    # fails where rows of the episodes before these are not yet there
+    observations, gains, begun = ("proprio",), "improved", 0
+
+    def to(self, device):
+        pass
+
+    def reset(self, ids, obs):
+        assert len(list(Path(__file__).parent.glob("work/sit-chair/evaluate/*.parquet"))) == (self.begun > 0)
+        self.begun += 1
+
+    def act(self, obs):
+        return torch.zeros(obs.num_envs, 19)
+
+make_policy = SeesRows
+"""
+
+
+def test_rows_of_a_batch_are_kept_as_soon_as_it_is_over(judged, tmp_path):
+    (tmp_path / "sees.py").write_text(SEES_ROWS)
+    rows = judge(replace(judged, workdir=tmp_path / "work"), str(tmp_path / "sees.py"), Protocol(batch=1))
+    assert [row.error for row in rows] == ["", ""]
 
 
 ODD = """

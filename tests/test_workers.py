@@ -9,9 +9,10 @@ import pytest
 import making
 from mimicbench.benchmark.finding import stages_of
 from mimicbench.benchmark.graph import start
-from mimicbench.benchmark.judging import episodes_of, judge_policy, judge_tracker
+from mimicbench.benchmark.judging import batches_judged, episodes_of
 from mimicbench.benchmark.who import who_of
 from mimicbench.core.run import RunContext
+from mimicbench.evaluate.rollout import Protocol
 
 
 @pytest.fixture(scope="module")
@@ -31,13 +32,18 @@ def test_the_same_clips(runs):
         assert one == two and len(one) >= 4 and len(stages[0]) == len(stages[1]) == 1
 
 
+def judged(run, name, count):
+    """Rows of every batch."""
+    batches = batches_judged(run, who_of(run, name), episodes_of(run, count).set, Protocol())
+    return [row for rows, _ in batches for row in rows]
+
+
 def test_the_same_tracking(runs):
-    one, two = (judge_tracker(run, who_of(run, "tracker"), episodes_of(run, 4).set) for run in runs)
-    assert one == two
+    one, two = (judged(run, "tracker", 4) for run in runs)
+    assert one == two and len(one) == 4
 
 
 def test_the_same_episodes_of_the_best_policy(runs):
-    one, two = (judge_policy(run, who_of(run, "best"), episodes_of(run, 2).set)[0] for run in runs)
-    assert one == two
-    again = replace(runs[0], context=RunContext(2, quiet=True))
-    assert judge_policy(again, who_of(again, "best"), episodes_of(again, 2).set)[0] == one
+    one, two = (judged(run, "best", 2) for run in runs)
+    assert one == two and len(one) == 2
+    assert judged(replace(runs[0], context=RunContext(2, quiet=True)), "best", 2) == one

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -27,6 +26,7 @@ if TYPE_CHECKING:
     from mimicbench.core.motion import RobotMotion
     from mimicbench.envs.clips import ClipSet
     from mimicbench.envs.policy import Policy
+    from mimicbench.evaluate.rollout import Protocol
     from mimicbench.evaluate.rows import EpisodeRow
 
 TRIES = 4
@@ -67,37 +67,45 @@ def _of_split(run: Run, wanted: int | None) -> Clips:
     return replace(clips, set=clips.split(run.recipe.evaluate.split))
 
 
-def judge(run: Run, name: str) -> list[EpisodeRow]:
+def judge(run: Run, name: str, protocol: Protocol | None = None) -> list[EpisodeRow]:
     """One row per episode of a policy, or per clip of a tracker: from the file if they are there, of the very same
-    networks, clips and protocol; else made and kept.
+    networks, clips and protocol; else made and kept, batch by batch, so that who is stopped goes on after the last.
     """
+    from mimicbench.evaluate.rollout import Protocol
     from mimicbench.evaluate.rows import read_rows, rows_made_from, write_rows
 
-    who, config = who_of(run, name), run.recipe.evaluate
+    protocol, who, config = protocol or Protocol(), who_of(run, name), run.recipe.evaluate
     count = config.tracked if who.is_tracker else config.episodes
     _warn_of_other_task(run, who)
     _tell_of_others(run, who, name)
     policy = None if who.is_tracker else _loaded(run, who)  # which had better fail before clips are made for it
     clips = episodes_of(run, count)
-    source = _source(run, who, clips)
+    source = _source(run, who, clips, protocol)
     path = rows_path(run, who, source)
     there = rows_made_from(path).get("episodes", 0) if path.exists() else 0
-    if there == count and not who.is_program:
+    rows: list[EpisodeRow] = []
+    if not who.is_program:  # whose other files may have changed: they are judged each time
         try:
-            return read_rows(path)
+            rows = read_rows(path) if there else []
         except BadFile:
             there = 0  # damaged
-    if who.is_tracker:
-        rows, positions = judge_tracker(run, who, clips.set), dict[int, "np.ndarray"]()
-    else:
-        rows, positions = judge_policy(run, who, clips.set, _first_batch(count), policy)
-    # the last, smaller batch of fewer may round differently, and is not kept; programs, whose other files may have
-    # changed, are judged each time, and fewer of their episodes do not take the place of more either
-    if there < count or (who.is_program and there == count):
-        forget(path.with_suffix(""))
-        write_rows(path, rows, {**source, "episodes": count})
-        if positions:
-            keep(path.with_suffix(""), rows, positions, clips.set)
+    if there == count and rows:
+        return rows
+    # those of a smaller batch may round differently, and are no part of more episodes
+    rows = rows[: min(there, count) // protocol.batch * protocol.batch]
+    if rows:
+        run.context.say(f"the first {len(rows)} episodes of {who.name} are judged already")
+    positions: dict[int, np.ndarray] = {}
+    for some, recorded in batches_judged(run, who, clips.set, protocol, len(rows), policy):
+        rows, positions = rows + some, positions | recorded
+        # each batch as it comes, for the next may take half an hour; fewer never take the place of more, whoever it is
+        if there < len(rows) or (who.is_program and there == len(rows) == count):
+            if positions:
+                forget(path.with_suffix(""))
+            write_rows(path, rows, {**source, "episodes": len(rows)})
+            if positions:
+                keep(path.with_suffix(""), rows, positions, clips.set)
+    _tell_of_errors(run, who, rows)
     return rows
 
 
@@ -108,30 +116,24 @@ def episodes_to_show(
 
     As they were kept when its rows were made; else its first batch runs again, exactly as it was judged.
     """
-    who = who_of(run, name)
+    from mimicbench.evaluate.rollout import Protocol
     from mimicbench.evaluate.rows import rows_made_from
 
-    path = rows_path(run, who, _source(run, who, clips))
-    folder, first = path.with_suffix(""), _first_batch(len(rows))
-    of_batch = [row for row in rows if row.episode in first]
+    who, protocol = who_of(run, name), Protocol()
+    path = rows_path(run, who, _source(run, who, clips, protocol))
+    folder, of_batch = path.with_suffix(""), [row for row in rows if row.episode < protocol.batch]
     # what is kept of a program may be of another run than these rows, if that had more episodes
     is_of_these = not who.is_program or rows_made_from(path).get("episodes") == len(rows)
     if is_of_these:
         with suppress(BadFile, BadMotion):
             return kept(folder, of_batch)
     run.context.say(f"{len(of_batch)} episodes of {who.name} run once more, to be drawn")
-    positions = judge_policy(run, who, clips.set.first(len(of_batch)), first)[1]
+    ((_, positions),) = batches_judged(run, who, clips.set.first(len(of_batch)), protocol)
     if is_of_these:
         keep(folder, of_batch, positions, clips.set)
         return kept(folder, of_batch)
     there = [row for row in of_batch if row.episode in positions]
     return [(row, as_motion(row, positions[row.episode], clips.set)) for row in worth_keeping(there)]
-
-
-def _first_batch(count: int) -> range:
-    from mimicbench.evaluate.rollout import Protocol
-
-    return range(min(count, Protocol().batch))
 
 
 def rows_path(run: Run, who: Who, source: dict[str, Any]) -> Path:
@@ -140,18 +142,17 @@ def rows_path(run: Run, who: Who, source: dict[str, Any]) -> Path:
     return run.workdir / run.recipe.task / "evaluate" / f"{who.name}-{digest}.parquet"
 
 
-def _source(run: Run, who: Who, clips: Clips) -> dict[str, Any]:
+def _source(run: Run, who: Who, clips: Clips, protocol: Protocol) -> dict[str, Any]:
     """What rows are made from: everything that can change them, but their number."""
     import mujoco
 
     import mimicbench
-    from mimicbench.evaluate.rollout import Protocol
 
     return {
         **who.digests,
         "clips": clips.stage.digest,
         "split": run.recipe.evaluate.split,
-        "protocol": {"batch": Protocol().batch, "time_limit": run.task.time_limit},
+        "protocol": {"batch": protocol.batch, "time_limit": run.task.time_limit},
         "seed": run.recipe.seed,
         "device": run.context.device,
         "mimicbench": mimicbench.__version__,
@@ -159,24 +160,50 @@ def _source(run: Run, who: Who, clips: Clips) -> dict[str, Any]:
     }
 
 
-def judge_tracker(run: Run, who: Who, clips: ClipSet) -> list[EpisodeRow]:
-    """One row per clip: the tracker follows it from its first frame, and goes on to the time limit."""
-    from mimicbench.evaluate.rollout import Judged, Protocol, tracker_rows
+Batch = tuple[list["EpisodeRow"], dict[int, "np.ndarray"]]
+"""One row per episode, and simulator positions (T, nq) of those that were recorded, by number."""
+
+
+def batches_judged(
+    run: Run, who: Who, clips: ClipSet, protocol: Protocol, first: int = 0, policy: Policy | None = None
+) -> Iterator[Batch]:
+    """What comes of the clips from the `first` on, in batches of the protocol's size, each as soon as it is over.
+
+    A tracker follows its clips from their first frames, and goes on to the time limit; a policy is given these frames
+    alone, and the episodes of its very first batch are recorded. `policy` is the one that `who` means, if it is there
+    already.
+    """
+    _one_thread()
+    if who.is_tracker:
+        yield from _tracker_batches(run, who, clips, protocol, first)
+    else:
+        yield from _policy_batches(run, who, clips, protocol, first, policy or _loaded(run, who))
+
+
+def _tracker_batches(run: Run, who: Who, clips: ClipSet, protocol: Protocol, first: int) -> Iterator[Batch]:
+    from mimicbench.evaluate.rollout import Judged, tracker_rows
     from mimicbench.track.checkpoint import load_tracker
     from mimicbench.track.rollout import RolloutConfig, track_clips
     from mimicbench.track.settings import TrackConfig
 
-    _one_thread()
     tracker = load_tracker(who.folder, run.robot)
     if not run.context.quiet:
-        run.context.say(f"evaluating {who.name}, {len(clips)} clips")
-    # as many side by side as of policies, for last bits depend on that
-    parts, config = clips.batches(Protocol().batch), RolloutConfig(settle=None)
-    runs = [track_clips(tracker, part, config, env_config(run)) for part in parts]
+        run.context.say(f"evaluating {who.name}, {len(clips) - first} clips")
     # all that are learned here are called `tracker`, but one of another design than ours is another method
     another = who.name == keys.TRACKER and tracker.spec.name != TrackConfig.tracker
     name = tracker.spec.name if another else who.name
-    return tracker_rows(runs, clips, Judged("track", name, tracker.spec.gains, run.recipe.seed))
+    judged = Judged("track", name, tracker.spec.gains, run.recipe.seed)
+    # as many side by side as of policies, for last bits depend on that
+    for begun, part in _in_batches(clips, first, protocol.batch):
+        of_part = track_clips(tracker, part, RolloutConfig(settle=None), env_config(run))
+        yield tracker_rows([of_part], part, judged, begun), {}
+
+
+def _in_batches(clips: ClipSet, first: int, size: int) -> Iterator[tuple[int, ClipSet]]:
+    """Batches from the `first` on, a multiple of their size: the number of each one's first clip, and its clips."""
+    for number, part in enumerate(clips.batches(size)):
+        if number * size >= first:
+            yield number * size, part
 
 
 def _loaded(run: Run, who: Who) -> Policy:
@@ -206,31 +233,26 @@ def _tell_of_others(run: Run, who: Who, name: str) -> None:
         )
 
 
-def judge_policy(
-    run: Run, who: Who, clips: ClipSet, record: Sequence[int] = (), policy: Policy | None = None
-) -> tuple[list[EpisodeRow], dict[int, np.ndarray]]:
-    """One row per episode, from the first frames of the clips alone, and the positions of the episodes in `record`.
-
-    `policy` is the one that `who` means, if it is there already.
-    """
+def _policy_batches(
+    run: Run, who: Who, clips: ClipSet, protocol: Protocol, first: int, policy: Policy
+) -> Iterator[Batch]:
     from mimicbench.core.progress import counter
-    from mimicbench.evaluate.rollout import Judged, Protocol, policy_rows, run_policy
+    from mimicbench.evaluate.rollout import Judged, policy_rows, run_policy
 
-    _one_thread()
-    policy = policy or _loaded(run, who)
-    protocol = Protocol()
-    seconds = math.ceil(len(clips) / protocol.batch) * int(run.task.time_limit)
-    label = f"evaluating {who.name}, {len(clips)} episodes, seconds"
-    with counter(seconds, label, run.context.quiet) as tick:
-        runs = run_policy(policy, clips, protocol, record, tick, env_config(run))
-    rows = policy_rows(runs, clips, Judged("imitate", who.name, policy.gains, run.recipe.seed))
+    parts = list(_in_batches(clips, first, protocol.batch))
+    label = f"evaluating {who.name}, {len(clips) - first} episodes, seconds"
+    judged = Judged("imitate", who.name, policy.gains, run.recipe.seed)
+    with counter(len(parts) * int(run.task.time_limit), label, run.context.quiet) as tick:
+        for begun, part in parts:
+            record = () if begun else range(len(part))
+            runs = run_policy(policy, part, protocol, record, tick, env_config(run))
+            yield policy_rows(runs, part, judged, begun), runs[0].recordings
+
+
+def _tell_of_errors(run: Run, who: Who, rows: Sequence[EpisodeRow]) -> None:
     wrong = [row for row in rows if row.error]
     if 0 < len(wrong) < len(rows):  # of all, it is said in the end
         run.context.say(f"{who.name} failed in {len(wrong)} of {len(rows)} episodes: {wrong[0].error}")
-    recordings = {}
-    for number, one in enumerate(runs):
-        recordings |= {number * protocol.batch + episode: track for episode, track in one.recordings.items()}
-    return rows, recordings
 
 
 def _one_thread() -> None:

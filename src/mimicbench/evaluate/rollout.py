@@ -144,30 +144,29 @@ class Judged:
     seed: int
 
 
-def policy_rows(runs: Sequence[PolicyRun], clips: ClipSet, who: Judged) -> list[EpisodeRow]:
-    """One row per episode of `run_policy`."""
+def policy_rows(runs: Sequence[PolicyRun], clips: ClipSet, who: Judged, first: int = 0) -> list[EpisodeRow]:
+    """One row per episode of `run_policy`; the clips are those of these runs, numbered on from `first`."""
     rows = []
     for run in runs:
         for i, distances in enumerate(zip(run.start_distance.tolist(), run.end_distance.tolist(), strict=True)):
-            episode = len(rows)
-            row = _row(run.verdict, i, clips, episode, who, distances)
-            rows.append(replace(row, error=run.errors.get(i, "")))
+            row = _row(run.verdict, i, clips.motions[len(rows)], clips, who, distances)
+            rows.append(replace(row, episode=first + len(rows), error=run.errors.get(i, "")))
     return rows
 
 
-def tracker_rows(runs: Sequence[Rollout], clips: ClipSet, who: Judged) -> list[EpisodeRow]:
-    """One row per clip of `track.rollout.track_clips`, batch by batch."""
+def tracker_rows(runs: Sequence[Rollout], clips: ClipSet, who: Judged, first: int = 0) -> list[EpisodeRow]:
+    """One row per clip of `track.rollout.track_clips`, batch by batch; as `policy_rows`."""
     rows = []
     for run in runs:
         for i, distances in enumerate(zip(run.start_distance.tolist(), run.end_distance.tolist(), strict=True)):
-            rows.append(_row(run.verdict, i, clips, len(rows), who, distances))
+            row = _row(run.verdict, i, clips.motions[len(rows)], clips, who, distances)
+            rows.append(replace(row, episode=first + len(rows)))
     return rows
 
 
 def _row(
-    verdict: Verdict, i: int, clips: ClipSet, episode: int, who: Judged, distances: tuple[float, float]
+    verdict: Verdict, i: int, motion: RobotMotion, clips: ClipSet, who: Judged, distances: tuple[float, float]
 ) -> EpisodeRow:
-    motion: RobotMotion = clips.motions[episode]
     obj, task = clips.objects[motion.object_id], clips.task
     success, fell, first = bool(verdict.success[i]), bool(verdict.fell[i]), float(verdict.first_success[i])
     return EpisodeRow(
@@ -177,7 +176,7 @@ def _row(
         preset=who.preset,
         robot=clips.robot.name,
         seed=who.seed,
-        episode=episode,
+        episode=i,
         object_id=obj.id,
         object_kind=obj.kind,
         split=obj.split,
