@@ -63,7 +63,7 @@ def test_checkpoint(tmp_path):
         load_tracker(tmp_path, H1)
 
 
-def collect(learner, random):
+def collect(learner, random, critic_alone=False):
     """One round of made-up experience, and the update on it."""
     obs = torch.tensor(random.normal(size=(4, 6)), dtype=torch.float32)
     for _ in range(TINY.steps):
@@ -71,12 +71,13 @@ def collect(learner, random):
         reward, done = action.pow(2).sum(-1).neg(), torch.tensor(random.random(4) < 0.2)
         obs = torch.tensor(random.normal(size=(4, 6)), dtype=torch.float32)
         learner.record(obs, reward, done, done & False)
-    return learner.update(obs)
+    return learner.update(obs, critic_alone)
 
 
 def test_learning_is_taken_up_as_if_it_had_never_stopped():
     torch.manual_seed(0)
-    first, second = PPOLearner(SMALL, 2, 4, TINY), PPOLearner(SMALL, 2, 4, TINY)
+    config = replace(TINY, average=0.9)
+    first, second = PPOLearner(SMALL, 2, 4, config), PPOLearner(SMALL, 2, 4, config)
     collect(first, np.random.default_rng(0))
     saved, random = first.state_tensors(), TorchRandom().state_tensors()
     losses = collect(first, np.random.default_rng(1))
@@ -86,6 +87,8 @@ def test_learning_is_taken_up_as_if_it_had_never_stopped():
     assert again == losses
     for name, value in first.state_tensors().items():
         np.testing.assert_array_equal(second.state_tensors()[name], value, err_msg=name)
+    for name, value in first.network_tensors().items():
+        np.testing.assert_array_equal(second.network_tensors()[name], value, err_msg=name)
 
 
 def test_the_exported_network_is_the_actors_mean():
@@ -100,6 +103,24 @@ def test_the_exported_network_is_the_actors_mean():
     actions = torch.stack([learner.act(obs) for _ in range(400)])
     std = learner.ppo.actor.output_std.detach().reshape(-1)[:2].numpy()
     np.testing.assert_allclose(actions.mean(0), network(obs).detach(), atol=5 * float(std.max()) / 20)
+
+
+def test_what_is_kept_is_an_average_of_the_weights_after_each_update():
+    """By hand: 2/11 and 3/12 of the average before stay of young ones, then 0.25. Updates of the critic alone do not
+    count, for the actor is what it was.
+    """
+    torch.manual_seed(0)
+    learner, last = PPOLearner(SMALL, 2, 4, replace(TINY, average=0.25)), "layers.0.weight"
+    average, random = learner.network_tensors()[last].copy(), np.random.default_rng(0)
+    for kept in (2 / 11, 3 / 12, 0.25, 0.25):
+        collect(learner, random)
+        now = learner.ppo.actor.mlp[0].weight.detach().numpy().copy()
+        average = kept * average + (1 - kept) * now
+        np.testing.assert_allclose(learner.network_tensors()[last], average, atol=1e-6)
+        assert np.abs(now - average).max() > 1e-5
+    before = learner.network_tensors()[last].copy()
+    collect(learner, random, critic_alone=True)
+    np.testing.assert_array_equal(learner.network_tensors()[last], before)
 
 
 def test_first_actions_leave_the_reference_alone():

@@ -12,7 +12,7 @@ from rsl_rl.storage import RolloutStorage
 from tensordict import TensorDict
 
 from mimicbench.core.settings import BadSetting
-from mimicbench.core.training import OptimizerState
+from mimicbench.core.training import MovingAverage, OptimizerState
 from mimicbench.track.learning.muon import MuonAndAdam
 from mimicbench.track.learning.ppo_config import DEVIATIONS, PPOConfig
 from mimicbench.track.learning.warm_start import plain_network, take_over, take_statistics
@@ -84,6 +84,10 @@ class PPOLearner:
         if config.critic_rate is not None:
             self._let_critic_learn_at(config.critic_rate)
         self.ppo.train_mode()
+        self._begin_averaging()
+
+    def _begin_averaging(self) -> None:
+        self.average, self.averaged = MovingAverage(self.ppo.actor.mlp, self.config.average), 0
 
     def _let_critic_learn_at(self, rate: float) -> None:
         """At its own rate, though rsl-rl gives every group of parameters the actor's."""
@@ -124,6 +128,9 @@ class PPOLearner:
             for name, value in self.ppo.actor.named_parameters():
                 if name in kept:
                     value.copy_(kept[name])
+        if not critic_alone:
+            self.averaged += 1
+            self.average.follow(self.ppo.actor.mlp, self.averaged)
         return {
             **losses,
             "learning_rate": self.ppo.learning_rate,
@@ -131,8 +138,9 @@ class PPOLearner:
         }
 
     def network_tensors(self) -> dict[str, np.ndarray]:
-        """The actor's mean as tensors of a TrackerNetwork."""
-        return plain_network(self.ppo.actor)
+        """The actor's mean, by the moving average of its weights, as tensors of a TrackerNetwork."""
+        averages = {f"layers.{name}": value.cpu().numpy() for name, value in self.average.values.items()}
+        return plain_network(self.ppo.actor) | averages
 
     def critic_tensors(self) -> dict[str, np.ndarray]:
         """The critic as tensors of a TrackerNetwork of one number, the value."""
@@ -167,6 +175,7 @@ class PPOLearner:
             take_over(self.ppo.critic, critic, columns, widens)
         if len(deviation):
             self._log_deviation.copy_(torch.tensor(deviation).clamp(*DEVIATIONS).log())
+        self._begin_averaging()
 
     @property
     def deviation(self) -> tuple[float, ...]:
@@ -183,12 +192,14 @@ class PPOLearner:
         tensors |= {f"critic/{k}": v for k, v in self.ppo.critic.state_dict().items()}
         optimizer = OptimizerState(self.ppo.optimizer).state_tensors()
         tensors |= {f"optimizer/{name}": value for name, value in optimizer.items()}
+        tensors |= {f"average/{name}": value for name, value in self.average.state_tensors().items()}
         rate = torch.tensor(self.ppo.learning_rate, dtype=torch.float64)
-        return {**{name: value.detach().clone() for name, value in tensors.items()}, "learning_rate": rate}
+        told = {"learning_rate": rate, "averaged": torch.tensor(self.averaged)}
+        return {**{name: value.detach().clone() for name, value in tensors.items()}, **told}
 
     def load_state_tensors(self, tensors: Mapping[str, torch.Tensor]) -> None:
         """The inverse of `state_tensors`."""
-        parts: dict[str, dict[str, torch.Tensor]] = {"actor": {}, "critic": {}, "optimizer": {}}
+        parts: dict[str, dict[str, torch.Tensor]] = {name: {} for name in ("actor", "critic", "optimizer", "average")}
         for name, value in tensors.items():
             head, _, rest = name.partition("/")
             if head in parts:
@@ -196,6 +207,8 @@ class PPOLearner:
         self.ppo.actor.load_state_dict(parts["actor"])
         self.ppo.critic.load_state_dict(parts["critic"])
         OptimizerState(self.ppo.optimizer).load_state_tensors(parts["optimizer"])
+        self.average.load_state_tensors(parts["average"])
+        self.averaged = int(tensors["averaged"])
         self.ppo.learning_rate = float(tensors["learning_rate"])
 
 

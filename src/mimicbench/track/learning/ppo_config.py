@@ -47,6 +47,9 @@ class PPOConfig:
     is, the more of an advantage is more than noise."""
     optimizer: Literal["adam", "adamw", "muon"] = "adam"
     """AdamW decays weights by torch's default of 0.01; Muon is for the weights of layers, with Adam for the rest."""
+    average: Share = 0.0
+    """Decay, per update, of the moving average of the actor's weights, which is what is judged and kept; 0: the last
+    weights."""
     value_weight: float = 1.0
     """Of the value loss."""
     max_grad_norm: float = 1.0
