@@ -186,6 +186,14 @@ _MAIN = {
 """Where each method's own numbers stand; the other tables vary one part of the best combination."""
 
 
+def best_of_paper(task: str, measures: str) -> PaperRate | None:
+    """The best that the paper has on a task, in any of its tables; `measures` as for `methods`."""
+    found = [
+        rates[task] for table in TABLES if table.measures == measures for rates in table.rates.values() if task in rates
+    ]
+    return max(found, key=lambda rate: (rate.kinematic, rate.energy), default=None)
+
+
 def methods(task: str, measures: str) -> dict[str, PaperRate]:
     """Every method of the paper with numbers on a task, best first; `measures` is `tracking` or `imitation`."""
     found: dict[str, PaperRate] = {}

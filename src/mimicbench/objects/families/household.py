@@ -1,4 +1,4 @@
-"""Household objects of 21 kinds to touch with both hands, made of at most SLOTS boxes.
+"""Household objects of 22 kinds to touch with both hands, made of at most SLOTS boxes.
 
 Every one follows from a seed and an index.
 

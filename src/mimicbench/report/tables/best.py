@@ -1,9 +1,9 @@
-"""Of every task the best policy and the best tracker, each beside the best of the paper, whichever method it is."""
+"""Of every task the best policy and the best tracker, each beside the best that the paper has in any of its tables."""
 
 from collections.abc import Sequence
 
 from mimicbench.evaluate.rows import Summary
-from mimicbench.report.paper_tables import CITATION, TASKS, methods
+from mimicbench.report.paper_tables import CITATION, TASKS, best_of_paper
 from mimicbench.report.table import Cell, Reported, Table
 from mimicbench.report.tables.spec import Episodes, TableSpec
 
@@ -33,7 +33,7 @@ def _row(task: str, found: Sequence[Summary]) -> tuple[Cell, ...]:
     cells: list[Cell] = [TASKS.get(task, task)]
     for stage, measures in (("imitate", "imitation"), ("track", "tracking")):
         ours = best_policy(found, stage)
-        theirs = next(iter(methods(task, measures).values()), None)
+        theirs = best_of_paper(task, measures)
         if stage == "imitate":
             cells.append(ours.policy if ours else None)
         cells += [
