@@ -18,7 +18,7 @@ ROBOT = ROBOTS.get("h1")
 
 def clips(task, family, named, kind):
     """A clip of a robot that stands beside each of eight objects, called so; enough for both splits."""
-    ids = [f"{kind}-{index}" for index in range(8)]
+    ids = [kind.format(index) for index in range(8)]
     assert {split_of(object_id) for object_id in ids} == {"train", "test"}
     pose = np.array([[0, 0, 1.0]] * 2), np.array([[1.0, 0, 0, 0]] * 2), np.tile(ROBOT.rest_pose, (2, 1))
     motions = [
@@ -30,8 +30,8 @@ def clips(task, family, named, kind):
 
 
 def test_recordings_are_learned_from_whole_and_judge_nothing():
-    chairs, sofas = clips("sit-chair", "chair", "made", "chair"), clips("sit-sofa", "sofa", "made", "sofa")
-    people = clips("sit-chair", "chair", "person", "fitted")
+    chairs, sofas = clips("sit-chair", "chair", "made", "chair-{}"), clips("sit-sofa", "sofa", "made", "sofa-{}")
+    people = clips("sit-chair", "chair", "person", "fitted-{}-0")
     learned, judged = learned_and_judged({"sit-chair": chairs, "sit-sofa": sofas, "sit-chair/people": people})
     assert [some.task.name for some in learned] == [some.task.name for some in judged] == ["sit-chair", "sit-sofa"]
     names = [{motion.id for motion in some.motions} for some in (*learned, *judged)]
@@ -49,14 +49,26 @@ def test_recordings_are_learned_from_whole_and_judge_nothing():
         assert last == {motion.id for motion in made.split("test").motions}
 
 
+def test_all_of_a_recording_is_in_one_split():
+    """However many clips are cut of it: who learned from one has seen the person of all."""
+    for name in "abcdefgh":
+        assert len({split_of(f"fitted-{name}-walk-{number}{of}") for number in range(9) for of in ("", "~x1.05")}) == 1
+    assert {split_of(f"fitted-walk{number}-0") for number in range(20)} == {"train", "test"}
+    assert {split_of(f"chair-0-0000{index}") for index in range(9)} == {"train", "test"}, "made ones are each their own"
+    chairs = clips("sit-chair", "chair", "made", "fitted-{}-0")
+    variants = [replace(motion, id=f"{motion.id}~start") for motion in chairs.motions]
+    learned, judged = learned_and_judged({"sit-chair": chairs, "sit-chair/more": replace(chairs, motions=variants)})
+    assert not {motion.object_id for motion in learned[0].motions} & {motion.object_id for motion in judged[0].motions}
+
+
 def test_two_objects_of_one_name_are_refused():
-    made = clips("sit-chair", "chair", "made", "chair")
+    made = clips("sit-chair", "chair", "made", "chair-{}")
     others = {name: replace(make_object("chair-0-00001"), id=name) for name in made.objects}
     with pytest.raises(MimicbenchError, match="two objects are called 'chair-0'"):
         made.joined(replace(made, objects=others))
 
 
 def test_some_clips_are_from_all_over_the_set():
-    made = clips("sit-chair", "chair", "made", "chair")
+    made = clips("sit-chair", "chair", "made", "chair-{}")
     assert [motion.id for motion in made.spread(5).motions] == [f"made-{i}" for i in (0, 1, 3, 4, 6)]
     assert made.spread(20).motions == made.motions

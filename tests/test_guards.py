@@ -192,6 +192,19 @@ def test_demonstrations_follow_who_demonstrates(run, tmp_path):
     with open(copy.parent / "tracker" / "model.safetensors", "ab") as stream:
         stream.write(b" ")
     assert keys.demo_key(elsewhere, shipped).digest != key.digest
+    # who learned several tasks has its eyes of each in a folder of that task's name
+    shutil.copytree(planner.parent.parent / "planner-six", tmp_path / "six" / "planner-six")
+    shutil.copytree(planner.parent.parent / "tracker", tmp_path / "six" / "tracker")
+    several = run.changed(demos=DemosConfig(expert=str(tmp_path / "six" / "planner-six")))
+    before = keys.demo_key(several, shipped)
+    assert "expert_sit-chair/perception" not in before.reads, "there are none here"
+    its = tmp_path / "six" / "sit-chair" / "perception"
+    shutil.copytree(planner.parent.parent / "sit-chair" / "perception", its)
+    sees = keys.demo_key(several, shipped)
+    assert "expert_sit-chair/perception" in sees.reads
+    with open(its / "model.safetensors", "ab") as stream:
+        stream.write(b" ")
+    assert len({key.digest for key in (before, sees, keys.demo_key(several, shipped))}) == 3
     with pytest.raises(BadFile, match="demos.expert is 'nobody', where no policy is; give `tracker`, the name of"):
         keys.demo_key(run.changed(demos=DemosConfig(expert="nobody")), shipped)
     published = run.changed(demos=DemosConfig(source="theirs", expert="nobody"))
@@ -222,7 +235,17 @@ def test_whose_tracker_is_taken_or_that_one_is_to_be_trained_is_told(tmp_path):
     _tell_tracker(there)
     assert said == [] and tracker_for_learning(there) == shipped_there.shipped_trackers("h1")["sit-chair"]
     assert said.pop() == "taking the shipped tracker of sit-chair; `mimicbench track` trains one here"
-    _tell_tracker(there.changed(track=TINY))
+    tiny = there.changed(track=TINY)
+    key = keys.track_key(tiny)
+    folder = tiny.folder(key)
+    with opened(folder, replace(key, amounts={**key.amounts, "samples": 4}), trained=True) as stage:
+        (stage.folder / "checkpoint").mkdir()
+        stage.finish()
+    assert tracker_for_learning(tiny) == folder / "checkpoint"
+    told = f"taking the tracker that was trained here for 4e-06 of {TINY.samples / 1e6:g} M samples; `mimicbench track`"
+    assert said.pop().startswith(told) and not said
+    shutil.rmtree(folder)
+    _tell_tracker(tiny)
     assert said == [
         "no tracker of this recipe is here, nor one shipped for sit-chair: one is trained first, as by "
         f"`mimicbench track --task sit-chair --workdir {tmp_path}`"

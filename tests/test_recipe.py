@@ -21,7 +21,7 @@ from mimicbench.commands.parsing import read_call
 from mimicbench.core.checkpoint import CONFIG
 from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
 from mimicbench.core.motion import RobotMotion
-from mimicbench.core.settings import Amount, BadSetting, Within, amounts, check, identity, merge, read
+from mimicbench.core.settings import Amount, BadSetting, Later, Within, amounts, check, identity, merge, read
 from mimicbench.core.stage import read_stage
 from mimicbench.evaluate.rollout import Protocol
 from mimicbench.evaluate.rows import read_rows, rows_made_from, write_rows
@@ -61,6 +61,18 @@ class Outer:
 def test_amounts_are_no_part_of_identity():
     assert identity(Outer()) == {"name": "x", "steps": None, "inner": {"rate": 0.5, "sizes": [2, 3]}}
     assert amounts(Outer(samples=7)) == {"samples": 7}
+
+
+@dataclass(frozen=True)
+class Grown(Inner):
+    since: Annotated[float, Within(0, 1), Later()] = 0.0
+
+
+def test_what_came_later_determines_nothing_at_its_default():
+    assert identity(Grown()) == identity(Inner()) and identity(Outer(inner=Grown())) == identity(Outer())
+    assert identity(Grown(since=0.5)) == {**identity(Inner()), "since": 0.5}
+    with pytest.raises(BadSetting, match="since is 2"):
+        check(Grown(since=2.0))
 
 
 @dataclass(frozen=True)

@@ -123,6 +123,26 @@ def test_what_is_kept_is_an_average_of_the_weights_after_each_update():
     np.testing.assert_array_equal(learner.network_tensors()[last], before)
 
 
+@pytest.mark.parametrize("optimizer", ["adam", "muon"])
+def test_a_critic_that_learns_alone_leaves_nothing_of_the_actors_behind(optimizer):
+    """Neither weights, moments nor rate: the first update of the actor is as if there had been none before. And with an
+    update of the actor before.
+    """
+    torch.manual_seed(0)
+    learner, random = PPOLearner(SMALL, 2, 4, replace(TINY, optimizer=optimizer)), np.random.default_rng(0)
+    for _ in range(2):
+        before = learner.state_tensors()
+        had = sum(parameter in learner.ppo.optimizer.state for parameter in learner.ppo.actor.parameters())
+        collect(learner, random, critic_alone=True)
+        after = learner.state_tensors()
+        stays = [name for name in before if name.startswith("actor/mlp") or name == "learning_rate"]
+        assert stays and all(torch.equal(after[name], before[name]) for name in stays)
+        assert sum(parameter in learner.ppo.optimizer.state for parameter in learner.ppo.actor.parameters()) == had
+        assert any(not torch.equal(after[n], before[n]) for n in before if n.startswith("critic/mlp"))
+        collect(learner, random)
+        assert any(parameter in learner.ppo.optimizer.state for parameter in learner.ppo.actor.parameters())
+
+
 def test_first_actions_leave_the_reference_alone():
     torch.manual_seed(0)
     blueprint = LAYOUT.blueprint(MLPConfig(PPOConfig().hidden))

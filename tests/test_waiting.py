@@ -5,6 +5,7 @@ import torch
 
 from learning import ONE, clip_of
 from mimicbench.envs.settings import ClipStartConfig
+from mimicbench.sim.rows import Rows
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.registry import TRACKERS
 from mimicbench.track.settings import EndConfig, TrackingConfig
@@ -44,6 +45,20 @@ def test_some_clips_wait_and_go_on_after_three_seconds():
     assert (index[waited] < 20).all()
     later = steps(env, settings, 120, away=0.5)
     assert (later[waited] == 180 - 150).all()  # 3 s are 150 steps
+
+
+def test_only_who_begins_anew_has_all_its_time_again():
+    """Also where a GPU works out all rows, and those outside of the mask are to stay what they were."""
+    for whole in (False, True):
+        env, settings = tracked(1.0, 4)
+        steps(env, settings, 30, away=0.5)
+        waiting = env._waiting
+        waited, may = waiting.waited.clone(), waiting.may.clone()
+        assert (waited > 0).all() and may.all()
+        begins = torch.tensor([False, True, False, False])
+        waiting.begin(Rows.where(begins, whole), torch.Generator().manual_seed(0))
+        assert waiting.waited.tolist() == torch.where(begins, 0, waited).tolist()
+        assert waiting.may[~begins].all()
 
 
 def test_who_catches_up_goes_on():

@@ -68,10 +68,12 @@ def both(phase: str, task: str, real: Path) -> list[Clip]:
 
 def draw(phase: str, clips: Sequence[Clip]) -> np.ndarray:
     """Two strips."""
-    return np.concatenate([_strip(phase, *clip) for clip in clips])
+    return np.concatenate(
+        [_strip(phase, who, *clip) for who, clip in zip(("recorded", "synthetic"), clips, strict=True)]
+    )
 
 
-def _strip(phase: str, motion: HumanMotion, obj: SceneObject) -> np.ndarray:
+def _strip(phase: str, who: str, motion: HumanMotion, obj: SceneObject) -> np.ndarray:
     phases = person_of(motion).phases
     first = phases.index(phase)
     last = first
@@ -86,7 +88,7 @@ def _strip(phase: str, motion: HumanMotion, obj: SceneObject) -> np.ndarray:
     heading = -125.0 if motion.root_pos_w[frames, 1].mean() >= 0 else 125.0
     camera = frame_all(obj, motion.root_pos_w[frames], STILL.width / STILL.height, 2.05, 0.4, heading)
     drawn = human_frames(build_model(ROBOTS.get("h1"), obj, visuals=True), motion, frames / motion.fps, camera, STILL)
-    return strip(list(drawn), [phase, *[""] * (MOMENTS - 1)], 2)
+    return strip(list(drawn), [f"{phase}, {who}", *[""] * (MOMENTS - 1)], 2)
 
 
 def file_of(phase: str) -> str:

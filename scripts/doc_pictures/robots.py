@@ -36,12 +36,23 @@ def standing_and_seated() -> tuple[SceneObject, list[tuple[np.ndarray, np.ndarra
     stands = np.array(H1.rest_pose)
     pos, quat = H1.forward_kinematics(np.zeros(3), rot.IDENTITY, stands)
     place = np.array([0.35, -0.85, -H1.keypoint_pos("left_sole", pos, quat)[2]])
+    seat = np.array([float(chair.seat_polygon[:, 0].mean()), 0.0, chair.require_seat() + 0.24])
+
+    def over_floor(sits: np.ndarray) -> float:
+        found = H1.forward_kinematics(seat, rot.IDENTITY, sits)
+        return abs(float(H1.keypoint_pos("left_sole", *found)[2]))
+
+    sits = min((_seated(bent) for bent in np.linspace(1.0, 1.6, 121)), key=over_floor)
+    return chair, [(place, stands, 0.2), (seat, sits, 0.0)]
+
+
+def _seated(bent: float) -> np.ndarray:
+    """(19,) joints of who sits with hips and knees bent so far [rad], shanks upright and feet level."""
     sits = np.zeros(len(H1.joint_names))
-    for name, angle in (("hip_pitch", -1.5), ("knee", 1.4), ("ankle", 0.1), ("shoulder_pitch", -0.35), ("elbow", 0.5)):
+    for name, angle in (("hip_pitch", -bent), ("knee", bent), ("shoulder_pitch", -0.35), ("elbow", 0.5)):
         for side in ("left", "right"):
             sits[H1.joint_names.index(f"{side}_{name}_joint")] = angle
-    seat = np.array([float(chair.seat_polygon[:, 0].mean()), 0.0, chair.require_seat() + 0.24])
-    return chair, [(place, stands, 0.2), (seat, sits, 0.0)]
+    return sits
 
 
 def draw_h1(shown: tuple[SceneObject, list[tuple[np.ndarray, np.ndarray, float]]]) -> np.ndarray:
@@ -96,7 +107,7 @@ def retargeted(task: str, real: Path | None = None) -> SideBySide:
     for name in METHODS:
         method = METHODS.get(name)
         preset = "paper" if "paper" in method.presets else method.preset(None)
-        robots[f"{method.title} ({preset})"] = method.retarget(clip, preset)
+        robots[method.titled(preset)] = method.retarget(clip, preset)
     return SideBySide(obj, human, robots)
 
 

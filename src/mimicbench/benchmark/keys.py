@@ -10,7 +10,7 @@ from typing import Any
 
 from mimicbench.benchmark.recipe import Recipe, stage_type
 from mimicbench.benchmark.shipped import PERCEPTION, TRACKER, expert_named, shipped_tracker
-from mimicbench.core.checkpoint import checkpoint_digest, used_by
+from mimicbench.core.checkpoint import checkpoint_digest, checkpoint_tasks, used_by
 from mimicbench.core.errors import BadFile
 from mimicbench.core.names import typed
 from mimicbench.core.run import RunContext
@@ -202,6 +202,14 @@ def tracker_folder(run: Run) -> Path | None:
     return shipped_tracker(run.recipe.robot, tasks) if same else None
 
 
+def networks_under(policy: Path) -> dict[str, Path]:
+    """Folders of the networks that a policy runs on: its own as `checkpoint`, and those beside it that it may use; eyes
+    of who learned several tasks are in folders of these tasks' names.
+    """
+    eyes = (f"{task}/{PERCEPTION}" for task in checkpoint_tasks(policy))
+    return used_by(policy, (TRACKER, PERCEPTION, *eyes))
+
+
 def expert_folder(run: Run, tracker: Path) -> Path:
     """Who demonstrates: the tracker in a folder, or the policy that the recipe names. Raises BadFile without it."""
     config = run.part("demos")
@@ -221,10 +229,8 @@ def demo_key(run: Run, tracker: Path) -> StageKey:
         begin["retarget"] = retarget_key(run).fingerprint, run.folder(retarget_key(run))
     if starts != CLIPS:
         begin["objects"] = objects_of(run)
-    used = used_by(expert, (TRACKER, PERCEPTION))
+    used = networks_under(expert)
     by = {TRACKER: expert} if expert == tracker else {f"expert_{name}": folder for name, folder in used.items()}
-    if not settings["images"]:
-        del settings["images"]  # without any, demonstrations are what they were before there were any
     return run.key(
         "demos",
         settings,

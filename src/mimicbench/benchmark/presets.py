@@ -195,6 +195,7 @@ def _paper(chosen: Chosen) -> Tree:
         {
             "retarget": {"method": "optimization", "variant": "paper"},
             "track": {"tracker": "hst", "num_envs": 2048, "ppo": HST_PPO, "tracking": tracking},
+            "demos": {"action_noise": 0.0, "push": 0.0},
             "imitate": imitate,
         },
     )

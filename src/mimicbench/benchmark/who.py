@@ -64,8 +64,7 @@ class Who:
         """Digests of the networks that it runs on: its own, and those in the folders beside it that it may use."""
         if self.folder.suffix in FILES:
             return {PROGRAM: digest_of(self.folder)}
-        eyes = () if self.is_tracker else (f"{task}/{keys.PERCEPTION}" for task in self.tasks)  # of who learned several
-        used = used_by(self.folder, (*BESIDE, *eyes))
+        used = used_by(self.folder, BESIDE) if self.is_tracker else keys.networks_under(self.folder)
         return {name: digest_of(model_file(folder)) + digest_of(folder / CONFIG) for name, folder in used.items()}
 
 

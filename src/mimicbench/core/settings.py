@@ -38,6 +38,13 @@ class Amount(Within):
     high: float = 1e12
 
 
+@dataclass(frozen=True)
+class Later:
+    """Of a setting that came after others: at its default it changes nothing, and determines nothing, so that what was
+    made before there was such a setting is still known.
+    """
+
+
 Count = Annotated[int, Amount(1, 10_000_000)]
 """How many items a stage has."""
 Positive = Annotated[int, Within(1, 1e12)]
@@ -82,7 +89,9 @@ def _check_sign(name: str, value: Any, hint: Any) -> None:
 
 
 def identity(config: Any) -> dict[str, Any]:
-    """What determines a stage: the configuration as plain JSON values, without its amounts."""
+    """What determines a stage: the configuration as plain JSON values, without its amounts, nor settings that are
+    Later at their defaults.
+    """
     return {name: value for name, value in _plain(config, amounts=False).items() if value != {}}
 
 
@@ -179,7 +188,7 @@ def _plain(config: Any, amounts: bool) -> dict[str, Any]:
         value = getattr(config, entry.name)
         if is_dataclass(value):
             found[entry.name] = _plain(value, amounts)
-        elif amounts or not _is_amount(config, entry.name):
+        elif amounts or not (_is_amount(config, entry.name) or _is_later(config, entry.name)):
             found[entry.name] = json.loads(json.dumps(value))
     return found
 
@@ -188,10 +197,20 @@ def _is_amount(config: Any, name: str) -> bool:
     return any(isinstance(b, Amount) for b in _bounds(get_type_hints(type(config), include_extras=True)[name]))
 
 
+def _is_later(config: Any, name: str) -> bool:
+    """Whether a setting that came later is at its default."""
+    marks = _marks(get_type_hints(type(config), include_extras=True)[name])
+    return any(isinstance(mark, Later) for mark in marks) and getattr(config, name) == _default(type(config), name)
+
+
 def _bounds(hint: Any) -> list[Within]:
     """The bounds in a type's annotation, or in that of one of its options."""
+    return [mark for mark in _marks(hint) if isinstance(mark, Within)]
+
+
+def _marks(hint: Any) -> list[Any]:
     options = [hint, *getattr(hint, "__args__", ())]
-    return [b for option in options for b in getattr(option, "__metadata__", ()) if isinstance(b, Within)]
+    return [mark for option in options for mark in getattr(option, "__metadata__", ())]
 
 
 def _dataclass_of(hint: Any) -> type | None:

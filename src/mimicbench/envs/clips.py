@@ -82,7 +82,7 @@ def learned_and_judged(parts: Mapping[str, ClipSet]) -> tuple[list[ClipSet], lis
     for name, clips in parts.items():
         task, _, recorded = name.partition("/")
         if recorded:
-            apart = {motion.object_id for motion in judged[task].motions}
+            apart = {original_of(motion.object_id) for motion in judged[task].motions}
             others = [motion for motion in clips.motions if original_of(motion.object_id) not in apart]
             learned[task] = learned[task].joined(replace(clips, motions=others))
         else:

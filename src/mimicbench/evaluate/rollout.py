@@ -9,6 +9,7 @@ import torch
 
 import mimicbench
 from mimicbench.core.motion import RobotMotion
+from mimicbench.core.seeds import digest
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.initial_states import stacked, start_of
 from mimicbench.envs.metrics import PHASES, Verdict
@@ -86,9 +87,10 @@ def _run_batch(
     tick: Callable[[int], None],
 ) -> PolicyRun:
     task, robot = clips.task, clips.robot
-    env = VecEnv(
-        task, robot, clips.scenes, replace(env_config, physics=replace(env_config.physics, gains=policy.gains))
-    )
+    config = replace(env_config, physics=replace(env_config.physics, gains=policy.gains))
+    # what sensors err by, where they do, is other in every batch
+    seed = digest(0, "sensors", *(motion.id for motion in clips.motions))
+    env = VecEnv(task, robot, clips.scenes, config, seed)
     starts = [start_of(motion, clips.objects[motion.object_id], robot, task) for motion in clips.motions]
     env.reset(Rows.every(len(clips), env.device), stacked(starts, env.physics))
     assert env.metrics is not None

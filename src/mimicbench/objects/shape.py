@@ -18,13 +18,23 @@ LARGEST = 100.0
 """[m] Nothing of an object is farther from its origin."""
 
 
+FITTED = "fitted-"
+"""Begins the id of an object that was fitted to a recording; its name follows, and the number of the clip in it."""
+
+
 def original_of(object_id: str) -> str:
-    """The object that a variant was made of, or the object itself: what stands behind a `~` names a variant."""
-    return object_id.partition("~")[0]
+    """What an object is a variant of, or the object itself: what stands behind a `~` names a variant, and objects that
+    were fitted to one recording are variants of one another.
+    """
+    original = object_id.partition("~")[0]
+    recording, _, number = original.rpartition("-")
+    return recording if original.startswith(FITTED) and number.isdecimal() else original
 
 
 def split_of(object_id: str) -> str:
-    """`train` or `test`, 3:1, decided by an object's id alone; a variant goes with its original."""
+    """`train` or `test`, 3:1, decided by an object's id alone; a variant goes with its original, and all of a recording
+    together.
+    """
     return "test" if digest(0, "split", original_of(object_id)) % 4 == 0 else "train"
 
 

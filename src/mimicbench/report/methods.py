@@ -59,5 +59,5 @@ def _compared(run: Run, variant: str) -> tuple[list[MethodResult], SideBySide]:
         stage = make_retarget_stage(run.changed(retarget=config))
         rate = frames_per_second([Clip(human, obj, run.robot)], method, used)
         results.append(MethodResult(run.recipe.task, method.name, used, dict(stage.summary), rate))
-        shown[f"{method.title} ({used})"] = RobotMotion.load(stage.folder / paths[0].name, run.robot.name)
+        shown[method.titled(used)] = RobotMotion.load(stage.folder / paths[0].name, run.robot.name)
     return results, SideBySide(obj, human, shown)

@@ -25,7 +25,7 @@ def strip(frames: Sequence[np.ndarray], captions: Sequence[str] = (), gap: int =
 
     Args:
         frames: pictures (H, W, 3), uint8, all of the same size.
-        captions: a short text for each, written into its lower left corner; none if empty.
+        captions: a short text for each, written into its upper left corner; none if empty.
         gap: white pixels between them.
 
     Returns:
@@ -49,11 +49,11 @@ def stacked(rows: Sequence[np.ndarray], gap: int = 4) -> np.ndarray:
 
 
 def captioned(frame: np.ndarray, text: str) -> np.ndarray:
-    """A picture (H, W, 3) with words in its lower left corner."""
+    """A picture (H, W, 3) with words in its upper left corner, where rarely anybody's feet are."""
     image = Image.fromarray(frame)
     size = max(11, frame.shape[0] // 15)
     font = ImageFont.truetype(str(Path(get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), size)
-    place, halo = (0.6 * size, frame.shape[0] - 1.6 * size), (240, 242, 245)  # dark furniture may be behind it
+    place, halo = (0.6 * size, 0.5 * size), (240, 242, 245)  # dark furniture may be behind it
     ImageDraw.Draw(image).text(place, text, (70, 74, 82), font, stroke_width=max(1, size // 8), stroke_fill=halo)
     return np.asarray(image)
 

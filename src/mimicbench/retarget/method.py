@@ -23,6 +23,10 @@ class Method:
     limits: Limits = Limits()
     """What a clip that it solved measures at most."""
 
+    def titled(self, preset: Preset) -> str:
+        """Its title, with the preset where it distinguishes several."""
+        return f"{self.title} ({preset})" if len(self.presets) > 1 else self.title
+
     def preset(self, wanted: Preset | None) -> Preset:
         """The preset that the user wants, or the default.
 

@@ -1,5 +1,6 @@
 """What other packages' policies ask for: the object in a few numbers, and the elevation map as a gray picture."""
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -18,8 +19,8 @@ def scene_in_root(context: StepContext) -> Tensor:
 
     Not a rotation vector: who stands before a chair sees it turned by half a turn, where those jump.
     """
-    corners = torch.tensor([[edge.tolist() for edge in obj.bounds()] for obj in context.physics.objects])
-    low, high = corners.to(context.device).float().unbind(1)
+    corners = torch.from_numpy(np.array([obj.bounds() for obj in context.physics.objects], np.float32))
+    low, high = corners.to(context.device).unbind(1)
     obj, state = context.object, context.state
     center_w = obj.pos_w + rot.rotate(obj.quat_w, (low + high) / 2)
     turned = rot.multiply(rot.conjugate(state.root_quat_w), obj.quat_w)

@@ -190,7 +190,7 @@ class Task:
         filter before retargeting.
         """
         points = human_points(motion, motion.forward_kinematics()[0])
-        return self._judge(self.holds(points, _info(motion, obj)), motion.fps)
+        return self._judge(self.holds(points, object_info(motion, obj)), motion.fps)
 
     def trimmed(self, motion: RobotMotion, obj: SceneObject, robot: Robot) -> RobotMotion:
         """A robot motion up to REST seconds after it first fulfils K: nobody needs to learn how to go on resting.
@@ -201,7 +201,7 @@ class Task:
         """
         if self.in_last_frame:
             return motion
-        points, info = _robot_points(motion, robot), _info(motion, obj)
+        points, info = _robot_points(motion, robot), object_info(motion, obj)
         end = first_run(self.holds(points, info), self.hold_frames(motion.fps))
         if end is None:
             return motion
@@ -214,7 +214,7 @@ class Task:
 
     def held(self, motion: RobotMotion, obj: SceneObject, robot: Robot) -> np.ndarray:
         """(T,) whether the condition of K holds in each frame of a robot motion."""
-        return self.holds(_robot_points(motion, robot), _info(motion, obj))
+        return self.holds(_robot_points(motion, robot), object_info(motion, obj))
 
     def _judge(self, holds: np.ndarray, fps: float) -> bool:
         needed = self.hold_frames(fps)
@@ -225,7 +225,7 @@ def _robot_points(motion: RobotMotion, robot: Robot) -> BodyPoints:
     return BodyPoints.of(robot, *robot.forward_kinematics(motion.root_pos_w, motion.root_quat_w, motion.joint_pos))
 
 
-def _info(motion: HumanMotion | RobotMotion, obj: SceneObject) -> ObjectInfo:
+def object_info(motion: HumanMotion | RobotMotion, obj: SceneObject) -> ObjectInfo:
     """Object and goals in each frame of a motion."""
     info = ObjectInfo.of([obj], [motion.wrist_goal_w]).repeated(motion.frames)
     if len(motion.object_pos_w):

@@ -119,8 +119,8 @@ class TrackConfig:
     samples: Annotated[int, Amount()] = 30_000_000
     """Control steps to learn from, over all robots, at most."""
     until: Annotated[float, Amount(0, 1)] = 1.0
-    """Share of robots that have to stay for training to be over: in every task, by an evaluation on unseen objects, or
-    on training objects where there are no others. At 1 it never is, for there are few clips in an evaluation."""
+    """Share of robots that have to stay for training to be over: in every task, by an evaluation on training objects,
+    for unseen ones are to choose nothing. At 1 it never is, for there are few clips in an evaluation."""
     num_envs: Positive = 1024
     """Robots side by side, over all tasks."""
     shares: tuple[Annotated[float, Within(1e-3, 1e3)], ...] = ()

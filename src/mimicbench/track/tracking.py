@@ -44,8 +44,8 @@ class _Waiting:
     def begin(self, rows: Rows, random: torch.Generator) -> None:
         """Episodes begin."""
         if self.share:
-            self.may[rows.ids] = torch.rand(len(rows), generator=random, device=self.may.device) < self.share
-            self.waited[rows.ids] = 0
+            rows.put(self.may, torch.rand(len(rows), generator=random, device=self.may.device) < self.share)
+            rows.put(self.waited, 0)
 
     def hold_back(self, env: VecEnv) -> None:
         """Before a step, which goes on by a frame, go back by one where the clip waits."""

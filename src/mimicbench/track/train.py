@@ -12,7 +12,7 @@ import torch
 
 from mimicbench.core.progress import Pulse
 from mimicbench.core.seeds import digest
-from mimicbench.core.settings import BadSetting
+from mimicbench.core.settings import BadSetting, identity
 from mimicbench.core.training import TorchRandom, append_metrics, check_losses, resume_training, save_training
 from mimicbench.envs.clips import ClipSet
 from mimicbench.envs.mirrored import with_mirror_images
@@ -237,7 +237,6 @@ def _course(config: TrackConfig) -> dict[str, Any]:
     """What decides the course of a training; it may run longer, and be saved more or less often. What it began from may
     have been moved, and its teachers: the stage that it is part of knows these trackers themselves.
     """
-    free, begun = ("samples", "until", "save_every"), "given" if config.begin_from else ""
-    taught = ("given",) * len(config.teachers)
-    plain = msgspec.to_builtins(asdict(replace(config, begin_from=begun, teachers=taught)))
-    return {name: value for name, value in plain.items() if name not in free}
+    begun, taught = "given" if config.begin_from else "", ("given",) * len(config.teachers)
+    plain = identity(replace(config, begin_from=begun, teachers=taught))
+    return {name: value for name, value in plain.items() if name != "save_every"}

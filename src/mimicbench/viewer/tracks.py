@@ -13,7 +13,7 @@ from mimicbench.core.skeleton import Skeleton
 from mimicbench.objects.shape import SceneObject
 from mimicbench.robots.description import Robot
 from mimicbench.sim.timing import CONTROL_DT
-from mimicbench.tasks.task import BodyPoints, ObjectInfo, Task, first_run, human_points
+from mimicbench.tasks.task import BodyPoints, ObjectInfo, Task, first_run, human_points, object_info
 
 
 @dataclass(frozen=True)
@@ -183,7 +183,7 @@ def first_fulfilled(task: Task, holds: np.ndarray, fps: float) -> int | None:
 def human_track(task: Task, motion: HumanMotion, obj: SceneObject) -> StoredTrack:
     """A person's clip."""
     pos_w, quat_w = motion.forward_kinematics()
-    points, info = human_points(motion, pos_w), _info(motion, obj)
+    points, info = human_points(motion, pos_w), object_info(motion, obj)
     return StoredTrack("human", motion.fps, motion.skeleton, task, pos_w, quat_w, points, info)
 
 
@@ -192,7 +192,7 @@ def robot_track(
 ) -> StoredTrack:
     """A clip of a robot."""
     pos_w, quat_w = robot.forward_kinematics(motion.root_pos_w, motion.root_quat_w, motion.joint_pos)
-    points, info = BodyPoints.of(robot, pos_w, quat_w), _info(motion, obj)
+    points, info = BodyPoints.of(robot, pos_w, quat_w), object_info(motion, obj)
     return StoredTrack(title, motion.fps, robot, task, pos_w, quat_w, points, info)
 
 
@@ -221,9 +221,3 @@ def torques(robot: Robot, gains: str, joint_pos: np.ndarray, joint_vel: np.ndarr
     chosen, limit = robot.gains[gains], np.array([joint.torque_limit for joint in robot.joints])
     wanted = np.array(chosen.kp) * (target - joint_pos) - np.array(chosen.kd) * joint_vel
     return np.clip(wanted, -limit, limit)
-
-
-def _info(motion: HumanMotion | RobotMotion, obj: SceneObject) -> ObjectInfo:
-    """What K needs to know in every frame of a clip."""
-    info = ObjectInfo.of([obj], [motion.wrist_goal_w]).repeated(len(motion.root_pos_w))
-    return info.moved(motion.object_pos_w, motion.object_quat_w) if len(motion.object_pos_w) else info

@@ -1,8 +1,9 @@
 """What can be set of demonstrations."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from mimicbench.core.settings import BadSetting, Positive, Share
+from mimicbench.core.settings import BadSetting, Later, Positive, Share
 from mimicbench.objects.make import MADE
 
 TRACKER, CLIPS, RULE, POSES = "tracker", "clips", "rule", "poses"
@@ -35,7 +36,7 @@ class DemosConfig:
     """Part of the clips that are tracked without noise and pushes."""
     batch: Positive = 64
     """Clips side by side: one shard of the data set, and what a kill can lose."""
-    images: bool = False
+    images: Annotated[bool, Later()] = False
     """Store the elevation map of every frame, too, as a picture that LeRobot's policies see; our own learners make
     their maps from the states. Some milliseconds and 2 kB a frame."""
 

@@ -12,7 +12,7 @@ import numpy as np
 from mimicbench.core import rotations as rot
 from mimicbench.core.errors import BadMotion
 from mimicbench.core.motion import HumanMotion
-from mimicbench.objects.shape import SceneObject
+from mimicbench.objects.shape import FITTED, SceneObject
 from mimicbench.references.body.body import body_of
 from mimicbench.references.checks.contacts import BEARING_NAMES, detect_bearing
 from mimicbench.references.importers.recording import Recording
@@ -53,7 +53,7 @@ def cut(recording: Recording, start: int, end: int, number: int, task: str) -> H
         FPS,
         rot.resample(recording.root_pos_w[part], recording.fps, FPS),
         local_quat,
-        f"fitted-{recording.name}-{number}",
+        f"{FITTED}{recording.name}-{number}",
         source=recording.name,
         style={"body_scale": body_of(recording.skeleton).size},
     )

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -120,15 +121,15 @@ class PPOLearner:
         """
         with torch.no_grad():
             self.ppo.compute_returns(_wrap(obs))
-        kept = {name: value.clone() for name, value in self.ppo.actor.named_parameters()} if critic_alone else {}
+        kept = self._actors_state() if critic_alone else []
+        rate = self.ppo.learning_rate
         losses = self.ppo.update()
         with torch.no_grad():
             # beyond an end the deviation has no gradient any more, and would stay there
             self._log_deviation.clamp_(*(math.log(end) for end in DEVIATIONS))
-            for name, value in self.ppo.actor.named_parameters():
-                if name in kept:
-                    value.copy_(kept[name])
-        if not critic_alone:
+        if critic_alone:
+            self._put_back(kept, rate)
+        else:
             self.averaged += 1
             self.average.follow(self.ppo.actor.mlp, self.averaged)
         return {
@@ -136,6 +137,24 @@ class PPOLearner:
             "learning_rate": self.ppo.learning_rate,
             "std": float(self.ppo.actor.output_std.detach().mean()),
         }
+
+    def _actors_state(self) -> list[tuple[torch.nn.Parameter, torch.Tensor, Any]]:
+        """Each of the actor's parameters, a copy, and the optimizer's moments of it; None before its first step."""
+        moments = self.ppo.optimizer.state
+        return [(p, p.detach().clone(), deepcopy(moments.get(p))) for p in self.ppo.actor.parameters()]
+
+    @torch.no_grad()
+    def _put_back(self, kept: list[tuple[torch.nn.Parameter, torch.Tensor, Any]], rate: float) -> None:
+        """What was kept, and the learning rate, which goes by how far the actor moves."""
+        for parameter, value, moments in kept:
+            parameter.copy_(value)
+            if moments is None:
+                self.ppo.optimizer.state.pop(parameter, None)
+            else:
+                self.ppo.optimizer.state[parameter] = moments
+        self.ppo.learning_rate = rate
+        for group in self.ppo.optimizer.param_groups:
+            group["lr"] = rate
 
     def network_tensors(self) -> dict[str, np.ndarray]:
         """The actor's mean, by the moving average of its weights, as tensors of a TrackerNetwork."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from mimicbench.core.errors import MimicbenchError
-from mimicbench.core.settings import Positive, Share, Sizes, Within
+from mimicbench.core.settings import Later, Positive, Share, Sizes, Within
 
 if TYPE_CHECKING:
     from mimicbench.track.learning.ppo import PPOLearner
@@ -47,7 +47,7 @@ class PPOConfig:
     is, the more of an advantage is more than noise."""
     optimizer: Literal["adam", "adamw", "muon"] = "adam"
     """AdamW decays weights by torch's default of 0.01; Muon is for the weights of layers, with Adam for the rest."""
-    average: Share = 0.0
+    average: Annotated[float, Within(0, 1), Later()] = 0.0
     """Decay, per update, of the moving average of the actor's weights, which is what is judged and kept; 0: the last
     weights."""
     value_weight: float = 1.0
