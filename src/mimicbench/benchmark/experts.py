@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from mimicbench.benchmark.keys import Run, expert_folder
 from mimicbench.core.errors import UnknownName
 from mimicbench.core.settings import BadSetting
-from mimicbench.core.stage import Stage
+from mimicbench.core.stage import Stage, StageKey, read_stage
 from mimicbench.objects.make import MADE
 
 if TYPE_CHECKING:
@@ -74,3 +74,13 @@ def cloned_gains(run: Run, demos: Stage, tracker: Path) -> str:
             f"imitate.gains is {wanted!r}, but the demonstrations were made with {gains!r}; leave imitate.gains out"
         )
     return gains
+
+
+def tell_unfinished(run: Run, folder: Path, wanted: StageKey) -> None:
+    """Say if the tracker that was trained here was trained for less than the recipe says."""
+    have = read_stage(folder).header["amounts"]
+    if have.get("samples", 0) < wanted.amounts["samples"]:
+        run.context.say(
+            f"taking the tracker that was trained here for {have['samples'] / 1e6:g} of "
+            f"{wanted.amounts['samples'] / 1e6:g} M samples; `mimicbench track` goes on with it"
+        )

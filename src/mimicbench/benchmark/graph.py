@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mimicbench.benchmark import keys
-from mimicbench.benchmark.experts import cloned_gains, expert_of, who_demonstrated
+from mimicbench.benchmark.experts import cloned_gains, expert_of, tell_unfinished, who_demonstrated
 from mimicbench.benchmark.finding import objects_of_split, training_objects
 from mimicbench.benchmark.keys import Run
 from mimicbench.benchmark.published import published_clips
@@ -21,7 +21,7 @@ from mimicbench.core.files import read_json
 from mimicbench.core.names import typed
 from mimicbench.core.parallel import end_if_imported_by_worker
 from mimicbench.core.run import RunContext
-from mimicbench.core.stage import Stage, StageKey, opened, read_stage
+from mimicbench.core.stage import Stage, StageKey, opened
 from mimicbench.envs.clips import ClipSet, learned_and_judged
 from mimicbench.objects.make import MADE, make_objects, read_objects
 from mimicbench.references import make as references
@@ -164,21 +164,11 @@ def tracker_for_learning(run: Run) -> Path:
     if folder is None:
         return make_track_stage(run).folder / keys.CHECKPOINT
     if folder == run.folder(wanted := keys.track_key(run)) / keys.CHECKPOINT:
-        _tell_unfinished(run, folder.parent, wanted)
+        tell_unfinished(run, folder.parent, wanted)
     if SHIPPED in folder.parents:
         of = "several tasks" if run.part("imitate").tasks_beside else run.recipe.task
         run.context.say(f"taking the shipped tracker of {of}; `mimicbench track` trains one here")
     return folder
-
-
-def _tell_unfinished(run: Run, folder: Path, wanted: StageKey) -> None:
-    """Say if the tracker that was trained here was trained for less than the recipe says."""
-    have = read_stage(folder).header["amounts"]
-    if have.get("samples", 0) < wanted.amounts["samples"]:
-        run.context.say(
-            f"taking the tracker that was trained here for {have['samples'] / 1e6:g} of "
-            f"{wanted.amounts['samples'] / 1e6:g} M samples; `mimicbench track` goes on with it"
-        )
 
 
 def _tell_tracker(run: Run) -> None:

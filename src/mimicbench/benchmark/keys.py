@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from mimicbench.benchmark.recipe import Recipe, stage_type
-from mimicbench.benchmark.shipped import PERCEPTION, TRACKER, expert_named, shipped_tracker
-from mimicbench.core.checkpoint import checkpoint_digest, checkpoint_tasks, used_by
+from mimicbench.benchmark.shipped import PERCEPTION, TRACKER, expert_named, networks_under, shipped_tracker
+from mimicbench.core.checkpoint import checkpoint_digest
 from mimicbench.core.errors import BadFile
 from mimicbench.core.names import typed
 from mimicbench.core.run import RunContext
@@ -200,14 +200,6 @@ def tracker_folder(run: Run) -> Path | None:
     same = identity(run.part("track")) == identity(stage_type("track")())
     tasks = (run.recipe.task, *run.part("imitate").tasks_beside)
     return shipped_tracker(run.recipe.robot, tasks) if same else None
-
-
-def networks_under(policy: Path) -> dict[str, Path]:
-    """Folders of the networks that a policy runs on: its own as `checkpoint`, and those beside it that it may use; eyes
-    of who learned several tasks are in folders of these tasks' names.
-    """
-    eyes = (f"{task}/{PERCEPTION}" for task in checkpoint_tasks(policy))
-    return used_by(policy, (TRACKER, PERCEPTION, *eyes))
 
 
 def expert_folder(run: Run, tracker: Path) -> Path:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from mimicbench.core.checkpoint import CONFIG, checkpoint_kind, checkpoint_robot, checkpoint_tasks
+from mimicbench.core.checkpoint import CONFIG, checkpoint_kind, checkpoint_robot, checkpoint_tasks, used_by
 from mimicbench.core.errors import BadFile
 from mimicbench.core.files import read_json
 from mimicbench.tasks.registry import TASKS
@@ -78,3 +78,11 @@ def shipped_tracker(robot: str, tasks: tuple[str, ...]) -> Path | None:
     folder = SHIPPED / TRACKER
     there = (folder / CONFIG).exists() and checkpoint_robot(folder) == robot
     return folder if there and set(tasks) <= set(checkpoint_tasks(folder)) else None
+
+
+def networks_under(policy: Path) -> dict[str, Path]:
+    """Folders of the networks that a policy runs on: its own as `checkpoint`, and those beside it that it may use; eyes
+    of who learned several tasks are in folders of these tasks' names.
+    """
+    eyes = (f"{task}/{PERCEPTION}" for task in checkpoint_tasks(policy))
+    return used_by(policy, (TRACKER, PERCEPTION, *eyes))

@@ -11,7 +11,14 @@ from typing import Any
 from mimicbench.benchmark import keys
 from mimicbench.benchmark.keys import Run
 from mimicbench.benchmark.recipe import Recipe, stage_type
-from mimicbench.benchmark.shipped import best_shipped, shipped, shipped_for, shipped_names, shipped_trackers
+from mimicbench.benchmark.shipped import (
+    best_shipped,
+    networks_under,
+    shipped,
+    shipped_for,
+    shipped_names,
+    shipped_trackers,
+)
 from mimicbench.core.checkpoint import CONFIG, checkpoint_kind, checkpoint_tasks, model_file, used_by
 from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
 from mimicbench.core.files import digest_of
@@ -64,7 +71,7 @@ class Who:
         """Digests of the networks that it runs on: its own, and those in the folders beside it that it may use."""
         if self.folder.suffix in FILES:
             return {PROGRAM: digest_of(self.folder)}
-        used = used_by(self.folder, BESIDE) if self.is_tracker else keys.networks_under(self.folder)
+        used = used_by(self.folder, BESIDE) if self.is_tracker else networks_under(self.folder)
         return {name: digest_of(model_file(folder)) + digest_of(folder / CONFIG) for name, folder in used.items()}
 
 
