@@ -1,5 +1,6 @@
 """BVH of other programs: other rest poses, units, names, joints and feet than ours, each as real files have them."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -187,6 +188,25 @@ def test_real_files_stand_on_their_floor(name, tall):
     assert ((across * left).sum(-1) > 0.9 * np.linalg.norm(across, axis=-1)).all(), "left is left"
 
 
+@pytest.mark.skipif(not MORE.is_dir(), reason=f"the real recordings are not at {MORE}")
+@pytest.mark.parametrize("name", ["inches_dab", "lafan1_walk1_subject1_stop", "rokoko_dance"])
+def test_who_is_mirrored_is_refused(name, tmp_path):
+    """Which way people face follows from where left and right are; that knees bend forward does not."""
+    text = (MORE / f"{name}.bvh").read_text()
+    swapped = re.sub("left|right", lambda side: SIDES[side[0].lower()](side[0]), text, flags=re.IGNORECASE)
+    assert swapped != text
+    path = tmp_path / "mirrored.bvh"
+    path.write_text(swapped)
+    with pytest.raises(BadMotion, match="its knees bend backward; left and right are exchanged"):
+        import_recording(path)
+
+
+def _like(word):
+    """The word in the case of the one that it replaces."""
+    return lambda old: word.title() if old.istitle() else word.upper() if old.isupper() else word
+
+
+SIDES = {"left": _like("right"), "right": _like("left")}
 SMPL = {
     "LeftUpLeg": "left_hip", "LeftLeg": "left_knee", "LeftFoot": "left_ankle", "LeftToeBase": "left_foot",
     "LeftArm": "left_shoulder", "LeftForeArm": "left_elbow", "LeftHand": "left_wrist",

@@ -1,6 +1,7 @@
 """Policies from anywhere: shipped ones in Gymnasium, foreign ones in evaluation, and those that do not work."""
 
 import copy
+import random
 import signal
 import sys
 import textwrap
@@ -210,6 +211,47 @@ def test_a_policy_may_go_elsewhere_and_rows_do_not(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert [(row.steps, row.error) for row in judged(Path("odd.py"))] == [(10, "")] * 3
     assert Path.cwd() == tmp_path
+
+
+def test_random_numbers_are_a_policys_own_and_the_same_in_every_run(tmp_path):
+    """As they are made, and as it acts; nobody else's are moved on, nor is the default precision changed."""
+    text = """
+    import random
+    import numpy as np
+    import torch
+    torch.set_default_dtype(torch.float64)
+    FIRST = torch.rand(1)
+    """
+    body = "target += FIRST + 0.1 * (torch.randn_like(target) + np.random.rand() + random.random())"
+    path = written(tmp_path / "noisy.py", body, text + POLICY)
+    torch.manual_seed(3), np.random.seed(3), random.seed(3)
+    alone = torch.rand(2), np.random.rand(2), random.random()
+    torch.manual_seed(3), np.random.seed(3), random.seed(3)
+    first, second = judged(path), judged(path)
+    assert first == second and not any(row.error for row in first)
+    assert len({row.max_energy for row in first}) == 3
+    after = torch.rand(2), np.random.rand(2), random.random()
+    assert all(np.array_equal(one, other) for one, other in zip(alone, after, strict=True))
+    assert torch.get_default_dtype() == torch.float32
+
+
+def test_what_a_policy_prints_is_not_taken_for_results(tmp_path, capsys):
+    text = "print('loading')\n" + textwrap.dedent(POLICY)
+    assert not any(row.error for row in judged(written(tmp_path / "talks.py", "print('acting')", text)))
+    told = capsys.readouterr()
+    assert told.out == "" and "loading" in told.err and "acting" in told.err
+
+
+def test_whatever_a_policy_raises_is_its_own_failure(tmp_path):
+    body = "import asyncio; raise asyncio.CancelledError('gone')"
+    assert {row.error for row in judged(written(tmp_path / "odd.py", body))} == {
+        "act raised CancelledError: gone (odd.py, line 17)"
+    }
+    with pytest.raises(MimicbenchError, match="makes no policy: CancelledError"):
+        judged(written(tmp_path / "none.py", text="import asyncio\nraise asyncio.CancelledError('gone')"))
+    listed = textwrap.dedent(POLICY).replace('("proprio",)', '(["proprio"],)')
+    with pytest.raises(MimicbenchError, match=r"observes \['proprio'\], which is no name; give a tuple of names"):
+        judged(written(tmp_path / "listed.py", text=listed))
 
 
 def test_errors_are_listed(tmp_path, capsys):

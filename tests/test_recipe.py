@@ -63,6 +63,20 @@ def test_amounts_are_no_part_of_identity():
     assert amounts(Outer(samples=7)) == {"samples": 7}
 
 
+def test_a_program_cannot_give_what_a_command_line_could_not():
+    for wrong in (Outer(samples="4"), Outer(samples=1.5), Outer(name=3), Outer(inner={"rate": 0.5}), Outer(steps="2")):
+        with pytest.raises(BadSetting, match="cannot be|is a dict; give a Inner"):
+            check(wrong)
+    for wrong in (Recipe(seed=1.5), Recipe(seed="0"), Recipe(objects=ObjectsConfig(count="4"))):
+        with pytest.raises(BadSetting, match="cannot be"):
+            check_recipe(wrong)
+    with pytest.raises(BadSetting, match="objects is a dict; give its configuration"):
+        check_recipe(Recipe(objects={"count": 4}))
+    few = TrackConfig(num_envs=4, ppo=replace(TrackConfig().ppo, steps=1, minibatches=100))
+    with pytest.raises(BadSetting, match="less than one sample for each of ppo.minibatches 100"):
+        check_recipe(Recipe(track=few))
+
+
 @dataclass(frozen=True)
 class Grown(Inner):
     since: Annotated[float, Within(0, 1), Later()] = 0.0

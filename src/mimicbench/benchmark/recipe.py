@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, is_dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -163,7 +163,11 @@ def check_recipe(recipe: Recipe) -> None:
     check(Common(recipe.task, recipe.robot, recipe.seed))
     for part in PARTS:
         config = getattr(recipe, part)
-        if config is not None:
-            check(config, f"{part}.")
+        if config is None:
+            continue
+        if not is_dataclass(config):
+            given = type(config).__name__
+            raise BadSetting(f"{part} is a {given}; give its configuration, or read a whole recipe from a table")
+        check(config, f"{part}.")
     for rule in RULES:
         rule(recipe)

@@ -132,6 +132,12 @@ def tracked_together(recipe: Recipe) -> None:
         raise BadSetting(
             f"track.num-envs is {recipe.track.num_envs}, too few for {parts} parts; give at least one robot for each"
         )
+    samples, ppo = recipe.track.num_envs * recipe.track.ppo.steps, recipe.track.ppo
+    if not recipe.track.teachers and samples < ppo.minibatches:
+        raise BadSetting(
+            f"{recipe.track.num_envs} robots and {ppo.steps} steps are less than one sample for each of "
+            f"ppo.minibatches {ppo.minibatches}; give more robots or steps, or fewer minibatches"
+        )
     if recipe.task in also or len(set(also)) != len(also):
         raise BadSetting(f"track.also is {', '.join(also)}; name each task beside {recipe.task!r} once")
     if len(recipe.track.shares) not in (0, 1 + len(also)):

@@ -31,10 +31,19 @@ def evaluate(argv: Sequence[str]) -> None:
         for name in run.recipe.evaluate.policy:
             wanted.setdefault((at, who_of(run, name).folder), name)
     _tell_apart([(at, who_of(runs[at], name).name, name) for (at, _), name in wanted.items()])
-    judged = [judge(runs[at], name) for (at, _), name in wanted.items()]
+    judged: list[list[EpisodeRow]] = []
+    failed: MimicbenchError | None = None
+    for (at, _), name in wanted.items():
+        try:
+            judged.append(judge(runs[at], name))
+        except MimicbenchError as error:  # those before it have their results
+            failed = error
+            break
     acted = [rows for rows in judged if call.options.json or not all(row.error for row in rows)]
     if acted:
         tell_rates(acted, call.options.json)
+    if failed is not None:
+        raise failed
     for rows in judged:
         check_acted(rows)
 

@@ -75,7 +75,9 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
         for name, value in values.items():
             _check_option(name, value, hints[name])
         name: Any = values.get("to")
-        if isinstance(name, str) and (not name or name == "made" or name.startswith(".") or not name.isprintable()):
+        if isinstance(name, str) and (
+            not name.strip() or name == "made" or name.startswith(".") or not name.isprintable()
+        ):
             raise BadSetting(f"--to is {name!r}; give the set a name, such as `recorded`")
         if isinstance(name, str) and "/" in name:
             raise BadSetting(f"--to is {name!r}; give a name, not a path")

@@ -55,7 +55,8 @@ Seed = Annotated[int, Within(0, 2**63 - 1)]
 
 
 def check(config: Any, where: str = "") -> None:
-    """Raise BadSetting for the first number in a configuration that is out of bounds or not finite.
+    """Raise BadSetting for the first value in a configuration that is of another type, or a number that is out of
+    bounds or not finite.
 
     Numbers without bounds are not negative: a field that may be says so by its bounds.
     """
@@ -65,6 +66,7 @@ def check(config: Any, where: str = "") -> None:
         if is_dataclass(value):
             check(value, f"{name}.")
             continue
+        _check_type(name, value, hints[entry.name])
         check_value(name, value, hints[entry.name])
         _check_sign(name, value, hints[entry.name])
 
@@ -79,6 +81,17 @@ def check_value(name: str, value: Any, hint: Any) -> None:
             raise BadSetting(f"{name} is {value}; give {_number(bounds.low)} to {_number(bounds.high)}")
     if any(isinstance(x, int) and x < 0 for x in numbers):
         raise BadSetting(f"{name} is {value}; give a whole number that is not negative")
+
+
+def _check_type(name: str, value: Any, hint: Any) -> None:
+    """What the command line cannot give, a program can."""
+    inner = _dataclass_of(hint)
+    if inner is not None and value is not None:
+        raise BadSetting(f"{name} is a {type(value).__name__}; give a {inner.__name__}")
+    try:
+        msgspec.convert(value, hint)
+    except msgspec.ValidationError as error:
+        raise BadSetting(f"{name} is {value!r}, which cannot be: {error}") from None
 
 
 def _check_sign(name: str, value: Any, hint: Any) -> None:

@@ -86,7 +86,9 @@ class Guard:
         except TooSlow:
             self._error = f"{what} took more than {patience:g} s"
             return None
-        except (Exception, SystemExit) as error:  # noqa: BLE001 somebody else's program may raise anything
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # noqa: BLE001 somebody else's program may raise anything
             self._error = f"{what} raised {told(error)}"
             return None
 

@@ -18,6 +18,7 @@ from mimicbench.policies.onnx_file import load_onnx
 from mimicbench.policies.registry import LOADERS
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.observations import chosen_terms
+from mimicbench.sensors.term import Term
 from mimicbench.tasks.task import Task
 
 
@@ -61,7 +62,9 @@ def _of_file(path: Path, robot: Robot, task: Task) -> Policy:
             policy = module.make_policy()
     except MimicbenchError:
         raise
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         raise MimicbenchError(f"{path} makes no policy: {told(error)}; mend it") from error
     lacking = [name for name in ("observations", "gains", "to", "reset", "act") if not hasattr(policy, name)]
     if lacking:
@@ -84,6 +87,9 @@ def _check_words(path: Path, policy: Policy) -> None:
     if not isinstance(policy.observations, tuple | list):
         given = type(policy.observations).__name__
         raise MimicbenchError(f"what the policy of {path} observes is a {given}; give a tuple of names")
+    odd = [name for name in policy.observations if not isinstance(name, str | Term)]
+    if odd:
+        raise MimicbenchError(f"the policy of {path} observes {odd[0]!r}, which is no name; give a tuple of names")
     if not isinstance(policy.gains, str):
         raise MimicbenchError(f"the gains of the policy of {path} are a {type(policy.gains).__name__}; give their name")
 

@@ -225,11 +225,9 @@ def _scale(size: np.ndarray, mesh: Mesh, kind: Kind, wishes: Wishes) -> tuple[fl
     final = logs + np.log(scale)
     if not (0 < scale < np.inf) or np.abs(final).max() > limit:
         meters = " x ".join(f"{side * scale:.3g}" for side in size)
-        hint = (
-            f"its numbers look like {fits[0]}: leave --unit out or give --unit {fits[0]}"
-            if fits
-            else "give --height with its height in metres"
-        )
+        hint = "give --height with its height in metres"
+        if fits and given is None:
+            hint = f"its numbers look like {fits[0]}: leave --unit out or give --unit {fits[0]}"
         raise BadObject(f"it would be {meters} m large, which is not the size of such an object; {hint}")
     return scale, float(np.square(final).mean()), why
 

@@ -29,6 +29,8 @@ UPRIGHT, UPRIGHT_SHARE = 0.5, 0.2
 recording."""
 HOP = 0.08
 """If the lower sole is usually so much above where it is lowest [m], people hop."""
+BACKWARD = -0.02
+"""[m] Of who is mirrored, knees are so far in front of the middle between hip and ankle; of others 1 cm or more."""
 STATIC = 0.01
 """If no joint ever gets farther than this from where it was at first [m], nobody moves."""
 STATURE = (1.4, 2.05)
@@ -122,6 +124,7 @@ def finish(path: Path, recording: Recording, stands: bool = True) -> Recording:
             "or the frame rate (--unit, --fps)"
         )
     pos, quat = recording.forward_kinematics()
+    check_knees(path, body_of(recording.skeleton), pos, quat)
     if np.linalg.norm(pos - pos[:1], axis=-1).max() < STATIC:
         raise BadMotion(f"{path} is a static pose: nobody moves in it; leave it out")
     tall = stature(body_of(recording.skeleton))
@@ -165,6 +168,21 @@ def check_person(path: Path, skeleton: Skeleton) -> None:
     longest = np.linalg.norm(skeleton.offsets, axis=-1).max()
     if longest > 1.0:
         raise BadMotion(f"{path} has a bone of {longest:.3g} m, no person's; it is damaged, or mixes units of length")
+
+
+def check_knees(path: Path, body: Body, pos: np.ndarray, quat: np.ndarray) -> None:
+    """Knees bend forward; pos is (T, J, 3), quat (T, J, 4). Raises BadMotion.
+
+    Formats whose files do not say which way people face take it from where left and right are: with these exchanged,
+    people walk backward on knees that bend backward.
+    """
+    legs = [pos[:, leg.middle] - (pos[:, leg.root] + pos[:, leg.end]) / 2 for leg in body.legs]
+    ahead = rot.rotate_inverse(quat[:, body.pelvis], np.mean(legs, 0))[:, 0]
+    if np.median(ahead) < BACKWARD:
+        raise BadMotion(
+            f"{path}: its knees bend backward; left and right are exchanged, or it is in left-handed coordinates: "
+            "convert it first"
+        )
 
 
 def stature(body: Body) -> float:
