@@ -227,7 +227,7 @@ class PPOLearner:
         self.ppo.critic.load_state_dict(parts["critic"])
         OptimizerState(self.ppo.optimizer).load_state_tensors(parts["optimizer"])
         self.average.load_state_tensors(parts["average"])
-        self.averaged = int(tensors["averaged"])
+        self.averaged = int(tensors.get("averaged", 0))  # a training that began before there were averages has none
         self.ppo.learning_rate = float(tensors["learning_rate"])
 
 
