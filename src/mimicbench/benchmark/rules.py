@@ -124,6 +124,7 @@ def tracked_together(recipe: Recipe) -> None:
         return
     from mimicbench.core.checkpoint import model_file
     from mimicbench.tasks.registry import TASKS
+    from mimicbench.track.learning.ppo_config import check_rounds
 
     also, begin_from = recipe.track.also, recipe.track.begin_from
     for name in also:
@@ -132,12 +133,8 @@ def tracked_together(recipe: Recipe) -> None:
         raise BadSetting(
             f"track.num-envs is {recipe.track.num_envs}, too few for {parts} parts; give at least one robot for each"
         )
-    samples, ppo = recipe.track.num_envs * recipe.track.ppo.steps, recipe.track.ppo
-    if not recipe.track.teachers and samples < ppo.minibatches:
-        raise BadSetting(
-            f"{recipe.track.num_envs} robots and {ppo.steps} steps are less than one sample for each of "
-            f"ppo.minibatches {ppo.minibatches}; give more robots or steps, or fewer minibatches"
-        )
+    if not recipe.track.teachers:
+        check_rounds(recipe.track.ppo, recipe.track.num_envs)
     if recipe.task in also or len(set(also)) != len(also):
         raise BadSetting(f"track.also is {', '.join(also)}; name each task beside {recipe.task!r} once")
     if len(recipe.track.shares) not in (0, 1 + len(also)):

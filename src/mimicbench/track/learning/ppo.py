@@ -12,10 +12,9 @@ from rsl_rl.models import MLPModel
 from rsl_rl.storage import RolloutStorage
 from tensordict import TensorDict
 
-from mimicbench.core.settings import BadSetting
 from mimicbench.core.training import MovingAverage, OptimizerState
 from mimicbench.track.learning.muon import MuonAndAdam
-from mimicbench.track.learning.ppo_config import DEVIATIONS, PPOConfig
+from mimicbench.track.learning.ppo_config import DEVIATIONS, PPOConfig, check_rounds
 from mimicbench.track.learning.warm_start import plain_network, take_over, take_statistics
 from mimicbench.track.network import Blueprint
 
@@ -44,11 +43,7 @@ class PPOLearner:
         self, blueprint: Blueprint, actions: int, num_envs: int, config: PPOConfig, device: str = "cpu"
     ) -> None:
         self.config, self.blueprint = config, blueprint
-        if num_envs * config.steps < config.minibatches:
-            raise BadSetting(
-                f"{num_envs} robots and {config.steps} steps are less than one sample for each of "
-                f"ppo.minibatches {config.minibatches}; give more robots or steps, or fewer minibatches"
-            )
+        check_rounds(config, num_envs)
         example = _wrap(torch.zeros(num_envs, blueprint.inputs, device=device))
         distribution = {
             "class_name": "GaussianDistribution",

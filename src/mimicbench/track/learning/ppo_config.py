@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from mimicbench.core.errors import MimicbenchError
-from mimicbench.core.settings import Later, Positive, Share, Sizes, Within
+from mimicbench.core.settings import BadSetting, Later, Positive, Share, Sizes, Within
 
 if TYPE_CHECKING:
     from mimicbench.track.learning.ppo import PPOLearner
@@ -60,6 +60,15 @@ class PPOConfig:
     initial_std: Annotated[float, Within(*DEVIATIONS)] = 0.5
     """Standard deviation of the first actions. With 0.25 the allowed divergence makes every step so small that nothing
     is learned for millions of samples."""
+
+
+def check_rounds(config: PPOConfig, num_envs: int) -> None:
+    """Raises BadSetting if a round of so many robots has not a sample for each minibatch."""
+    if num_envs * config.steps < config.minibatches:
+        raise BadSetting(
+            f"{num_envs} robots and {config.steps} steps are less than one sample for each of ppo.minibatches "
+            f"{config.minibatches}; give more robots or steps, or fewer minibatches"
+        )
 
 
 def ppo_learner() -> type[PPOLearner]:
