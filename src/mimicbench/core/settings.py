@@ -8,6 +8,7 @@ goes on. Everything else determines the stage.
 import json
 from collections.abc import Mapping
 from dataclasses import MISSING, asdict, dataclass, fields, is_dataclass, replace
+from functools import cache
 from math import isfinite
 from typing import Annotated, Any, TypeVar, get_type_hints
 
@@ -60,7 +61,7 @@ def check(config: Any, where: str = "") -> None:
 
     Numbers without bounds are not negative: a field that may be says so by its bounds.
     """
-    hints = get_type_hints(type(config), include_extras=True)
+    hints = _hints(type(config))
     for entry in fields(config):
         value, name = getattr(config, entry.name), f"{where}{entry.name}"
         if is_dataclass(value):
@@ -156,7 +157,7 @@ def read(
         BadSetting: A name is unknown, or a value has the wrong type or is out of bounds.
     """
     said = f" (in {source})" if source else ""
-    hints = get_type_hints(kind, include_extras=True)
+    hints = _hints(kind)
     known = {entry.name for entry in fields(kind)}  # hints are also of what all of a class share
     unknown = [name for name in tree if name not in known]
     if unknown:
@@ -206,13 +207,19 @@ def _plain(config: Any, amounts: bool) -> dict[str, Any]:
     return found
 
 
+@cache
+def _hints(kind: type) -> dict[str, Any]:
+    """Types of a dataclass's fields, bounds and all; kept, for every stage's key asks for those of all settings."""
+    return get_type_hints(kind, include_extras=True)
+
+
 def _is_amount(config: Any, name: str) -> bool:
-    return any(isinstance(b, Amount) for b in _bounds(get_type_hints(type(config), include_extras=True)[name]))
+    return any(isinstance(b, Amount) for b in _bounds(_hints(type(config))[name]))
 
 
 def _is_later(config: Any, name: str) -> bool:
     """Whether a setting that came later is at its default."""
-    marks = _marks(get_type_hints(type(config), include_extras=True)[name])
+    marks = _marks(_hints(type(config))[name])
     return any(isinstance(mark, Later) for mark in marks) and getattr(config, name) == _default(type(config), name)
 
 
