@@ -191,7 +191,7 @@ def test_a_variant_that_cannot_be_judged_is_told_and_the_others_are():
 
 
 def test_a_comparison_end_to_end_is_not_made_twice(tmp_path, capsys):
-    words = "compare learners --only BC --task sit-chair --objects.count 8 --references.count 6"
+    words = "compare learners --only BC --task sit-chair --objects.count 5 --references.count 3"
     words += " --imitate.learner bc --train.steps 3 --train.batch 4 --evaluate.episodes 1 --workers 1"
     argv = [*words.split(), "--workdir", str(tmp_path)]
     cli.main([*argv, "--json"])
@@ -206,7 +206,7 @@ def test_a_comparison_end_to_end_is_not_made_twice(tmp_path, capsys):
 
 
 def test_a_tracker_learns_here_where_one_is_shipped_and_is_judged_where_none_is_to_learn(tmp_path, capsys):
-    words = "--task sit-chair --objects.count 8 --references.count 6 --evaluate.tracked 1 --workers 1 --json"
+    words = "--task sit-chair --objects.count 5 --references.count 4 --evaluate.tracked 1 --workers 1 --json"
     learned = "--track.samples 32 --num-envs 4 --parts 1 --ppo.steps 4 --ppo.hidden 16 --evaluate-clips 1 --only"
     common = [*words.split(), "--workdir", str(tmp_path)]
     cli.main(["compare", "trackers", *common, *learned.split(), "residual (ours)"])

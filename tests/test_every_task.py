@@ -43,6 +43,7 @@ from mimicbench.imitate.stored.scenery import Scenery
 from mimicbench.imitate.stored.verify import replayed, unfulfilled
 from mimicbench.objects.registry import make_object
 from mimicbench.policies.loading import load_policy
+from mimicbench.retarget.settings import RetargetConfig
 from mimicbench.sensors.scene import PICTURE
 from mimicbench.sim.rows import Rows
 from mimicbench.sim.timing import CONTROL_DT
@@ -209,6 +210,7 @@ def test_from_clips_to_a_policy(task, tmp_path):
         task,
         objects=8,
         clips=6,
+        retarget=RetargetConfig(),
         track=TrackConfig(samples=64, num_envs=8, evaluate_clips=1, ppo=tiny),
         imitate=PlannerImitation(perception=PerceptionConfig(maps=8, steps=2, batch=4), planner=planner),
         evaluate=EvaluateConfig(episodes=2),
@@ -228,7 +230,8 @@ def test_one_planner_of_several_tasks_from_clips_to_rows_of_each(tmp_path):
     planner = PlannerConfig(**sizes, batch=8, memory=64)
     eyes = PerceptionConfig(maps=8, steps=2, batch=4)
     learned = PlannerImitation(perception=eyes, planner=planner, also=("sit-chair",))
-    recipe = making.small("touch-points", objects=6, clips=3, imitate=learned, evaluate=EvaluateConfig(episodes=1))
+    sizes = {"objects": 6, "clips": 3, "retarget": RetargetConfig()}
+    recipe = making.small("touch-points", imitate=learned, evaluate=EvaluateConfig(episodes=1), **sizes)
     stage = run_stage("imitate", recipe, tmp_path, making.QUIET)
     seen = [path.parents[1].name for path in stage.folder.rglob("perception/config.json")]
     assert seen == ["sit-chair"], "what is told needs no eyes"

@@ -24,7 +24,7 @@ def plans():
     goal = TASK.goal.describe(FAMILIES.get("chair").make(0, 0))
     goal[:2] = 0.0
     begin = from_standing(ROBOT, np.array([2.0, 0.3, np.pi]), np.array(ROBOT.rest_pose))
-    return Planning(ROBOT, TASK, OnlineConfig(tries=8, rehearsals=2)).plans(goal, NOTHING, begin, 0)
+    return Planning(ROBOT, TASK, OnlineConfig("optimization", tries=8, rehearsals=2)).plans(goal, NOTHING, begin, 0)
 
 
 def beside(plan):

@@ -16,7 +16,7 @@ BEFORE = {"objects": (), "references": ("objects",), "retarget": ("objects", "re
 SIZES = {
     "objects": ("--objects.count", "300"),
     "references": ("--references.count", "12"),
-    "retarget": (),
+    "retarget": ("--retarget.method", "copy-rotation"),
 }
 ITEM = {"objects": "chair-*.json", "references": "*.npz", "retarget": "*.npz"}
 
