@@ -15,6 +15,7 @@ from mimicbench.core.names import safe_name
 from mimicbench.core.skeleton import Skeleton, forward_kinematics
 from mimicbench.references.body.body import Body, body_of
 from mimicbench.references.checks.contacts import sole_points
+from mimicbench.references.importers.lost import mend_lost_frames
 
 MAX_BYTES = 256 << 20
 """Of a file, packed and unpacked."""
@@ -22,8 +23,6 @@ UNITS: Mapping[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "
 """Meters in a unit; `cmu` is that of the CMU library's skeletons."""
 LEG = (0.55, 1.15)
 """Shortest and longest thigh and shin together of a person [m]."""
-FASTEST = 15.0
-"""A pelvis is slower than this [m/s]."""
 UPRIGHT, UPRIGHT_SHARE = 0.5, 0.2
 """A pelvis is upright if its z axis points up by more than this cosine; people are for more than this share of a
 recording."""
@@ -117,12 +116,8 @@ def finish(path: Path, recording: Recording, stands: bool = True) -> Recording:
     check_person(path, recording.skeleton)
     if stands:
         check_upright(path, recording.local_quat, recording.wishes.up)
-    speed = np.linalg.norm(np.diff(recording.root_pos_w, axis=0), axis=-1) * recording.fps
-    if np.quantile(speed, 0.98) > FASTEST:
-        raise BadMotion(
-            f"{path}: the pelvis moves at {np.quantile(speed, 0.98):.3g} m/s; say the unit of length "
-            "or the frame rate (--unit, --fps)"
-        )
+    root, local, mended = mend_lost_frames(path, recording.fps, recording.root_pos_w, recording.local_quat)
+    recording = replace(recording, root_pos_w=root, local_quat=local)
     pos, quat = recording.forward_kinematics()
     check_knees(path, body_of(recording.skeleton), pos, quat)
     if np.linalg.norm(pos - pos[:1], axis=-1).max() < STATIC:
@@ -145,7 +140,7 @@ def finish(path: Path, recording: Recording, stands: bool = True) -> Recording:
         recording,
         name=safe_name(recording.name),
         root_pos_w=recording.root_pos_w - down,
-        assumed=(*recording.assumed, *warned, said),
+        assumed=(*recording.assumed, *mended, *warned, said),
         track=track,
     )
 
