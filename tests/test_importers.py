@@ -141,7 +141,7 @@ def test_missing_ends_get_bones_of_their_size(tmp_path):
 
 def test_units_axes_and_rates_can_be_told(tmp_path):
     path = recordings.bvh(tmp_path / "take.bvh", 0.01)
-    with pytest.raises(BadMotion, match="--unit"):
+    with pytest.raises(BadMotion, match=r"no person's; say the unit of length \(--unit\)$"):
         import_recording(path, wishes=Wishes(unit="m"))
     told = import_recording(path, wishes=Wishes(unit="cm", fps=60, up="y+", floor=0.02))
     guessed = import_recording(path)
@@ -341,6 +341,18 @@ def test_each_fault_has_one_clear_sentence(tmp_path, form, change, says):
     with pytest.raises((BadMotion, BadFile), match=says) as caught:
         import_recording(spoil(form, tmp_path, change), form)
     assert "\n" not in str(caught.value) and len(str(caught.value)) < 700
+
+
+@pytest.mark.parametrize(
+    ("form", "factor", "says"),
+    [
+        ("unihsi", 1000.0, r"pelvis moves at .* m/s; say the frame rate \(--fps\)$"),
+        ("core4d", 3.0, "left leg is .* no person's; files in format core4d are in meters$"),
+    ],
+)
+def test_no_format_is_advised_what_does_not_apply_to_it(tmp_path, form, factor, says):
+    with pytest.raises(BadMotion, match=says):
+        import_recording(spoil(form, tmp_path, lambda array: array * factor))
 
 
 def held(array):

@@ -44,9 +44,3 @@ def test_who_does_not_come_back_soon_is_of_another_take(frames):
     root[frames] += [0.0, 20.0, 0.0]
     with pytest.raises(BadMotion, match=r"take\.npy: the person jumps by 20 m at frame (60|199); cut the file there"):
         mend_lost_frames(HERE, FPS, root, quat)
-
-
-def test_who_is_always_too_fast_has_another_unit():
-    root, quat = walking()
-    with pytest.raises(BadMotion, match="the pelvis moves at 90.6 m/s; say the unit of length or the frame rate"):
-        mend_lost_frames(HERE, FPS, 100 * root, quat)

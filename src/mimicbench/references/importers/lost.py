@@ -9,8 +9,6 @@ from mimicbench.core.errors import BadMotion
 
 FASTEST = 15.0
 """A pelvis is slower than this [m/s]."""
-USUAL = 0.98
-"""In at least this share of the frames; else the unit of length or the frame rate is not as thought."""
 LONGEST = 0.25
 """Whoever is elsewhere for longer [s] has not been lost: the file is of several takes, or damaged."""
 
@@ -19,14 +17,9 @@ def mend_lost_frames(
     path: Path, fps: float, root_pos_w: np.ndarray, local_quat: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
     """Pelvis (T, 3) [m] and rotations (T, J, 4) that go evenly through frames in which tracking was lost, and what to
-    say about them. Raises BadMotion where the pelvis jumps and does not come back, or is always too fast.
+    say about them. Raises BadMotion where the pelvis jumps and does not come back.
     """
     speed = np.linalg.norm(np.diff(root_pos_w, axis=0), axis=-1) * fps
-    if np.quantile(speed, USUAL) > FASTEST:
-        raise BadMotion(
-            f"{path}: the pelvis moves at {np.quantile(speed, USUAL):.3g} m/s; say the unit of length "
-            "or the frame rate (--unit, --fps)"
-        )
     root, quat, lost = root_pos_w.copy(), local_quat.copy(), []
     for first in np.flatnonzero(speed > FASTEST) + 1:
         if lost and first <= lost[-1] + 1:

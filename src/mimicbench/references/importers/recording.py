@@ -15,7 +15,7 @@ from mimicbench.core.names import safe_name
 from mimicbench.core.skeleton import Skeleton, forward_kinematics
 from mimicbench.references.body.body import Body, body_of
 from mimicbench.references.checks.contacts import sole_points
-from mimicbench.references.importers.lost import mend_lost_frames
+from mimicbench.references.importers.lost import FASTEST, mend_lost_frames
 
 MAX_BYTES = 256 << 20
 """Of a file, packed and unpacked."""
@@ -34,6 +34,16 @@ STATIC = 0.01
 """If no joint ever gets farther than this from where it was at first [m], nobody moves."""
 STATURE = (1.4, 2.05)
 """Shortest and tallest person about whom nothing is said [m]."""
+
+
+class WrongUnit(BadMotion):
+    """A recording that has people's shape but not their size or speed: its unit of length is not as thought, or else
+    something that is said. What helps depends on the format.
+    """
+
+    def __init__(self, what: str, other: str = "") -> None:
+        super().__init__(what)
+        self.other = other
 
 
 @dataclass(frozen=True)
@@ -116,6 +126,9 @@ def finish(path: Path, recording: Recording, stands: bool = True) -> Recording:
     check_person(path, recording.skeleton)
     if stands:
         check_upright(path, recording.local_quat, recording.wishes.up)
+    speed = np.linalg.norm(np.diff(recording.root_pos_w, axis=0), axis=-1) * recording.fps
+    if np.quantile(speed, 0.98) > FASTEST:
+        raise WrongUnit(f"{path}: the pelvis moves at {np.quantile(speed, 0.98):.3g} m/s", "frame rate (--fps)")
     root, local, mended = mend_lost_frames(path, recording.fps, recording.root_pos_w, recording.local_quat)
     recording = replace(recording, root_pos_w=root, local_quat=local)
     pos, quat = recording.forward_kinematics()
@@ -126,7 +139,7 @@ def finish(path: Path, recording: Recording, stands: bool = True) -> Recording:
     warned = (
         ()
         if STATURE[0] <= tall <= STATURE[1]
-        else (f"the person would be {tall:.2f} m tall: look whether the unit of length is right (--unit, --scale)",)
+        else (f"the person would be {tall:.2f} m tall: look whether the unit of length is right",)
     )
     if recording.wishes.floor is None:
         floor, where = floor_height(recording.skeleton, pos, quat)
@@ -151,10 +164,7 @@ def check_person(path: Path, skeleton: Skeleton) -> None:
     for side, leg, sign in zip(("left", "right"), body.legs, (1, -1), strict=True):
         length = sum(body.length(leg))
         if not LEG[0] <= length <= LEG[1]:
-            raise BadMotion(
-                f"{path}: its {side} leg is {length:.3g} m long without the foot, no person's; say "
-                "the unit of length (--unit)"
-            )
+            raise WrongUnit(f"{path}: its {side} leg is {length:.3g} m long without the foot, no person's")
         if skeleton.offsets[leg.root, 1] * sign <= 0.01:
             raise BadMotion(
                 f"{path}: its {side} hip is not on the {side}; it is mirrored, or in left-handed "

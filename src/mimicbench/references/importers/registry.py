@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mimicbench.core.errors import BadFile, UnknownName
+from mimicbench.core.errors import BadFile, BadMotion, UnknownName
 from mimicbench.core.registry import Registry
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def import_recording(path: Path, form: str = AUTO, wishes: Wishes | None = None)
     Raises BadFile, BadMotion or UnknownName.
     """
     from mimicbench.references.importers.format import OPTIONAL
-    from mimicbench.references.importers.recording import Wishes
+    from mimicbench.references.importers.recording import Wishes, WrongUnit
 
     if form != AUTO and form not in FORMATS:
         raise UnknownName("format", form, [AUTO, *FORMATS])
@@ -39,7 +39,12 @@ def import_recording(path: Path, form: str = AUTO, wishes: Wishes | None = None)
     for name, option in OPTIONAL.items():
         if getattr(wishes, name) is not None and name not in found.heeds:
             raise BadFile(f"{path} is in format {found.name}, to which {option} does not apply; leave that out")
-    return found.read(path, wishes)
+    try:
+        return found.read(path, wishes)
+    except WrongUnit as wrong:
+        ways = ["unit of length (--unit)"] * ("unit" in found.heeds) + [wrong.other] * bool(wrong.other)
+        said = f"say the {' or the '.join(ways)}" if ways else f"files in format {found.name} are in meters"
+        raise BadMotion(f"{wrong}; {said}") from None
 
 
 def files_read(path: Path, wishes: Wishes | None = None) -> list[Path]:
