@@ -12,8 +12,6 @@ from mimicbench.references.settings import ReferencesConfig
 from mimicbench.retarget.settings import RetargetConfig
 
 QUIET = RunContext(workers=1, quiet=True)
-
-
 QUICK = RetargetConfig(method="copy-rotation")
 """Ten times as fast as the method that is used unless another is asked for."""
 

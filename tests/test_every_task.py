@@ -230,8 +230,14 @@ def test_one_planner_of_several_tasks_from_clips_to_rows_of_each(tmp_path):
     planner = PlannerConfig(**sizes, batch=8, memory=64)
     eyes = PerceptionConfig(maps=8, steps=2, batch=4)
     learned = PlannerImitation(perception=eyes, planner=planner, also=("sit-chair",))
-    sizes = {"objects": 6, "clips": 3, "retarget": RetargetConfig()}
-    recipe = making.small("touch-points", imitate=learned, evaluate=EvaluateConfig(episodes=1), **sizes)
+    recipe = making.small(
+        "touch-points",
+        objects=6,
+        clips=3,
+        retarget=RetargetConfig(),
+        imitate=learned,
+        evaluate=EvaluateConfig(episodes=1),
+    )
     stage = run_stage("imitate", recipe, tmp_path, making.QUIET)
     seen = [path.parents[1].name for path in stage.folder.rglob("perception/config.json")]
     assert seen == ["sit-chair"], "what is told needs no eyes"

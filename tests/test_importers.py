@@ -347,7 +347,7 @@ def test_each_fault_has_one_clear_sentence(tmp_path, form, change, says):
     ("form", "factor", "says"),
     [
         ("unihsi", 1000.0, r"pelvis moves at .* m/s; say the frame rate \(--fps\)$"),
-        ("core4d", 3.0, "left leg is .* no person's; files in format core4d are in meters$"),
+        ("core4d", 3.0, "left leg is .* no person's; files in format core4d are in meters: convert it$"),
     ],
 )
 def test_no_format_is_advised_what_does_not_apply_to_it(tmp_path, form, factor, says):

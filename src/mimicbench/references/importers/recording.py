@@ -136,11 +136,8 @@ def finish(path: Path, recording: Recording, stands: bool = True) -> Recording:
     if np.linalg.norm(pos - pos[:1], axis=-1).max() < STATIC:
         raise BadMotion(f"{path} is a static pose: nobody moves in it; leave it out")
     tall = stature(body_of(recording.skeleton))
-    warned = (
-        ()
-        if STATURE[0] <= tall <= STATURE[1]
-        else (f"the person would be {tall:.2f} m tall: look whether the unit of length is right",)
-    )
+    doubt = "look whether the unit of length is right (--unit or --scale, for files that do not say it)"
+    warned = () if STATURE[0] <= tall <= STATURE[1] else (f"the person would be {tall:.2f} m tall: {doubt}",)
     if recording.wishes.floor is None:
         floor, where = floor_height(recording.skeleton, pos, quat)
         said = f"the floor was taken to be where the soles {where}, at z = {floor:.3f} m"

@@ -43,7 +43,7 @@ def import_recording(path: Path, form: str = AUTO, wishes: Wishes | None = None)
         return found.read(path, wishes)
     except WrongUnit as wrong:
         ways = ["unit of length (--unit)"] * ("unit" in found.heeds) + [wrong.other] * bool(wrong.other)
-        said = f"say the {' or the '.join(ways)}" if ways else f"files in format {found.name} are in meters"
+        said = f"say the {' or the '.join(ways)}" if ways else f"files in format {found.name} are in meters: convert it"
         raise BadMotion(f"{wrong}; {said}") from None
 
 
