@@ -21,6 +21,7 @@ from mimicbench.commands.parsing import read_call
 from mimicbench.core.checkpoint import CONFIG
 from mimicbench.core.errors import BadFile, MimicbenchError, UnknownName
 from mimicbench.core.motion import RobotMotion
+from mimicbench.core.run import RunContext
 from mimicbench.core.settings import Amount, BadSetting, Later, Within, amounts, check, identity, merge, read
 from mimicbench.core.stage import read_stage
 from mimicbench.evaluate.rollout import Protocol
@@ -417,6 +418,17 @@ def test_fewer_episodes_do_not_replace_more_and_more_do(judged):
     asked = lambda count: replace(judged, recipe=replace(judged.recipe, evaluate=EvaluateConfig(tracked=count)))  # noqa: E731
     assert len(judge(asked(1), "tracker")) == 1 and len(read_rows(path)) == 2
     assert len(judge(asked(3), "tracker")) == 3 and len(read_rows(path)) == 3
+
+
+def test_clips_of_more_episodes_are_not_looked_through_again_for_fewer(tmp_path, capfd):
+    run = start(making.small(objects=8), tmp_path, RunContext(workers=1))
+    more = episodes_of(run, 4)
+    assert "human clips" in capfd.readouterr().err
+    fewer = episodes_of(run, 2)
+    assert not capfd.readouterr().err
+    assert [clip.id for clip in fewer.set.motions] == [clip.id for clip in more.set.motions[:2]]
+    alone = episodes_of(replace(run, workdir=tmp_path / "alone"), 2)
+    assert [clip.id for clip in alone.set.motions] == [clip.id for clip in fewer.set.motions]
 
 
 def test_who_is_stopped_goes_on_after_the_last_whole_batch(judged, tmp_path):

@@ -19,6 +19,7 @@ from mimicbench.benchmark.shipped import shipped
 from mimicbench.benchmark.who import Who, who_of
 from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError
 from mimicbench.core.names import typed
+from mimicbench.core.stage import read_stage
 
 if TYPE_CHECKING:
     import numpy as np
@@ -42,6 +43,8 @@ def episodes_of(run: Run, count: int) -> Clips:
     split = run.recipe.evaluate.split
     made = run.set_name("references") is None and split == "test"
     wanted = count + count // 20 + 2  # some more, for K may leave out a few
+    if made and wanted < (there := _made_before(run)) <= 2 * wanted:
+        wanted = there  # what was made for another policy's episodes is not looked through again
     found = _of_split(run, wanted if made else None)
     for _ in range(TRIES if made else 0):
         if len(found.set) >= count:
@@ -60,11 +63,20 @@ def episodes_of(run: Run, count: int) -> Clips:
 
 def _of_split(run: Run, wanted: int | None) -> Clips:
     """The recipe's clips on objects of the split; or so many human clips, retargeted, on test objects alone."""
-    if wanted is not None:
-        # episodes are the same for everybody, whoever was learned from
-        run = run.changed(references=replace(run.part("references"), count=wanted, test_only=True, alike=False))
-    clips = retargeted(run)
+    clips = retargeted(run if wanted is None else _for_episodes(run, wanted))
     return replace(clips, set=clips.split(run.recipe.evaluate.split))
+
+
+def _for_episodes(run: Run, count: int) -> Run:
+    """With human clips that are the same for everybody, whoever was learned from."""
+    return run.changed(references=replace(run.part("references"), count=count, test_only=True, alike=False))
+
+
+def _made_before(run: Run) -> int:
+    """How many human clips there are for episodes on test objects."""
+    with suppress(BadFile):
+        return read_stage(run.folder(keys.reference_key(_for_episodes(run, 1)))).header["amounts"]["count"]
+    return 0
 
 
 def judge(run: Run, name: str, protocol: Protocol | None = None) -> list[EpisodeRow]:
