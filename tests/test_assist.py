@@ -10,7 +10,7 @@ from mimicbench.track.registry import TRACKERS
 from mimicbench.track.settings import EndConfig, TrackingConfig
 from mimicbench.track.tracking import TrackingEnv
 
-FAR = EndConfig(1e3, 1e3, 1e3, 1e3)
+FAR = EndConfig(max_pos_error=1e3, max_angle_error=1e3, max_drop=1e3, max_ankle_error=1e3)
 
 
 def tracked(assist, steps=100):

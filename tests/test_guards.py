@@ -222,6 +222,10 @@ def test_who_is_judged_by_a_name_that_others_of_the_workdir_have_is_told(tmp_pat
         stage.finish()
     _tell_of_others(there, bc, "bc")
     assert said.pop().startswith(f"judging the shipped bc; {folder} is of other settings")
+    with opened(tmp_path / "sit-chair" / "track" / "hst-0123abcd", StageKey("track", "sit-chair", 0, {})) as stage:
+        stage.finish()
+    _tell_of_others(there, who_of(there, "tracker"), "tracker")
+    assert said.pop().endswith(f"--policy {stage.folder / 'checkpoint'}")
     assert not said
     _tell_of_others(there, who_of(there, "planner"), "planner")
     _tell_of_others(there, who_of(there, str(bc.folder)), str(bc.folder))

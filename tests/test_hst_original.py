@@ -45,7 +45,7 @@ SPEC = TRACKERS.get("hst-original")
 SETTINGS = SPEC.settings()
 LAYOUT = Layout.of(SPEC, H1, [SIT_CHAIR])
 SMALL = TransformerConfig(tokens=8, heads=2, blocks=2)
-LOOSE = replace(CALM, ends=EndConfig(1e3, 1e3, 1e3, 1e3))
+LOOSE = replace(CALM, ends=EndConfig(max_pos_error=1e3, max_angle_error=1e3, max_drop=1e3, max_ankle_error=1e3))
 
 
 def turned(yaw, pitch, roll):

@@ -273,13 +273,16 @@ def test_training_is_deterministic_and_survives_a_kill(kind, demos, chairs, tmp_
     whole = train(config, data, SHORT, tmp_path / "whole", quiet=True).state_dict()
     # stopped after three batches, then taken up; lines written after the checkpoint are forgotten
     train(config, data, replace(SHORT, steps=3, schedule="constant"), tmp_path / "constant", quiet=True)
-    train(config, data, replace(SHORT, schedule="constant"), tmp_path / "once", quiet=True)
+    said = {"gains": "paper"}
+    train(config, data, replace(SHORT, schedule="constant"), tmp_path / "once", quiet=True, notes=said)
     with open(tmp_path / "constant/metrics.jsonl", "a") as stream:
         stream.write('{"step": 4, "loss": 0}\n{"st')
     torch.set_num_threads(2)  # as in another program, which has done other things before
     resumed = train(config, data, replace(SHORT, schedule="constant"), tmp_path / "constant", quiet=True).state_dict()
     assert torch.get_num_threads() == 1
-    once = load_learner(tmp_path / "once", H1, type(config))[0].state_dict()
+    learner, notes = load_learner(tmp_path / "once", H1, type(config))
+    once = learner.state_dict()
+    assert notes["gains"] == "paper" and notes["steps"] == SHORT.steps, "a checkpoint can be used before it is finished"
     assert all((once[name] == resumed[name]).all() for name in once)
     steps = [json.loads(line)["step"] for line in (tmp_path / "constant/metrics.jsonl").read_text().splitlines()]
     assert steps == [2, 3, 4, 6, 6]

@@ -111,6 +111,7 @@ def test_terms_are_computed_when_looked_up_and_once():
     assert calls == [1]
     with pytest.raises(MimicbenchError, match="'state' was not asked for"):
         obs["state"]
+    assert obs.get("targets") is None, "a policy for several tasks may ask"
 
 
 def test_arrays_are_observed_as_running_episodes_are():

@@ -131,6 +131,12 @@ def test_a_training_cannot_be_had_smaller_and_one_that_was_raised_is_another(tmp
     with opened(folder, key(amounts={"samples": 10}), trained=True) as stage:
         stage.finish()
     fewer = opened(folder, key(amounts={"samples": 5}), trained=True)
+    begun = {"folder": tmp_path / "begun", "trained": True}
+    with opened(key=key(amounts={"samples": 10}), **begun):
+        pass
+    less = opened(key=key(amounts={"samples": 5}), **begun)
+    with pytest.raises(MimicbenchError, match=r"begun for 10 samples and is unfinished; ask for as much"), less:
+        pass
     with pytest.raises(MimicbenchError, match=r"for 10 samples, more than the 5 samples"), fewer:
         pass
     with opened(folder, key(amounts={"samples": 20}), trained=True) as more:

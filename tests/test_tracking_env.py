@@ -34,7 +34,7 @@ from tracked import (
 
 def test_when_an_episode_ends():
     bank = ReferenceBank([CLIPS[0]], H1)
-    ends = EndConfig(0.5, 1.0, 0.25, max_object_error=0.15)
+    ends = EndConfig(max_pos_error=0.5, max_angle_error=1.0, max_drop=0.25, max_object_error=0.15)
     shifts = [[0.49, 0, 0], [0.51, 0, 0], [0, 0, -0.24], [0, 0, -0.26], [0, 0, 0.3], [0, 0, 0]]
     found = []
     for shift, yaw in zip(shifts, [0.99, 0, 0, 0, 0, 1.01], strict=True):

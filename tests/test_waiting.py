@@ -11,7 +11,7 @@ from mimicbench.track.registry import TRACKERS
 from mimicbench.track.settings import EndConfig, TrackingConfig
 from mimicbench.track.tracking import TrackingEnv
 
-FAR = EndConfig(1e3, 1e3, 1e3, 1e3)
+FAR = EndConfig(max_pos_error=1e3, max_angle_error=1e3, max_drop=1e3, max_ankle_error=1e3)
 ROBOTS = 64
 CALM = ClipStartConfig(first_frame=1.0, pos_noise=0.0, angle_noise=0.0, vel_noise=0.0)
 

@@ -15,7 +15,7 @@ from mimicbench.benchmark.finding import stages_of
 from mimicbench.benchmark.graph import Clips, env_config, retargeted
 from mimicbench.benchmark.kept import as_motion, forget, keep, kept, worth_keeping
 from mimicbench.benchmark.keys import Run
-from mimicbench.benchmark.shipped import shipped
+from mimicbench.benchmark.shipped import SHIPPED
 from mimicbench.benchmark.who import Who, who_of
 from mimicbench.core.errors import BadFile, BadMotion, MimicbenchError
 from mimicbench.core.names import typed
@@ -101,6 +101,10 @@ def judge(run: Run, name: str, protocol: Protocol | None = None) -> list[Episode
             rows = read_rows(path) if there else []
         except BadFile:
             there = 0  # damaged
+    if (failed := next((row.episode for row in rows if row.error), count)) < count:
+        # a machine that was too busy, a GPU that was full: what failed is tried again, from its batch on
+        rows = rows[: failed // protocol.batch * protocol.batch]
+        there = len(rows) if there <= count else there
     if there == count and rows:
         return rows
     # those of a smaller batch may round differently, and are no part of more episodes
@@ -235,13 +239,14 @@ def _warn_of_other_task(run: Run, who: Who) -> None:
 def _tell_of_others(run: Run, who: Who, name: str) -> None:
     """Say if what is shipped is judged by a name by which the workdir has some, of other recipes."""
     task = run.recipe.task
-    if who.is_tracker or name != who.name or who.folder != shipped(run.recipe.robot, task, name):
+    if name != who.name or SHIPPED not in who.folder.parents:
         return
-    stages = stages_of(run.workdir, task, "imitate")
-    if others := [one.folder for one in stages if one.folder.name.rpartition("-")[0] == name]:
+    stage, network = ("track", keys.CHECKPOINT) if who.is_tracker else ("imitate", keys.POLICY)
+    found = [one.folder for one in stages_of(run.workdir, task, stage)]
+    if others := [one for one in found if who.is_tracker or one.name.rpartition("-")[0] == name]:
         run.context.say(
             f"judging the shipped {name}; {others[0]} is of other settings: to judge it, give --policy "
-            f"{typed(others[0] / keys.POLICY)}"
+            f"{typed(others[0] / network)}"
         )
 
 

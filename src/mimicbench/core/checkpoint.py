@@ -51,7 +51,8 @@ class Checkpoint:
     """The configuration that the network is built from, as plain JSON values."""
     tensors: Mapping[str, np.ndarray]
     notes: Mapping[str, Any] = field(default_factory=dict)
-    """How it came to be: steps, seed, the fingerprint of its data, scores. Nothing depends on it."""
+    """How it came to be: steps, seed, the fingerprint of its data, scores; and what its use needs, such as the gains
+    that a clone drives."""
 
     def config_as(self, config_type: type[Config]) -> Config:
         """The configuration as a dataclass, whose fields may be missing, but no others be there; no size is negative.

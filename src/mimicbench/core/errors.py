@@ -71,5 +71,16 @@ class UnknownName(MimicbenchError):
         return f"unknown {what} {name!r}; known are: {', '.join(sorted(known))}{guess(str(name), known)}"
 
 
+class NotObserved(MimicbenchError, KeyError):
+    """An observation that is not there. Being a KeyError, it lets `get` of observations give its default."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+
+    def __str__(self) -> str:
+        name = printable(str(self.args[0]))
+        return f"observation {name!r} was not asked for, or the task has none; name it among the policy's observations"
+
+
 class WorkerDied(MimicbenchError):
     """A worker process was ended by the system or by a crash of native code."""

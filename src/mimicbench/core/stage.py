@@ -207,6 +207,11 @@ def _take_up(folder: Path, key: StageKey, recipe: Mapping[str, Any] | None, trai
     if have == want:
         return Stage(folder, wanted if _missing(folder, found) else found)  # what is gone is made again
     if all(have.get(name, 0) >= amount for name, amount in want.items()):
+        if trained and not found["complete"]:
+            raise MimicbenchError(
+                f"{folder} was begun for {_told(have, want)} and is unfinished; ask for as much to go on, which may be "
+                "stopped at any time, or use another --workdir"
+            )
         if trained:
             raise MimicbenchError(
                 f"{folder} has been trained for {_told(have, want)}, more than the {_told(want, have)} that are asked "

@@ -136,9 +136,9 @@ class Outcome:
     """What one control step did to N episodes."""
 
     reward: np.ndarray
-    """(N,) 1 where the episode ends with K fulfilled, else 0."""
+    """(N,) 1 where the episode ends with K fulfilled, else 0; nearness, with `reward` "dense"."""
     terminated: np.ndarray
-    """(N,) whether K is fulfilled, or the physics broke down."""
+    """(N,) whether the physics broke down, or K is fulfilled where that ends an episode."""
     truncated: np.ndarray
     """(N,) whether the time is over."""
 

@@ -51,11 +51,12 @@ def clone(folder: Path, given: Given, config: CloneImitation) -> dict[str, Any]:
         before, _ = load_learner(Path(config.begin_from), clips.robot, type(network))
     for number in range(config.dagger.rounds):
         place = beside(folder, ROUNDS) / str(number)
-        before = train(network, demo_frames(demos, clips, network, config), course, place, given.context.quiet, before)
+        frames = demo_frames(demos, clips, network, config)
+        before = train(network, frames, course, place, given.context.quiet, before, notes)
         save_learner(folder, before, clips.robot.name, notes)
         demos = demos.joined(*_driven(place / DATASET, folder, number, given, config.dagger, state))
     frames = demo_frames(demos, clips, network, config)
-    trained = train(network, frames, course, folder, given.context.quiet, before)
+    trained = train(network, frames, course, folder, given.context.quiet, before, notes)
     told = {"demonstrations": demos.episodes, "batches": course.steps * (config.dagger.rounds + 1)}
     save_learner(folder, trained, clips.robot.name, {**notes, **told})
     return told

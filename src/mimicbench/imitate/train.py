@@ -3,6 +3,7 @@
 import dataclasses
 import time
 from collections import deque
+from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass
@@ -54,6 +55,7 @@ def train(
     folder: Path,
     quiet: bool = False,
     begin_from: Learner | None = None,
+    notes: Mapping[str, Any] | None = None,
 ) -> Learner:
     """Learn, or go on learning, and leave a checkpoint in `folder`.
 
@@ -64,12 +66,13 @@ def train(
         folder: Gets the checkpoint, `training.safetensors` to go on from, and `metrics.jsonl`.
         quiet: Tell nothing of the progress.
         begin_from: A network of the same kind whose weights and statistics are where learning begins.
+        notes: What every checkpoint says beside how long it was trained: its gains, its task.
 
     Returns:
         The trained network (the moving average, if there is one), on the CPU and ready for use.
     """
     torch.set_num_threads(config.threads)
-    with closing(CloneTraining(learner, data, config, folder, begin_from)) as run:
+    with closing(CloneTraining(learner, data, config, folder, begin_from, notes)) as run:
         return _trained(run, config, quiet)
 
 
@@ -106,9 +109,15 @@ class CloneTraining:
     """One training: everything that has to survive a kill is in `save` and `resume`."""
 
     def __init__(
-        self, learner: Any, data: DemoFrames, config: Course, folder: Path, begin_from: Learner | None = None
+        self,
+        learner: Any,
+        data: DemoFrames,
+        config: Course,
+        folder: Path,
+        begin_from: Learner | None = None,
+        notes: Mapping[str, Any] | None = None,
     ) -> None:
-        self.data, self.config, self.folder = data, config, folder
+        self.data, self.config, self.folder, self.notes = data, config, folder, dict(notes or {})
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(self._seed("weights"))
             self.learner = learner.build()
@@ -197,6 +206,7 @@ class CloneTraining:
             self.log({"validation_error": error})
         save_training(self.folder, self.identity, self.parts, {"step": self.steps, "seconds": self.seconds})
         notes = {
+            **self.notes,
             "steps": self.steps,
             "seconds": self.seconds,
             "seed": self.config.seed,

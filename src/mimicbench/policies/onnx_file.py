@@ -5,9 +5,9 @@ A file has one input for each observation term, (N, *shape) of 32-bit floats, in
 Its metadata `gains` says which of the robot's gains they are meant for, `robot` and `task`, if there, whom and what it
 is made for.
 
-What a policy has to remember is carried: metadata `carried` names further inputs, (N, ...) of any type, which follow
-those of the terms, and whose values in the next frame are the further outputs, in the same order. In the first frame of
-an episode, when the term `time` is 0, they are zeros.
+What a policy has to remember is carried: metadata `carried` names further inputs, (N, ...) of 32-bit floats, 64-bit
+integers or booleans, which follow those of the terms, and whose values in the next frame are the further outputs, in
+the same order. In the first frame of an episode, when the term `time` is 0, they are zeros.
 """
 
 from collections.abc import Sequence

@@ -10,9 +10,10 @@ def own(*tensors: torch.Tensor) -> tuple[Any, list[Any]]:
     """The library that works with these tensors, and they as its arrays, of the same memory.
 
     On the CPU that is NumPy, which is quicker for few robots; and torch's arctan2 rounds by a robot's place in the
-    batch.
+    batch. Tensors that hold no numbers, with which an exporter finds out what is worked out, stay torch's.
     """
-    return (np, [each.numpy() for each in tensors]) if tensors[0].device.type == "cpu" else (torch, list(tensors))
+    plain = tensors[0].device.type == "cpu" and type(tensors[0]) is torch.Tensor
+    return (np, [each.numpy() for each in tensors]) if plain else (torch, list(tensors))
 
 
 def tensor(xp: Any, array: Any) -> torch.Tensor:

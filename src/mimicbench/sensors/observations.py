@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from mimicbench.core import rotations as rot
-from mimicbench.core.errors import MimicbenchError, UnknownName
+from mimicbench.core.errors import NotObserved, UnknownName
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.contact import BEARING, told_to_bear
 from mimicbench.sensors.context import StepContext
@@ -222,7 +222,7 @@ class Observations(Mapping[str, Tensor]):
 
     def __getitem__(self, name: str) -> Tensor:
         if name not in self._seen:
-            raise _not_asked_for(name)
+            raise NotObserved(name)
         return self._seen[name]
 
     def of(self, name: str, ids: Tensor) -> Tensor:
@@ -289,12 +289,8 @@ class LazyObservations(Observations):
 
     def _term(self, name: str) -> Term:
         if name not in self._terms:
-            raise _not_asked_for(name)
+            raise NotObserved(name)
         return self._terms[name]
 
     def _measured(self, name: str, values: Tensor) -> Tensor:
         return values if self._noise is None else self._noise(name, values)
-
-
-def _not_asked_for(name: str) -> MimicbenchError:
-    return MimicbenchError(f"observation {name!r} was not asked for; name it among the policy's observations")

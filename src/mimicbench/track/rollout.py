@@ -1,7 +1,7 @@
 """Run a trained tracker over whole clips, from the first frame, and judge each by K and P."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import torch
@@ -14,7 +14,6 @@ from mimicbench.envs.metrics import Verdict
 from mimicbench.envs.reference import ReferenceBank
 from mimicbench.envs.vec_env import EnvConfig, VecEnv
 from mimicbench.sim.devices import tensor_device
-from mimicbench.sim.physics import PhysicsConfig
 from mimicbench.sim.rows import Rows
 from mimicbench.sim.threads import one_torch_thread
 from mimicbench.sim.timing import CONTROL_DT
@@ -66,7 +65,7 @@ class Rollout:
 
     verdict: Verdict
     steps: np.ndarray
-    """(C,) control steps until the episode ended."""
+    """(C,) control steps that an episode may take: to the time limit, or as long after its clip as it may settle."""
     recording: Recording
     """Empty unless it was asked for."""
     last_qpos: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
@@ -140,8 +139,8 @@ def at_their_beginning(
 ) -> VecEnv:
     """Every clip at its first frame, in an environment with the gains of an expert, who begins there."""
     bank = ReferenceBank(clips.motions, clips.robot, tensor_device(env_config.device))
-    physics = PhysicsConfig(gains=expert.gains)
-    config = disturbance.of(EnvConfig(env_config.device, env_config.workers, physics))
+    physics = replace(env_config.physics, gains=expert.gains)
+    config = disturbance.of(replace(env_config, physics=physics, judged=True, measure_effort=True))
     env = VecEnv(clips.task, clips.robot, clips.scenes, config, seed, bank, disturbance.hooks())
     everyone = torch.arange(len(clips), device=env.device)
     starts = ClipStarts(bank, env.physics.add_objects(clips.scenes), clips.robot)

@@ -15,7 +15,7 @@ ANYWHERE = 1e3
 """[m] No ankle is ever farther away."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class EndConfig:
     """When the robot of a training episode has failed."""
 

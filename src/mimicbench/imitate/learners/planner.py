@@ -49,7 +49,10 @@ class PlannerConfig:
     """Threads of the network's arithmetic. Sums round differently with another number, so it is part of the result."""
     tracking: TrackingConfig = field(
         default_factory=lambda: TrackingConfig(
-            ClipStartConfig(first_frame=0.5), hold=4.0, push=0.2, ends=EndConfig(0.5, 1.0, 0.25, 0.3)
+            ClipStartConfig(first_frame=0.5),
+            hold=4.0,
+            push=0.2,
+            ends=EndConfig(max_pos_error=0.5, max_angle_error=1.0, max_drop=0.25, max_ankle_error=0.3),
         )
     )
     """Starts, disturbances and ends of training episodes. Pushed no harder than what the tracker survives: who falls

@@ -39,8 +39,6 @@ class BedFit:
     """(2,) its centre in the frame of who lies on it, see `lying_frame` [m]."""
     depth: float
     """Deepest that any body part is in the bed in any frame [m]."""
-    walked: float
-    """Deepest that who walks, and legs that stand, are in it [m]."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +99,7 @@ def fit_bed(object_id: str, motion: HumanMotion, lying: slice, couch: bool = Fal
     for deep, most, who in ((depth, DEEPEST, "some body part"), (walked, WALKED, "who walks up, or a standing leg,")):
         if deep > most:
             raise BadMotion(f"clip {motion.id}: in every bed {who} would be {deep:.2f} m deep; leave the clip out")
-    return BedFit(obj, np.array([x, y]), depth, walked)
+    return BedFit(obj, np.array([x, y]), depth)
 
 
 def _sleeper(motion: HumanMotion, lying: slice, pos: np.ndarray, quat: np.ndarray) -> _Sleeper:

@@ -40,8 +40,6 @@ class Anchors:
     """(T, F) whether it stands on the floor."""
     hand_pos_w: np.ndarray
     """(T, H, 3) of the robot's wrist keypoints [m]; constant in the object's frame while a hand is in contact."""
-    holding: np.ndarray
-    """(T, H) whether a hand is in contact."""
     nearness: np.ndarray
     """(T, H) 1 in contact, falling to 0 within REACHING before and after it."""
     lowering: np.ndarray
@@ -74,18 +72,16 @@ def anchors_of(
         on_floor.append(floor)
     hands = [_hand(clip, mapping, bound, side, pos_w, quat_w) for side in range(len(bound.wrists))]
     feet = np.stack(foot_pos, 1)
-    hand_pos, holding, nearness = (np.stack(values, 1) for values in zip(*hands, strict=True))
+    hand_pos, nearness = (np.stack(values, 1) for values in zip(*hands, strict=True))
     floor = np.stack(on_floor, 1)
     lowering = _lowering(clip, bound, followed, quat_w, feet, floor)
-    return Anchors(feet, np.stack(foot_quat, 1), np.stack(standing, 1), floor, hand_pos, holding, nearness, lowering)
+    return Anchors(feet, np.stack(foot_quat, 1), np.stack(standing, 1), floor, hand_pos, nearness, lowering)
 
 
 def _hand(
     clip: Clip, mapping: Mapping, bound: Bound, side: int, pos_w: np.ndarray, quat_w: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions (T, 3) for a wrist keypoint, (T,) whether the hand is in contact, and (T,) how near in time a
-    contact is.
-    """
+) -> tuple[np.ndarray, np.ndarray]:
+    """Positions (T, 3) for a wrist keypoint, and (T,) how near in time a contact of the hand is."""
     motion = clip.motion
     elbow, wrist = (motion.skeleton.index(joint) for joint in mapping.forearms[side])
     forearm = pos_w[:, wrist] - pos_w[:, elbow]
@@ -111,7 +107,7 @@ def _hand(
             frames, share = frames[closer], share[closer]
             target[frames] = pos_w[frames, wrist] + share[:, None] * (target[edge] - pos_w[edge, wrist])
             near[frames] = share
-    return target, holds, near
+    return target, near
 
 
 def _grip(scene: Scene, frames: np.ndarray, palm_w: np.ndarray, radius: float) -> np.ndarray:
