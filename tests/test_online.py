@@ -273,8 +273,8 @@ class ToldWrongAtFirst(Told):
 
 
 def test_who_sees_that_the_goal_is_elsewhere_plans_anew():
-    """Two chairs seem to be almost a meter beside and turned by a radian, for two seconds; both are sat on all the same,
-    and one is not by who may not plan anew.
+    """Two chairs seem to be almost a meter beside and turned by a radian, for two seconds; both are sat on all the
+    same, and one is not by who may not plan anew.
     """
     task = TASKS.get("sit-chair")
     several = [clip_of(task, index) for index in (1, 2)]

@@ -247,6 +247,8 @@ def test_whatever_a_policy_raises_is_its_own_failure(tmp_path):
     assert {row.error for row in judged(written(tmp_path / "odd.py", body))} == {
         "act raised CancelledError: gone (odd.py, line 17)"
     }
+    odd = written(tmp_path / "lacks.py", "obs['contacts']")
+    assert {row.error.partition("(")[2] for row in judged(odd)} == {"lacks.py, line 17)"}, "ours, by its mistake"
     with pytest.raises(MimicbenchError, match="makes no policy: CancelledError"):
         judged(written(tmp_path / "none.py", text="import asyncio\nraise asyncio.CancelledError('gone')"))
     listed = textwrap.dedent(POLICY).replace('("proprio",)', '(["proprio"],)')

@@ -548,6 +548,19 @@ def test_a_program_that_always_fails_ends_with_an_error(judged, tmp_path):
     check_acted([*rows, replace(rows[0], error="")])
 
 
+def test_who_fails_leaves_the_others_their_results(judged, tmp_path, capsys):
+    for name, steps in (("weary", 0), ("lasting", 2000)):
+        (tmp_path / f"{name}.py").write_text(ODD)
+        (tmp_path / f"{name}.txt").write_text(str(steps))
+    (tmp_path / "empty.py").write_text("")
+    policies = [str(tmp_path / f"{name}.py") for name in ("weary", "empty", "lasting")]
+    words = "--objects.count 8 --references.count 4 --retarget.method copy-rotation --episodes 2 --workers 1 --workdir"
+    with pytest.raises(MimicbenchError, match=r"weary failed in all of 2 episodes: act raised .*; .*empty\.py"):
+        cli._call(["evaluate", *words.split(), str(judged.workdir), "--policy", *policies])
+    told = capsys.readouterr().out
+    assert "lasting" in told and "weary" not in told
+
+
 def test_rows_of_another_network_or_other_clips_are_others(judged, tmp_path):
     before = set(judged.workdir.glob("sit-chair/evaluate/*.parquet"))
     other = replace(judged, recipe=replace(judged.recipe, seed=2))

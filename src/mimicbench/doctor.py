@@ -163,7 +163,8 @@ def pictures() -> list[Finding]:
         answer, failed = done.stdout.strip(), done.returncode != 0
         why = (done.stderr.strip().splitlines() or [f"it ended with status {done.returncode}"])[-1]
     except subprocess.TimeoutExpired:
-        answer, failed, why = "", True, f"it did not answer within {_SECONDS} s"
+        advice = "the machine may be busy: try again; if it stays so, OpenGL's driver hangs"
+        return [Finding("pictures", "note", f"it did not answer within {_SECONDS} s", advice)]
     if failed:
         advice = "on Debian or Ubuntu: `apt install libegl1 libgl1-mesa-dri`; or set MUJOCO_GL to glfw or osmesa"
         return [Finding("pictures", "fault", why, f"{advice}; without, all works but pictures, videos and cameras")]

@@ -32,20 +32,20 @@ def evaluate(argv: Sequence[str]) -> None:
             wanted.setdefault((at, who_of(run, name).folder), name)
     _tell_apart([(at, who_of(runs[at], name).name, name) for (at, _), name in wanted.items()])
     judged: list[list[EpisodeRow]] = []
-    failed: MimicbenchError | None = None
+    failed: list[MimicbenchError] = []
     for (at, _), name in wanted.items():
         try:
             judged.append(judge(runs[at], name))
-        except MimicbenchError as error:  # those before it have their results
-            failed = error
-            break
+            check_acted(judged[-1])
+        except MimicbenchError as error:  # the others have their results
+            failed.append(error)
     acted = [rows for rows in judged if call.options.json or not all(row.error for row in rows)]
     if acted:
         tell_rates(acted, call.options.json)
-    if failed is not None:
-        raise failed
-    for rows in judged:
-        check_acted(rows)
+    if len(failed) == 1:
+        raise failed[0]
+    if failed:
+        raise MimicbenchError("; ".join(dict.fromkeys(str(error) for error in failed)))
 
 
 def check_acted(rows: Sequence[EpisodeRow]) -> None:

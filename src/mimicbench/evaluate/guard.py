@@ -12,7 +12,7 @@ import torch
 from mujoco import mjMAXVAL
 from torch import Tensor
 
-from mimicbench.core.errors import MimicbenchError, told
+from mimicbench.core.errors import MimicbenchError, NotObserved, told
 from mimicbench.core.files import back_again
 from mimicbench.envs.policy import Policy
 from mimicbench.sensors.observations import Observations
@@ -81,6 +81,9 @@ class Guard:
         try:
             with back_again(), deadline(patience):
                 return call()
+        except NotObserved as error:  # a mistake in the policy, as any other that it raises
+            self._error = f"{what} raised {told(error)}"
+            return None
         except MimicbenchError:
             raise
         except TooSlow:
