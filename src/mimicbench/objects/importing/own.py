@@ -34,6 +34,9 @@ LIFTED, MASS = "box", 2.0
 """The family of what is lifted, and its usual mass [kg]."""
 COLORS = ((0.62, 0.55, 0.47), (0.56, 0.52, 0.49), (0.68, 0.61, 0.53), (0.50, 0.47, 0.44))
 
+USUAL = {"chair": (0.36, 0.52), "sofa": (0.35, 0.48), "couch": (0.35, 0.59), "bed": (0.37, 0.64)}
+"""Lowest and highest plane to sit or lie on [m] of 200 that are made of each family."""
+
 
 @dataclass(frozen=True)
 class ImportConfig:
@@ -81,7 +84,7 @@ def _make(mesh: Mesh, path: Path, family: str, config: ImportConfig, object_id: 
     if placed.plane is not None:
         polygon = placed.plane.polygon
         height, said = _carried(hulls, placed.plane)
-        reasons.append(said)
+        reasons += [said, *_unusual(family, height)]
     obj = SceneObject(
         object_id,
         family,
@@ -155,6 +158,15 @@ def _carried(hulls: Sequence[np.ndarray], plane: LevelPlane) -> tuple[float, str
         )
     note = ": too much to trust contacts there; look at the pieces" if deviation > TOLERANCE else ""
     return height, f"the pieces' top is within {1000 * deviation:.0f} mm of the mesh over 90 % of the plane{note}"
+
+
+def _unusual(family: str, height: float) -> list[str]:
+    """What to say of a plane as high [m] as none is that we make: a sofa taken for a chair becomes a toy."""
+    low, high = USUAL.get(family, (0.0, np.inf))
+    if low <= height <= high:
+        return []
+    kind = f"those that are made have it {low:.2f} to {high:.2f} m high"
+    return [f"{kind}: if this is no {family}, give its --task, if it is larger or smaller, --height"]
 
 
 def check_mass(family: str, mass: float | None) -> None:
