@@ -766,10 +766,10 @@ def test_failures_are_filmed_around_the_fall_and_objects_counted(tmp_path, model
     failed = [Failed(row, replace(robot_motion(200), fps=25), CHAIR) for row in (fallen, slow)]
     assert failed[0].part == (1.0, 5.5) and failed[1].part == pytest.approx((4.96, 7.96))
     assert failed[0].caption.startswith("fell walking · ") and "1.0 to 5.5 s" in failed[0].caption
-    paths = draw_failures(failed, tmp_path)
-    assert [len(iio.imread(path, plugin="FFMPEG")) for path in paths] == [113, 75]
+    paths = draw_failures(failed, tmp_path, fps=5)
+    assert [len(iio.imread(path, plugin="FFMPEG")) for path in paths] == [23, 15]
     made = [path.stat().st_mtime_ns for path in paths]
-    assert [path.stat().st_mtime_ns for path in draw_failures(failed, tmp_path)] == made, "not drawn again"
+    assert [path.stat().st_mtime_ns for path in draw_failures(failed, tmp_path, fps=5)] == made, "not drawn again"
     other = make_object("chair-0-00004")
     rows = [replace(row, object_id=CHAIR.id if row.episode < 10 else other.id) for row in INPUTS.rows[:20]]
     found = counted(rows, [CHAIR, other, make_object("chair-0-00005")])

@@ -14,7 +14,7 @@ import pytest
 
 BEFORE = {"objects": (), "references": ("objects",), "retarget": ("objects", "references")}
 SIZES = {
-    "objects": ("--objects.count", "300"),
+    "objects": ("--objects.count", "120"),
     "references": ("--references.count", "12"),
     "retarget": ("--retarget.method", "copy-rotation"),
 }
