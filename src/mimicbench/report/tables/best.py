@@ -15,7 +15,10 @@ def best_table(found: Sequence[Summary]) -> Table:
     return Table(
         "best",
         "The best of ours beside the best of the paper",
-        ("Task", "Policy", "K", "K, paper", "Stays", "Tracker: K", "K, paper's", "Tracker: stays"),
+        (
+            *("Task", "Policy", "K", "K, paper", "K and P", "K and P, paper", "Stays"),
+            *("Tracker: K", "K, paper's", "Tracker: stays"),
+        ),
         tuple(_row(task, [s for s in found if s.task == task]) for task in ordered),
         note="The best is who stays most often. On objects and starts that nothing was trained on, with 95 % Wilson "
         "intervals and k/n. Simulator, objects, clips and starts differ from the paper's, which gives no counts and "
@@ -36,11 +39,10 @@ def _row(task: str, found: Sequence[Summary]) -> tuple[Cell, ...]:
         theirs = best_of_paper(task, measures)
         if stage == "imitate":
             cells.append(ours.policy if ours else None)
-        cells += [
-            ours.kinematic if ours else None,
-            Reported(theirs.kinematic) if theirs else None,
-            ours.stays if ours else None,
-        ]
+        cells += [ours.kinematic if ours else None, Reported(theirs.kinematic) if theirs else None]
+        if stage == "imitate":
+            cells += [ours.energy if ours else None, Reported(theirs.energy) if theirs else None]
+        cells.append(ours.stays if ours else None)
     return tuple(cells)
 
 
