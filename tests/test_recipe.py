@@ -445,7 +445,7 @@ def test_who_is_stopped_goes_on_after_the_last_whole_batch(judged, tmp_path):
     assert judge(asked(4), "tracker", batch) == marked[:2] + at_once[2:] == read_rows(path)
     assert rows_made_from(path) == source
     # what failed for a moment's reason is tried again, from its batch on
-    late = [replace(marked[0]), marked[1], marked[2], replace(marked[3], error="act took more than 300 s")]
+    late = [*marked[:3], replace(marked[3], error="act took more than 300 s")]
     write_rows(path, late, source)
     assert judge(asked(4), "tracker", batch) == marked[:2] + at_once[2:] == read_rows(path)
 
