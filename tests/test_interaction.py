@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from mimicbench.core import rotations as rot
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.skeleton import Skeleton
+from mimicbench.objects.families.bed import make_bed
 from mimicbench.objects.families.chair import make_chair
 from mimicbench.objects.shape import SceneObject
 from mimicbench.references.body.skeletons import CORE4D, ROAM, UNIHSI
@@ -108,6 +109,20 @@ def test_keeps_the_interaction(index: int) -> None:
     assert measures["contact_kept"] >= 0.95
     assert measures["step_skate"] < 0.01
     assert measures["limit_violation"] == 0.0 and measures["velocity_ratio"] <= 1.0
+
+
+@pytest.mark.parametrize("index", range(2))
+def test_feet_of_who_lies_rest_where_the_persons_do(index: int) -> None:
+    bed = make_bed(index, 0)
+    motion = part(synthesize("lie-bed", index, bed, 0), slice(-50, None))
+    robot = interact(Clip(motion, bed, H1))
+    links = TREE.place(Pose(robot.root_pos_w, robot.root_quat_w, robot.joint_pos))
+    balls = balls_of(H1)
+    clearance, _ = Scene.of(motion, bed).clearance(balls, balls.place(links))
+    for side in ("left", "right"):
+        rests = motion.contacts[:, motion.contact_names.index(f"{side}_foot")]
+        away = clearance[:, balls.link == H1.link_names.index(f"{side}_ankle_link")].min(-1)
+        assert rests.any() and np.abs(away[rests]).max() < 0.02
 
 
 def test_better_than_nothing_about_the_scene() -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from mimicbench.evaluate.rows import read_rows
+from mimicbench.report.table import to_markdown
 
 ROOT = Path(__file__).parents[1]
 
@@ -23,6 +24,12 @@ def test_results_follow_from_the_rows(monkeypatch):
         assert results.rows_of(folder.parent), f"{folder} holds no episode rows"
         assert f"<!-- runs/{folder.parent.name} -->\n**" in results.RESULTS.read_text()
     assert "<!-- results -->\n**" in results.README.read_text()
+
+
+def test_the_table_of_the_full_set_follows_from_its_summaries(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    full_set = importlib.import_module("full_set")
+    assert to_markdown(full_set.table()) in (ROOT / "docs" / "retargeting.md").read_text(), "python scripts/full_set.py"
 
 
 def test_the_readme_begins_with_the_worst_and_best_of_its_table():
