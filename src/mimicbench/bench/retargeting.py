@@ -62,7 +62,7 @@ def speed_table(found: dict, tasks: Sequence[str]) -> Table:
         note += (
             f"mink: {mink['frames_per_second']:.0f} frames/s, {mink['programs_per_frame']:.1f} programs per frame, "
             f"{ratios['solver_over_mink']:.1f} times slower, points "
-            f"{100 * mink['position_error']:.1f} cm off, the solver's {100 * mink['solver_position_error']:.1f} cm. "
+            f"{100 * mink['position_error']:.1f} cm off, the solver's {100 * mink['solver_position_error']:.1f} cm."
         )
     note += f" Memory grew by {found['memory_growth_mb']:.1f} MB over a second round."
     columns = ("Method", *tasks, "all", "Hours of two cores for the paper's clips")
