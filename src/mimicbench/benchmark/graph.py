@@ -137,7 +137,8 @@ def make_track_stage(run: Run) -> Stage:
     if not config.teachers:
         ppo_learner()  # which had better be missing before clips are made for it
     check_given(config, run.robot, [part.task for part in sets.values()])
-    train, test = training_clips(sets)
+    for part in sets.values():
+        some_retargeted(part)
 
     def report(row: dict) -> None:
         run.context.say(in_words(row))
@@ -145,6 +146,7 @@ def make_track_stage(run: Run) -> Stage:
     with _opened(run, keys.track_key(run), *PARTS[:4], trained=True) as stage:
         if stage.complete:
             return stage
+        train, test = training_clips(sets)
         say = run.context.say
         made = train_tracker(stage.folder, train, test, config, run.recipe.seed, env_config(run), report, say)
         samples = read_json(made / CONFIG)["notes"]["samples"]
