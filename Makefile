@@ -15,8 +15,8 @@ ARGS ?=
 # The CPU build of torch: from where pip looks anyway, or else from TORCH_INDEX. For a GPU: make setup TORCH=torch==2.13.0 TORCH_INDEX=https://pypi.org/simple
 TORCH ?= torch==2.13.0+cpu
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
-# Processes that run the tests.
-JOBS ?= 2
+# Processes that run the tests: one more than two cores, for many tests wait for programs of their own.
+JOBS ?= 3
 
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --constraint constraints.txt
