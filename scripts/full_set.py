@@ -1,7 +1,7 @@
 """Writes the table of the paper's full set into docs/retargeting.md: `python scripts/full_set.py [WORKDIR]`.
 
 The table is of the summaries in `runs/full-set`, one for each task. From WORKDIR they are taken first, for the tasks
-whose clips are there; one task takes some four to thirty minutes on two cores:
+whose clips are there; one task takes some three to forty minutes on two cores:
 
     mimicbench retarget --task TASK --preset paper-size --method interaction --workdir WORKDIR
 """
@@ -25,7 +25,7 @@ SHOWN = {
     "self_collision": ("Frames in itself [%]", 100),
     "limit_violation": ("Beyond limits [deg]", 57.3),
 }
-KEPT = ("clips", "frames", "fulfilled", "kept", "rejected_for")
+TAKEN = ("clips", "frames", "fulfilled", "kept", "rejected_for")
 """What is taken of a summary, beside the means of the measures that are shown."""
 
 
@@ -34,7 +34,7 @@ def take(workdir: Path) -> None:
     for task, stage in largest(workdir, list(TASKS), "retarget", None).items():
         told = stage.summary
         means = {name: told["measures"][name]["mean"] for name in SHOWN if name in told["measures"]}
-        write_json(RUN / f"{task}.json", {name: told[name] for name in KEPT} | {"means": means})
+        write_json(RUN / f"{task}.json", {name: told[name] for name in TAKEN} | {"means": means})
 
 
 def table() -> Table:

@@ -137,7 +137,7 @@ def make_track_stage(run: Run) -> Stage:
     if not config.teachers:
         ppo_learner()  # which had better be missing before clips are made for it
     check_given(config, run.robot, [part.task for part in sets.values()])
-    for part in sets.values():
+    for part in sets.values():  # made before this stage is held, and read only if it is not finished
         some_retargeted(part)
 
     def report(row: dict) -> None:
