@@ -96,6 +96,19 @@ def test_the_heel_rises_in_time():
     assert (np.diff(down[early:90]) >= -1e-9).all() and down[89] == pytest.approx(0.2, abs=0.01)
 
 
+def test_a_foot_that_rests_toes_up_is_where_the_persons_is():
+    """Half a second of a leg that swings onto a bed, then its heel on it: no foot is levelled that does not stand, and
+    the leg comes down on the person's path.
+    """
+    rests = np.arange(60) >= 25
+    human = np.tile(rot.from_rotvec(np.array([0.0, -np.pi / 2, 0.0])), (60, 1))
+    followed = np.column_stack([np.ones(60), np.zeros(60), np.where(rests, 0.6, np.linspace(0.2, 0.6, 60))])
+    place, turn, floor = footprints(FPS, rests, followed, human, SOLE, 0.16 - followed[:, 2], lambda _, at, __: at)
+    assert not floor.any()
+    np.testing.assert_allclose(place, followed, atol=1e-9)
+    np.testing.assert_allclose(turn[rests], human[rests], atol=1e-9)
+
+
 @pytest.mark.parametrize("speed", [0.45, 0.6, 0.75])
 def test_a_robot_carries_its_pelvis_as_evenly_as_people_do(speed: float):
     """Its own feet flat until they leave, it went up and down by 3, 5, 6 cm in a step."""

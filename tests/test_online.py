@@ -201,14 +201,7 @@ def test_plans_do_the_task_from_where_the_robot_stands(task):
     assert abs(rot.wrap_angle(rot.yaw_of(planned.root_quat_w[0]) - root[2])) < 0.15
 
 
-UNSOLVED = pytest.mark.xfail(reason="a knee jumps by 0.36 rad: solves end early where feet rest (docs/notes/lying.md)")
-
-
-@pytest.mark.parametrize(
-    "task",
-    [pytest.param(task, marks=UNSOLVED if task.name == "lie-bed" else ()) for task in SEEN],
-    ids=lambda task: task.name,
-)
+@pytest.mark.parametrize("task", SEEN, ids=lambda task: task.name)
 def test_a_plan_made_anew_goes_on_from_the_one_before(task):
     """Some seconds on the way the goal turns out to be turned by 0.6 rad: what the robot follows moves on by no more
     than a few centimeters. The pelvis may turn below a chest that does not.

@@ -55,13 +55,15 @@ def footprints(
         flattest = start + np.flatnonzero(tilt[start:end] <= tilt[start:end].min() + 0.02)
         # who begins with the heel up already stands on the toes
         flat = rot.rotate(human[flattest], sole[-1]) - rot.rotate(level[flattest], sole[-1])
-        at = np.median(followed[flattest] + flat, 0)
         if (near_floor[flattest] - flat[:, 2]).max() > 0.0:
             floor[start:end] = True
+            at = np.median(followed[flattest] + flat, 0)
             at[2] = -float(sole[:, 2].min())
             heading = level[flattest]
             turn[start:end] = rot.normalize((heading * np.sign((heading * heading[:1]).sum(-1, keepdims=True))).mean(0))
             at = clear(start, at, turn[start])
+        else:  # toes up or on a side, as the person's
+            at = np.median(followed[start:end], 0)
         place[start:end] = at
         if floor[start] and end < frames:
             raised = _heel(fps, human[start:end])

@@ -54,9 +54,6 @@ def support_of(clip: Clip, mapping: Mapping, balls: Balls, anchors: Anchors, con
     tilt = np.arccos(np.clip(trunk_up(motion)[:, 2], -1.0, 1.0))
     perched = rests & ~seated & ~bears(motion, "back") & (tilt < config.lying_from) & lying[-1]
     leans = tilt > config.leaning_from
-    for foot, link in enumerate(feet):
-        # who lies and rests a foot: on what the person's rests on, for a robot's is longer behind the ankle
-        bearing.append((lying & anchors.standing[:, foot] & ~anchors.on_floor[:, foot], balls.link == link))
     bearing.append((perched, balls.link == 0))
     bearing += [(perched & leans, np.isin(balls.link, links)) for links in _hands(robot, mapping)]
     return Support(margins, tuple(bearing), seated, lying, perched & ~leans, balanced, heading, ankles)
