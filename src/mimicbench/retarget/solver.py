@@ -69,10 +69,13 @@ class Model:
                 self.band[(j - i) * variables, i : count + i, columns] += stencil[i] * stencil[j] * weights.T
 
 
-def solve(objective: Objective, start: Pose, iterations: int, tolerance: float) -> tuple[Pose, list[float]]:
+def solve(
+    objective: Objective, start: Pose, iterations: int, tolerance: float, patience: int = 1
+) -> tuple[Pose, list[float]]:
     """Minimize from a start, which is clipped to the limits. Returns the state and the loss after each step taken.
 
-    Stops after `iterations` steps, or when one lowers the loss by less than `tolerance` of it.
+    Stops after `iterations` steps, or when each of the last `patience` ones, on average, lowers the loss by less than
+    `tolerance` of it.
     """
     limits, variables = objective.limits, 6 + len(objective.limits)
     pose = start._replace(joints=np.clip(start.joints, limits[:, 0], limits[:, 1]))
@@ -100,7 +103,7 @@ def solve(objective: Objective, start: Pose, iterations: int, tolerance: float) 
         damping = max(damping * (0.1 if gained > 0.75 else 0.5 if gained > 0.25 else 4.0), 1e-7)
         pose, links = moved, moved_links
         losses.append(value)
-        if losses[-2] - value < tolerance * value:
+        if len(losses) > patience and losses[-1 - patience] - value < patience * tolerance * value:
             break
     return pose, losses
 

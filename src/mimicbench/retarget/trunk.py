@@ -16,6 +16,9 @@ NEAR = 0.03
 TRUNK = ("pelvis", "back")
 """Contacts of who sits or lies."""
 
+LEVEL = 1.0
+"""[rad] Who rests with the trunk tilted by more lies; of 96 who sit down nobody is tilted by more than 0.85."""
+
 ON_SIDE = 0.6
 """Sine of the angle from which on a line through the shoulders is that of who lies on the side."""
 
@@ -49,6 +52,11 @@ def trunk_up(motion: HumanMotion) -> np.ndarray:
     forward /= np.maximum(np.linalg.norm(forward, axis=-1, keepdims=True), 1e-6)
     # how a skeleton's shoulders stand in front of or behind its hips is no lean
     return np.cos(tilt) * up - np.sin(tilt) * forward
+
+
+def ends_lying(motion: HumanMotion) -> bool:
+    """Whether somebody lies in the end."""
+    return bool(trunk_rests(motion)[-1] and trunk_up(motion)[-1, 2] < np.cos(LEVEL))
 
 
 def swung(quat: np.ndarray, up: np.ndarray) -> np.ndarray:

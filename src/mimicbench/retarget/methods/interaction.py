@@ -30,13 +30,13 @@ from mimicbench.retarget.mapping import Bound, find_mapping, followed_points
 from mimicbench.retarget.method import Method
 from mimicbench.retarget.methods.anchors import Anchors, anchors_of
 from mimicbench.retarget.methods.copy_rotation import copy_rotations
-from mimicbench.retarget.methods.interaction_config import InteractionConfig
+from mimicbench.retarget.methods.interaction_config import LYING, InteractionConfig
 from mimicbench.retarget.methods.interaction_loss import Problem
 from mimicbench.retarget.methods.support import support_of
 from mimicbench.retarget.samples import FAR, Masses, Scene, balls_of
 from mimicbench.retarget.self_contact import SelfContact
 from mimicbench.retarget.solver import solve
-from mimicbench.retarget.trunk import bears, swung, trunk_rests, trunk_up
+from mimicbench.retarget.trunk import bears, ends_lying, swung, trunk_rests, trunk_up
 from mimicbench.robots.description import Robot
 
 MOST_BACK = 0.2
@@ -47,13 +47,13 @@ EDGE = 0.015
 
 def interact(clip: Clip, config: InteractionConfig | None = None) -> RobotMotion:
     """The robot motion that does with the object what the human does. Raises UnknownName or BadMotion."""
-    config = config or InteractionConfig()
+    config = config or (LYING if ends_lying(clip.motion) else InteractionConfig())
     step = max(1, min(round(clip.motion.fps / config.rough_fps), clip.motion.frames // 4))
     rough, shifts = _settled(
         replace(clip, motion=clip.motion.thinned(step)), replace(config, tolerance=config.rough_tolerance)
     )
     problem, _ = make_problem(clip, config, *shifts)
-    pose, losses = solve(problem, refine(rough, step, clip.motion.frames), config.iterations, config.tolerance)
+    pose, losses = _solved(problem, refine(rough, step, clip.motion.frames))
     return clip.finished(
         problem.tree, pose, clip.bind("improved"), {"loss": losses[-1], "iterations": float(len(losses) - 1)}
     )
@@ -65,7 +65,7 @@ def _settled(clip: Clip, config: InteractionConfig) -> tuple[Pose, tuple[float, 
     """
     problem, start = make_problem(clip, config)
     sitting = lying = 0.0
-    pose, losses = solve(problem, start, config.iterations, config.tolerance)
+    pose, losses = _solved(problem, start)
     distance = problem.clearance(pose)
     for slide in config.slides:
         sits, lies = problem.misplaced(distance)
@@ -76,21 +76,27 @@ def _settled(clip: Clip, config: InteractionConfig) -> tuple[Pose, tuple[float, 
             break  # at the edge
         problem, sitting, lying = next_problem, slide * sits, slide * lies
         pose = pose._replace(root_pos=pose.root_pos + moved.root_pos - start.root_pos)  # a head must get past the board
-        pose, losses = solve(problem, pose, config.iterations, config.tolerance)
+        pose, losses = _solved(problem, pose)
         start, distance = moved, problem.clearance(pose)
     if problem.stuck(distance):
-        around, _ = solve(problem.filled(), start, config.iterations, config.tolerance)
-        other, again = solve(problem, around, config.iterations, config.tolerance)
+        around, _ = _solved(problem.filled(), start)
+        other, again = _solved(problem, around)
         pose = other if again[-1] < losses[-1] else pose
     heels, off = 0.0, problem.off(pose, distance)
     for raised in config.heels:
         if off < 1.0:
             break
         higher, start = make_problem(clip, config, sitting, lying, raised)
-        other, _ = solve(higher, start, config.iterations, config.tolerance)
+        other, _ = _solved(higher, start)
         if (found := higher.off(other, higher.clearance(other))) < off:
             pose, heels, off = other, raised, found
     return pose, (sitting, lying, heels)
+
+
+def _solved(problem: Problem, start: Pose) -> tuple[Pose, list[float]]:
+    """The pose of least loss, and the loss after each step."""
+    config = problem.config
+    return solve(problem, start, config.iterations, config.tolerance, config.patience)
 
 
 def refine(pose: Pose, step: int, frames: int) -> Pose:

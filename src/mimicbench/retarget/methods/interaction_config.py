@@ -71,3 +71,10 @@ class InteractionConfig:
     """Gauss-Newton steps at most."""
     tolerance: float = 5e-3
     """Stop when a step lowers the loss by less than this part of it."""
+    patience: int = 1
+    """So many steps together, on average."""
+
+
+LYING = InteractionConfig(rough_tolerance=5e-3, patience=2)
+"""Of clips that end lying. Much touches at once there, and the loss falls unevenly: where a step gained little the next
+ones gained up to a third of it."""
