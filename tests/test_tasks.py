@@ -27,7 +27,7 @@ from mimicbench.tasks.lift_box import TASK as LIFT_BOX
 from mimicbench.tasks.registry import TASKS
 from mimicbench.tasks.sit_chair import PELVIS_BAND
 from mimicbench.tasks.sit_chair import TASK as SIT_CHAIR
-from mimicbench.tasks.task import REST, SLACK, BodyPoints, ObjectInfo, first_run, longest_run
+from mimicbench.tasks.task import SLACK, BodyPoints, ObjectInfo, first_run, longest_run
 from mimicbench.tasks.touch_points import TASK as TOUCH_POINTS
 from stool import H1, block, place, seated, standing
 
@@ -127,12 +127,14 @@ def test_k_of_a_motion():
 
 @pytest.mark.parametrize("fps", [30.0, 50.0])
 def test_learning_sees_little_of_the_rest(fps):
-    """K holds from the first seated frame, so it is fulfilled after the hold time, and the clip ends REST seconds
-    later.
+    """K holds from the first seated frame, so it is fulfilled after the hold time, and the clip ends 1.5 s later; of
+    a task that takes 3 s to come to rest, 3 s later.
     """
     motion = clip(190, fps, 200)
     cut = SIT_CHAIR.trimmed(motion, block(), H1)
-    assert cut.frames == 10 + SIT_CHAIR.hold_frames(fps) + round(REST * fps)
+    assert cut.frames == 10 + SIT_CHAIR.hold_frames(fps) + round(1.5 * fps)
+    longer = replace(SIT_CHAIR, rest=3.0).trimmed(motion, block(), H1)
+    assert longer.frames == cut.frames + round(1.5 * fps)
     assert (cut.joint_pos == motion.joint_pos[: cut.frames]).all() and SIT_CHAIR.fulfilled(cut, block(), H1)
     assert SIT_CHAIR.trimmed(cut, block(), H1) is cut
     assert SIT_CHAIR.trimmed(motion, block(0.8), H1) is motion, "never fulfilled"

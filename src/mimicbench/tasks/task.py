@@ -17,8 +17,6 @@ from mimicbench.tasks.goal import GoalSpec
 
 _FAR = 1e6
 """[m] Where boxes are that an object does not have."""
-REST = 1.5
-"""[s] What is learned from a clip ends so long after it first fulfils K; clips rest for much longer."""
 SLACK = 0.05
 """[m] A clip may miss the condition of K by so much while it rests: robots settle lower than they were retargeted, and
 one chair's clip in ten ends up to 4 cm above where a seated pelvis may be."""
@@ -152,6 +150,8 @@ class Task:
     """[m] Side of a cell of the elevation map (appendix C.2)."""
     wrist_goals: bool = False
     """Whether every episode has a target for each wrist."""
+    rest: float = 1.5
+    """[s] What is learned from a clip ends so long after it first fulfils K; clips rest for much longer."""
     moves_object: bool = False
     """Whether the object is to be moved."""
     height_weight: float = 10.0
@@ -193,7 +193,7 @@ class Task:
         return self._judge(self.holds(points, object_info(motion, obj)), motion.fps)
 
     def trimmed(self, motion: RobotMotion, obj: SceneObject, robot: Robot) -> RobotMotion:
-        """A robot motion up to REST seconds after it first fulfils K: nobody needs to learn how to go on resting.
+        """A robot motion up to `rest` seconds after it first fulfils K: nobody needs to learn how to go on resting.
 
         Where its condition is lost by more than SLACK before that, as by people who cross their legs once they lie,
         half of the way to there: the last pose is held from then on, and K would not hold in it. The motion itself
@@ -205,7 +205,7 @@ class Task:
         end = first_run(self.holds(points, info), self.hold_frames(motion.fps))
         if end is None:
             return motion
-        last = end + round(REST * motion.fps)
+        last = end + round(self.rest * motion.fps)
         missing = np.nanmax([part.measure(points, info) for part in self.shortfalls], axis=0)
         lost = np.flatnonzero(missing[end : last + 1] > SLACK)
         if len(lost):
