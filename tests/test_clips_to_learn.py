@@ -5,13 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mimicbench.core import rotations as rot
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.motion import RobotMotion
 from mimicbench.envs.clips import ClipSet, learned_and_judged
-from mimicbench.objects.registry import make_object
+from mimicbench.objects.registry import FAMILIES, make_object
 from mimicbench.objects.shape import split_of
+from mimicbench.references.body.body import body_of
+from mimicbench.references.synthesis.registry import synthesize
 from mimicbench.robots.registry import ROBOTS
 from mimicbench.tasks.registry import TASKS
+from mimicbench.tasks.task import first_run, human_points, object_info
 
 ROBOT = ROBOTS.get("h1")
 
@@ -72,3 +76,20 @@ def test_some_clips_are_from_all_over_the_set():
     made = clips("sit-chair", "chair", "made", "chair-{}")
     assert [motion.id for motion in made.spread(5).motions] == [f"made-{i}" for i in (0, 1, 3, 4, 6)]
     assert made.spread(20).motions == made.motions
+
+
+@pytest.mark.parametrize("task", [task for task in TASKS.all() if not task.in_last_frame], ids=lambda task: task.name)
+def test_what_robots_hold_after_a_clip_is_how_people_rest(task):
+    """Robots hold the pose of the moment at which clips are cut: by then trunks must have come down, or up, to where
+    they are in the end. On beds they have 2 to 9 degrees to go after 1.5 s.
+    """
+    for index in range(8):
+        obj = FAMILIES.get(task.family).make(index, 0)
+        person = synthesize(task.name, index, obj, 0)
+        pos, quat = person.forward_kinematics()
+        held = task.holds(human_points(person, pos), object_info(person, obj))
+        fulfilled = first_run(held, task.hold_frames(person.fps))
+        assert fulfilled is not None
+        up = rot.rotate(quat[:, body_of(person.skeleton).pelvis], np.array([0.0, 0.0, 1.0]))
+        cut = min(fulfilled + round(task.rest * person.fps), person.frames - 1)
+        assert up[cut] @ up[-1] > np.cos(np.radians(5.0))
