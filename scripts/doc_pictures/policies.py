@@ -11,7 +11,7 @@ from mimicbench.benchmark.shipped import SHIPPED
 from mimicbench.core.checkpoint import CONFIG, beside
 from mimicbench.core.motion import RobotMotion
 from mimicbench.core.seeds import digest
-from mimicbench.drawing.camera import Picture, frame_all
+from mimicbench.drawing.camera import Camera, Picture, frame_all
 from mimicbench.envs.clips import ClipSet
 from mimicbench.evaluate.rollout import run_policy
 from mimicbench.objects.registry import FAMILIES
@@ -38,6 +38,8 @@ SHOWN = {
 }
 """Whom to show at which task, and from which number on to look for an object: episodes that succeed."""
 MOMENTS = 8
+NEAR, DOWN = 3.4, -24.0
+"""[m], [deg] From where how robots end is drawn: nearer and from above, for on beds and sofas one sees little else."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,7 @@ def arrays(shown: Sequence[Episode]) -> list[np.ndarray]:
 
 
 def draw(shown: Sequence[Episode]) -> np.ndarray:
-    """A strip of each, moments apart in what the root has gone, the last one at the time limit."""
+    """A strip of each, moments apart in what the root has gone, the last one at the time limit, from nearer."""
     rows = []
     for one in shown:
         task = TASKS.get(one.start.task)
@@ -80,8 +82,15 @@ def draw(shown: Sequence[Episode]) -> np.ndarray:
         gone = np.linalg.norm(np.diff(qpos[:, :3], axis=0), axis=1).cumsum()
         moments = [*np.searchsorted(gone, np.linspace(0, 0.99 * gone[-1], MOMENTS - 1)), len(qpos) - 1]
         model, camera = build_model(H1, one.obj, visuals=True), frame_all(one.obj, qpos[:, :3], 1.0)
-        frames = robot_frames(model, qpos[moments], camera, Picture(240, 240, 2048, suns=32), one.start.wrist_goal_w)
-        rows.append(strip(list(frames), [f"{moment * CONTROL_DT:.1f} s" for moment in moments]))
+        x, y, z = (float(value) for value in qpos[-1, :3])
+        near = Camera((x, y, z), NEAR, camera.azimuth, DOWN)
+        picture, goals = Picture(240, 240, 2048, suns=32), one.start.wrist_goal_w
+        frames = [
+            frame
+            for shown_at, seen_by in ((moments[:-1], camera), (moments[-1:], near))
+            for frame in robot_frames(model, qpos[shown_at], seen_by, picture, goals)
+        ]
+        rows.append(strip(frames, [f"{moment * CONTROL_DT:.1f} s" for moment in moments]))
     return np.concatenate(rows)
 
 
