@@ -127,18 +127,36 @@ def test_k_of_a_motion():
 
 @pytest.mark.parametrize("fps", [30.0, 50.0])
 def test_learning_sees_little_of_the_rest(fps):
-    """K holds from the first seated frame, so it is fulfilled after the hold time, and the clip ends 1.5 s later; of
-    a task that takes 3 s to come to rest, 3 s later.
-    """
+    """K holds from the first seated frame, so it is fulfilled after the hold time, and the clip ends 1.5 s later."""
     motion = clip(190, fps, 200)
     cut = SIT_CHAIR.trimmed(motion, block(), H1)
     assert cut.frames == 10 + SIT_CHAIR.hold_frames(fps) + round(1.5 * fps)
-    longer = replace(SIT_CHAIR, rest=3.0).trimmed(motion, block(), H1)
-    assert longer.frames == cut.frames + round(1.5 * fps)
     assert (cut.joint_pos == motion.joint_pos[: cut.frames]).all() and SIT_CHAIR.fulfilled(cut, block(), H1)
     assert SIT_CHAIR.trimmed(cut, block(), H1) is cut
     assert SIT_CHAIR.trimmed(motion, block(0.8), H1) is motion, "never fulfilled"
     assert LIFT_BOX.trimmed(motion, block(), H1) is motion, "judged in the last frame"
+
+
+@pytest.mark.parametrize("fps", [30.0, 50.0])
+def test_who_still_moves_is_followed_until_at_rest(fps):
+    """Who sits moves an arm at 1 rad/s until frame f: from 0.1 s before f on it is 0.1 rad from there or less, so that
+    half a second of rest is over in frame f + 0.4 s; where that is more than `rest` s after K, in the frame of then.
+    Who is never at rest, but does so at half the speed from 2.0 to 2.6 s, moves least in half a second of that.
+    """
+    slow, motion = replace(SIT_CHAIR, rest=3.0), clip(390, fps, 400)
+    fulfilled = 10 + SIT_CHAIR.hold_frames(fps) - 1
+    assert slow.trimmed(motion, block(), H1).frames == SIT_CHAIR.trimmed(motion, block(), H1).frames, "at rest at once"
+    for seconds, ends in ((1.0, 1.5), (2.0, 2.4), (2.5, 2.9), (2.8, 3.0)):
+        angles = motion.joint_pos.copy()
+        angles[:, -1] += np.minimum(np.arange(400) - fulfilled, round(seconds * fps)) / fps
+        cut = slow.trimmed(replace(motion, joint_pos=angles), block(), H1)
+        assert cut.frames == pytest.approx(fulfilled + 1 + round(ends * fps), abs=1)
+        assert SIT_CHAIR.trimmed(replace(motion, joint_pos=angles), block(), H1).frames == 1 + fulfilled + 1.5 * fps
+    since = (np.arange(400) - fulfilled) / fps
+    angles = motion.joint_pos.copy()
+    angles[:, -1] += since - 0.5 * np.clip(since - 2.0, 0.0, 0.6)
+    cut = slow.trimmed(replace(motion, joint_pos=angles), block(), H1)
+    assert 2.49 < (cut.frames - 1 - fulfilled) / fps < 2.61
 
 
 def test_the_pose_that_is_held_fulfils_k():

@@ -61,5 +61,5 @@ TASK = Task(
     max_start_distance=2.0,
     rig=PELVIS_RIG,
     map_cell=0.04,
-    rest=2.5,  # by then trunks have come down
+    rest=5.0,  # trunks come down after 2.5 s, hands and legs a second later
 )

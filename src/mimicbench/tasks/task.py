@@ -21,6 +21,11 @@ SLACK = 0.05
 """[m] A clip may miss the condition of K by so much while it rests: robots settle lower than they were retargeted, and
 one chair's clip in ten ends up to 4 cm above where a seated pelvis may be."""
 
+REST = 1.5
+"""[s] What is learned from a clip goes on at least so long after it first fulfils K."""
+STILL, PAUSE = 0.1, 0.5
+"""[rad], [s] At rest is who had no joint farther away than this for this time."""
+
 
 @dataclass(frozen=True)
 class ObjectInfo:
@@ -150,8 +155,9 @@ class Task:
     """[m] Side of a cell of the elevation map (appendix C.2)."""
     wrist_goals: bool = False
     """Whether every episode has a target for each wrist."""
-    rest: float = 1.5
-    """[s] What is learned from a clip ends so long after it first fulfils K; clips rest for much longer."""
+    rest: float = REST
+    """[s] What is learned from a clip ends at the latest so long after it first fulfils K; clips rest for much
+    longer."""
     moves_object: bool = False
     """Whether the object is to be moved."""
     height_weight: float = 10.0
@@ -193,7 +199,8 @@ class Task:
         return self._judge(self.holds(points, object_info(motion, obj)), motion.fps)
 
     def trimmed(self, motion: RobotMotion, obj: SceneObject, robot: Robot) -> RobotMotion:
-        """A robot motion up to `rest` seconds after it first fulfils K: nobody needs to learn how to go on resting.
+        """A robot motion up to where it comes to rest, REST to `rest` seconds after it first fulfils K: nobody needs to
+        learn how to go on resting.
 
         Where its condition is lost by more than SLACK before that, as by people who cross their legs once they lie,
         half of the way to there: the last pose is held from then on, and K would not hold in it. The motion itself
@@ -205,7 +212,7 @@ class Task:
         end = first_run(self.holds(points, info), self.hold_frames(motion.fps))
         if end is None:
             return motion
-        last = end + round(self.rest * motion.fps)
+        last = _at_rest(motion, end + round(REST * motion.fps), end + round(self.rest * motion.fps))
         missing = np.nanmax([part.measure(points, info) for part in self.shortfalls], axis=0)
         lost = np.flatnonzero(missing[end : last + 1] > SLACK)
         if len(lost):
@@ -219,6 +226,19 @@ class Task:
     def _judge(self, holds: np.ndarray, fps: float) -> bool:
         needed = self.hold_frames(fps)
         return bool(holds[-needed:].all()) if self.in_last_frame else longest_run(holds) >= needed
+
+
+def _at_rest(motion: RobotMotion, first: int, last: int) -> int:
+    """The first frame in first..last that no joint was farther than STILL away from for PAUSE, or if there is none, as
+    of who turns over at once, that in which joints had moved least.
+    """
+    pause, pos = round(PAUSE * motion.fps), motion.joint_pos
+    frames = range(first, min(last, motion.frames - 1) + 1)
+    if len(frames) < 2:
+        return first
+    moved = [np.abs(pos[frame - pause : frame] - pos[frame]).max() for frame in frames]
+    still = np.flatnonzero(np.array(moved) <= STILL)
+    return first + int(still[0] if len(still) else np.argmin(moved))
 
 
 def _robot_points(motion: RobotMotion, robot: Robot) -> BodyPoints:

@@ -100,7 +100,9 @@ class TrackingEnv:
             clips.task,
             clips.robot,
             [scenes[clip] for clip in first],
-            EnvConfig(env_config.device, env_config.workers, physics, judged=False, measure_effort=False),
+            EnvConfig(
+                env_config.device, env_config.workers, physics, judged=config.fulfilled > 0.0, measure_effort=False
+            ),
             seed,
             self.bank,
             hooks,
@@ -165,6 +167,9 @@ class TrackingEnv:
         transition = self.env.step(target, action)
         self._count(self._stepped + 1)
         reward = self.spec.reward(self.context, transition, settings)
+        if self.env.metrics is not None:
+            over = self.env.index >= self.bank.lengths[self.env.clip] - 1
+            reward = reward + self.config.fulfilled * (over & (self.env.metrics.run > 0))
         done, time_out = self._ends(settings)
         reward = torch.where(self.env.physics.diverged, torch.zeros_like(reward), reward)
         self._start(self.env.rows(done))

@@ -22,6 +22,13 @@ from mimicbench.references.locomotion.walking import draw_start
 from mimicbench.references.synthesis.manner import manner
 from mimicbench.references.synthesis.synthesis import Synthesis
 
+SLANT = 0.10
+"""How far people lie from parallel to the front [rad], feet farther in: robots turn less than they are told, and would
+leave a foot on the edge.
+"""
+FORWARD = 0.05
+"""Who lies where nothing rises behind lies so much nearer to the front than the middle [m]: robots slide the other way
+while their legs swing up."""
 MARGIN = 0.40
 """Between the way and the sofa [m]."""
 ON_SIDE = 0.3
@@ -92,7 +99,7 @@ def _route(obj: SceneObject, berth: Berth, start_xy: np.ndarray) -> Route:
 
 
 def find_berth(obj: SceneObject, body: Body) -> Berth:
-    """Where a body lies on a sofa: along the middle of its seat, the head at the pillow."""
+    """Where a body lies on a sofa: nearly along the middle of its seat, the head at the pillow."""
     height = obj.require_seat()
     low, high = obj.seat_polygon.min(0), obj.seat_polygon.max(0)
     side = 1.0 if obj.head_xy[1] > (low[1] + high[1]) / 2 else -1.0
@@ -118,14 +125,14 @@ def find_berth(obj: SceneObject, body: Body) -> Berth:
     room = side * (y - foot_end) + (0.0 if end.any() else 0.05)
     pillow = float(most[(np.abs(obj.box_pos[:, :2] - obj.head_xy) < 0.03).all(-1), 2].max(initial=height)) - height
     front = float(high[0])
+    behind = (most[:, 2] > height + 0.15) & (least[:, 0] < low[0]) & (np.ptp([least, most], 0)[:, 1] > 0.5 * span)
     lying, seat, stop = (
-        np.array([float(obj.head_xy[0]), y]),
+        np.array([float(obj.head_xy[0]) + (0.0 if behind.any() else FORWARD), y]),
         np.array([front - depth, at]),
         np.array([front + ahead, at]),
     )
-    return Berth(
-        height, pillow, np.array([0.0, side]), np.array([1.0, 0.0]), lying, seat, stop, room, bool(end.any()), False
-    )
+    head = np.array([np.sin(SLANT), side * np.cos(SLANT)])
+    return Berth(height, pillow, head, np.array([1.0, 0.0]), lying, seat, stop, room, bool(end.any()), False)
 
 
 SYNTHESIS = Synthesis(
