@@ -54,8 +54,8 @@ class TrackingConfig:
     wait: Share = 0.0
     """Share of the episodes in which the clip waits for a robot whose joints lag behind, for 3 s in all at most."""
     fulfilled: float = 0.0
-    """Reward of a control step after the clip in which the condition of K holds, beside that of the design, to which a
-    foot that slips off an edge is little."""
+    """Reward of a control step in which the condition of K holds, beside that of the design, to which a foot that slips
+    off an edge is little."""
     ends: EndConfig = field(default_factory=EndConfig)
     """When an episode has failed."""
 

@@ -168,8 +168,7 @@ class TrackingEnv:
         self._count(self._stepped + 1)
         reward = self.spec.reward(self.context, transition, settings)
         if self.env.metrics is not None:
-            over = self.env.index >= self.bank.lengths[self.env.clip] - 1
-            reward = reward + self.config.fulfilled * (over & (self.env.metrics.run > 0))
+            reward = reward + self.config.fulfilled * (self.env.metrics.run > 0)
         done, time_out = self._ends(settings)
         reward = torch.where(self.env.physics.diverged, torch.zeros_like(reward), reward)
         self._start(self.env.rows(done))
