@@ -132,3 +132,22 @@ def test_what_is_shipped_is_stored_once():
     large = [path for path in files if path.stat().st_size > 1000]
     by_bytes = {digest_of(path): path for path in large}
     assert large and len(by_bytes) == len(large), set(large) - set(by_bytes.values())
+
+
+def test_the_mean_of_checkpoints(folder, tmp_path, monkeypatch):
+    """Of weights w, w + 3 and w - 9: w - 2, to the digit; where the last one is replaced, too. Others are refused."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "scripts"))
+    from average import average
+
+    weight, others = TENSORS["weight"], [tmp_path / "second", tmp_path / "third"]
+    for other, more in zip(others, (3, -9), strict=True):
+        save_checkpoint(
+            other, "tracker", "h1", Config(), {**TENSORS, "weight": weight + np.float32(more)}, {"steps": 6}
+        )
+    average([folder, *others], others[1])
+    mean = load_checkpoint(others[1])
+    assert mean.notes["steps"] == 6 and mean.notes["mean_of"] == 3 and mean.config_as(Config) == Config()
+    np.testing.assert_array_equal(mean.tensors["weight"], weight - 2)
+    save_checkpoint(others[0], "tracker", "h1", Config(), {"weight": weight})
+    with pytest.raises(SystemExit, match=r"is not of the kind and shape of .*give checkpoints of one training"):
+        average([others[0], folder], tmp_path / "out")
