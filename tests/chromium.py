@@ -152,6 +152,16 @@ class Browser:
         assert self.run(script), f"no button {words!r}"
         self._sent()
 
+    def wait_checked(self, words, on, seconds=30.0):
+        """Until the box with this label is checked, or not: the page hears of it a moment after the server's change,
+        and a click before that would only undo what it shows.
+        """
+        self.wait(
+            f"""[...document.querySelectorAll('label')].some(one =>
+            one.innerText.trim() === {json.dumps(words)} && one.control?.checked === {json.dumps(on)})""",
+            seconds,
+        )
+
     def choose(self, label, option):
         """Take an option of the list with a label."""
         self.wait(f"!({_OPTIONS}).length", PATIENCE)  # another list may still be closing

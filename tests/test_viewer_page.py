@@ -123,6 +123,7 @@ def test_a_policy_has_the_scene_for_itself(browser, page):
     browser.choose("Compare with", "nobody")
     browser.click("Act")
     eventually(lambda: page.session.hidden == {"human", "retargeted"})
+    browser.wait_checked("Human", False, SLOW)
     browser.click("Human")
     eventually(lambda: page.session.hidden == {"retargeted"})
     browser.wait_for("Pause", SLOW)
