@@ -9,7 +9,7 @@ import numpy as np
 from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.shape import SceneObject
-from mimicbench.references.actions.berths import Berth, perch
+from mimicbench.references.actions.berths import Berth, aslant, perch
 from mimicbench.references.actions.lying import lie_course, lie_down
 from mimicbench.references.actions.lying_style import LieStyle, draw_style, onto_the_side
 from mimicbench.references.body.body import Body, unihsi_body
@@ -22,10 +22,6 @@ from mimicbench.references.synthesis.synthesis import Synthesis
 
 INSIDE = 0.32
 """How far behind the edge the pelvis of who lies is, at most [m]: nobody pushes the hips farther in than needed."""
-SLANT = 0.10
-"""How far people lie from parallel to the edge [rad], feet farther in: robots turn less than they are told, by 0.07 rad
-in the median, which would leave an ankle over the edge.
-"""
 TURNS = 5.8
 """When on the clock somebody turns onto the side: after lying on the back [s]."""
 MARGIN = 0.40
@@ -110,9 +106,10 @@ def find_berth(obj: SceneObject, body: Body, start_xy: np.ndarray) -> Berth:
     pillow = most[
         (most[:, 2] > height + 0.01) & (least[:, 2] < height) & (most[:, 0] < low[0] + 0.5) & (least[:, 0] > low[0]), 2
     ]
-    head, out = np.array([-np.cos(SLANT), side * np.sin(SLANT)]), np.array([0.0, side])
+    out = np.array([0.0, side])
     lying, seat, stop = (np.array([x, side * (edge + across)]) for across in (-depth_lying, -depth, ahead))
     above = float(pillow.max()) - height if len(pillow) else 0.0
+    head = aslant(np.array([-1.0, 0.0]), out)
     return Berth(height, above, head, out, lying, seat, stop, foot_end - x, bool(boards.any()), True)
 
 

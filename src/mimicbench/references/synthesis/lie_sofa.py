@@ -11,7 +11,7 @@ from mimicbench.core.motion import HumanMotion
 from mimicbench.core.seeds import rng
 from mimicbench.objects.families.sofa_shape import HEAD_ROOM
 from mimicbench.objects.shape import SceneObject
-from mimicbench.references.actions.berths import Berth, perch
+from mimicbench.references.actions.berths import Berth, aslant, perch
 from mimicbench.references.actions.lying import lie_course, lie_down
 from mimicbench.references.actions.lying_style import LieStyle, draw_style, needed_time, onto_the_side
 from mimicbench.references.body.body import Body, roam_body
@@ -22,10 +22,6 @@ from mimicbench.references.locomotion.walking import draw_start
 from mimicbench.references.synthesis.manner import manner
 from mimicbench.references.synthesis.synthesis import Synthesis
 
-SLANT = 0.10
-"""How far people lie from parallel to the front [rad], feet farther in: robots turn less than they are told, and would
-leave a foot on the edge.
-"""
 FORWARD = 0.05
 """Who lies where nothing rises behind lies so much nearer to the front than the middle [m]: robots slide the other way
 while their legs swing up."""
@@ -125,14 +121,15 @@ def find_berth(obj: SceneObject, body: Body) -> Berth:
     room = side * (y - foot_end) + (0.0 if end.any() else 0.05)
     pillow = float(most[(np.abs(obj.box_pos[:, :2] - obj.head_xy) < 0.03).all(-1), 2].max(initial=height)) - height
     front = float(high[0])
-    behind = (most[:, 2] > height + 0.15) & (least[:, 0] < low[0]) & (np.ptp([least, most], 0)[:, 1] > 0.5 * span)
+    behind = (most[:, 2] > height + 0.15) & (least[:, 0] < low[0]) & ((most - least)[:, 1] > 0.5 * span)
     lying, seat, stop = (
         np.array([float(obj.head_xy[0]) + (0.0 if behind.any() else FORWARD), y]),
         np.array([front - depth, at]),
         np.array([front + ahead, at]),
     )
-    head = np.array([np.sin(SLANT), side * np.cos(SLANT)])
-    return Berth(height, pillow, head, np.array([1.0, 0.0]), lying, seat, stop, room, bool(end.any()), False)
+    out = np.array([1.0, 0.0])
+    head = aslant(np.array([0.0, side]), out)
+    return Berth(height, pillow, head, out, lying, seat, stop, room, bool(end.any()), False)
 
 
 SYNTHESIS = Synthesis(
