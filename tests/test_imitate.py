@@ -17,7 +17,7 @@ from mimicbench.imitate.clock import clock_features
 from mimicbench.imitate.dataset import DemoFrames, EpisodeGoals, proprioception
 from mimicbench.imitate.encoder import Encoder
 from mimicbench.imitate.inputs import Batch
-from mimicbench.imitate.learn_perception import draw_maps
+from mimicbench.imitate.learn_perception import Sights, draw_maps
 from mimicbench.imitate.learned import load_learner, save_learner
 from mimicbench.imitate.lerobot import Demos
 from mimicbench.imitate.perception import Perception, save_perception
@@ -321,7 +321,7 @@ def test_policy_sees_the_shape_and_nothing_else(demos, chairs, tmp_path):
         load_policy(tmp_path / "act", robot, task)
     save_perception(tmp_path / "perception", Perception(SIGHT, SIT_CHAIR), "h1")
     policy = load_policy(tmp_path / "act", robot, task)
-    drawn = draw_maps(SIGHT, SIT_CHAIR, list(chairs.values()), 4, "policy", seen=0.0)
+    drawn = draw_maps(SIGHT, SIT_CHAIR, Sights.of(SIT_CHAIR, list(chairs.values())), 4, "policy", seen=0.0)
     maps, height = drawn.maps, drawn.root_height
     proprio = torch.randn(4, 48)
     proprio[:, 3] = height

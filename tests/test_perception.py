@@ -15,7 +15,14 @@ from mimicbench.core.checkpoint import BadCheckpoint
 from mimicbench.core.errors import MimicbenchError
 from mimicbench.core.files import read_record, write_record
 from mimicbench.imitate.goals import GoalMemory
-from mimicbench.imitate.learn_perception import draw_maps, evaluate_perception, goal_loss, train_perception
+from mimicbench.imitate.learn_perception import (
+    Sights,
+    draw_maps,
+    evaluate_perception,
+    goal_loss,
+    of_other_heights,
+    train_perception,
+)
 from mimicbench.imitate.perception import Perception, load_perception, save_perception, turned, window
 from mimicbench.imitate.settings.perception import PerceptionConfig
 from mimicbench.objects.families.chair import make_chair
@@ -79,7 +86,7 @@ def test_every_goal_can_be_learned(task, tmp_path):
     # a minute would be needed for directions
     lengths = [field.name for field in task.goal.fields if field.kind != "direction"]
     assert sum(errors[name] for name in lengths) < 0.8 * sum(untrained[name] for name in lengths)
-    drawn = draw_maps(config, task, objects, 8, "check", seen=1.0)
+    drawn = draw_maps(config, task, Sights.of(task, objects), 8, "check", seen=1.0)
     save_perception(tmp_path, net, "h1", errors)
     loaded = load_perception(tmp_path, "h1")
     assert torch.equal(loaded.perceive(drawn.maps, drawn.root_height), net.perceive(drawn.maps, drawn.root_height))
@@ -88,7 +95,7 @@ def test_every_goal_can_be_learned(task, tmp_path):
 
 def test_perception_learns_a_few_chairs(chairs, tmp_path):
     net = train_perception(tmp_path / "training", SIGHT, SIT, chairs)
-    drawn = draw_maps(SIGHT, SIT, chairs, 64, "check", seen=0.0)
+    drawn = draw_maps(SIGHT, SIT, Sights.of(SIT, chairs), 64, "check", seen=0.0)
     found = net.perceive(drawn.maps, drawn.root_height)
     error = SIT.goal.errors(found, SIT.goal.nearest(found, drawn.answers))
     assert error["middle"].mean() < 0.1 and error["height"].mean() < 0.05
@@ -194,7 +201,7 @@ def test_who_has_been_in_doubt_of_everything_can_become_sure(chairs):
     net = Perception(SIGHT, SIT)
     with torch.no_grad():
         net.layers[-1].bias.view(1 + SIGHT.hypotheses, -1)[0, SIT.goal.size] = 9.0
-    drawn = draw_maps(SIGHT, SIT, chairs, 16, "check", seen=0.0)
+    drawn = draw_maps(SIGHT, SIT, Sights.of(SIT, chairs), 16, "check", seen=0.0)
     seen = window(drawn.maps + drawn.root_height[:, None, None], net.window, net.cell)
     optimizer, doubts = torch.optim.Adam(net.parameters(), 3e-2), []
     for _ in range(60):
@@ -218,13 +225,15 @@ def test_robots_of_the_training_maps_look_at_the_object_from_outside():
     np.testing.assert_allclose(np.rad2deg(HEAD_RIG.views()), [[-60, 60]])
     np.testing.assert_allclose(np.rad2deg(PELVIS_RIG.views())[0], [-90, 0])
     task = TASKS.get("lift-box")
-    drawn = draw_maps(SIGHT, task, [FAMILIES.get("box").make(i, 0) for i in range(4)], 256, "look", seen=1.0)
+    drawn = draw_maps(
+        SIGHT, task, Sights.of(task, [FAMILIES.get("box").make(i, 0) for i in range(4)]), 256, "look", seen=1.0
+    )
     x, y = drawn.answers[:, 0, 0], drawn.answers[:, 0, 1]
     assert (torch.atan2(y, x).abs() < math.radians(61)).all(), "the camera looks ahead"
     shown = (drawn.maps + drawn.root_height[:, None, None] > 0.1).flatten(1).any(1)
     assert shown.float().mean() > 0.95
     beds, bed = TASKS.get("lie-bed"), FAMILIES.get("bed").make(0, 0)
-    drawn = draw_maps(replace(SIGHT, distance=(0.5, 0.6)), beds, [bed], 256, "look", seen=0.0)
+    drawn = draw_maps(replace(SIGHT, distance=(0.5, 0.6)), beds, Sights.of(beds, [bed]), 256, "look", seen=0.0)
     here = -in_its_frame(drawn.answers[:, 0])
     low, high = bed.bounds()
     outside = np.maximum(low[:2] - here, here - high[:2]).max(-1)
@@ -308,3 +317,31 @@ def test_few_objects_do_for_learning_but_not_for_measuring(tmp_path):
     held_out = next(seed for seed in range(99) if split_of(FAMILIES.get("chair").make(0, seed).id) == "test")
     with pytest.raises(MimicbenchError, match="no object in .* is of the training split; make more"):
         making.make("perception", tmp_path, making.small(objects=1, seed=held_out, imitate=imitate))
+
+
+def test_objects_of_other_heights_differ_in_nothing_else():
+    chair = next(chair for chair in map(make_chair, range(99)) if (np.abs(chair.box_quat[:, 0]) < 0.999).any())
+    low = of_other_heights(replace(SIGHT, heights=(0.5, 0.5)), [chair])[0]
+    assert low.seat_height == 0.5 * chair.seat_height and np.array_equal(low.seat_polygon, chair.seat_polygon)
+    np.testing.assert_allclose(low.box_pos, chair.box_pos * [1.0, 1.0, 0.5])
+    straight = np.abs(chair.box_quat[:, 0]) > 1 - 1e-12
+    np.testing.assert_allclose(low.box_half[straight], chair.box_half[straight] * [1.0, 1.0, 0.5])
+    # a board 2 m long that leans by 60 degrees from upright is half as steep: 2 sqrt(1 - 3 / 16) long
+    quat = np.array([[np.cos(np.pi / 6), 0.0, np.sin(np.pi / 6), 0.0]])
+    board = replace(chair, box_pos=np.zeros((1, 3)), box_quat=quat, box_half=np.ones((1, 3)), box_rgb=np.zeros((1, 3)))
+    half = of_other_heights(replace(SIGHT, heights=(0.5, 0.5)), [board])[0].box_half[0]
+    np.testing.assert_allclose(half, [np.sqrt(1 - 0.75 * 0.75), 1.0, np.sqrt(1 - 0.25 * 0.75)])
+    drawn = of_other_heights(replace(SIGHT, heights=(0.4, 1.2)), [make_chair(i) for i in range(20)])
+    factors = [low.seat_height / make_chair(i).seat_height for i, low in enumerate(drawn)]
+    assert 0.4 <= min(factors) < 0.6 and 1.0 < max(factors) <= 1.2
+    assert of_other_heights(SIGHT, [chair]) == []
+
+
+def test_who_has_seen_lower_chairs_sees_how_low_a_chair_is(chairs, tmp_path):
+    low = of_other_heights(replace(SIGHT, heights=(0.5, 0.5)), chairs)
+    off = {}
+    for heights in ((1.0, 1.0), (0.5, 0.5)):
+        config = replace(SIGHT, heights=heights, learning_rate=1e-2, hypotheses=1, seen=0.0, steps=300)
+        net = train_perception(tmp_path / str(heights), config, SIT, chairs)
+        off[heights] = evaluate_perception(net, SIT, low, maps=32)["height"]
+    assert off[0.5, 0.5] < 0.5 * off[1.0, 1.0]
