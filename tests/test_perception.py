@@ -36,6 +36,7 @@ from mimicbench.tasks.registry import TASKS
 SIT = TASKS.get("sit-chair")
 FOUND = [task for task in TASKS.all() if not task.goal.given]
 SIGHT = PerceptionConfig(
+    heights=(1.0, 1.0),
     steps=150,
     maps=192,
     seen=0.25,

@@ -17,12 +17,12 @@ class PerceptionConfig:
     """Width of the layer after them."""
     hypotheses: Positive = 4
     """Goals that it weighs against each other, which begin with fronts that are spread evenly around the robot."""
-    maps: Positive = 8000
+    maps: Positive = 16000
     """Maps to learn from, before turning and mirroring."""
     seen: float = 0.7
     """Share of them that show what the cameras see, rounded up to 64 maps of a batch; the others are complete, or hide
     only what is behind something."""
-    heights: tuple[float, float] = (1.0, 1.0)
+    heights: tuple[float, float] = (0.4, 1.2)
     """Every object is seen once more, with all of its heights times a number between these; of 1 and 1, it is not. Who
     has only seen beds of at least 0.36 m takes one of 0.22 m for as high as that."""
     distance: tuple[float, float] = (0.5, 2.3)
@@ -35,7 +35,7 @@ class PerceptionConfig:
     """[m] Deviation of each cell's height."""
     dropout: float = 0.03
     """Share of cells without a measurement."""
-    steps: Positive = 5000
+    steps: Positive = 8000
     """Batches."""
     batch: Positive = 128
     """Maps per batch."""
