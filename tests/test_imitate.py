@@ -310,7 +310,14 @@ def test_training_refuses(demos, chairs, tmp_path):
 
 SIGHT = PerceptionConfig(
     heights=(1.0, 1.0),
-    steps=150, maps=256, seen=0.25, batch=32, widths=(8, 16, 16), hidden=32, dropout=0.0, distance=(1.5, 2.0)
+    steps=150,
+    maps=256,
+    seen=0.25,
+    batch=32,
+    widths=(8, 16, 16),
+    hidden=32,
+    dropout=0.0,
+    distance=(1.5, 2.0),
 )
 
 

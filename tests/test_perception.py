@@ -26,6 +26,7 @@ from mimicbench.imitate.learn_perception import (
 from mimicbench.imitate.perception import Perception, load_perception, save_perception, turned, window
 from mimicbench.imitate.settings.perception import PerceptionConfig
 from mimicbench.objects.families.chair import make_chair
+from mimicbench.objects.heights import with_heights
 from mimicbench.objects.registry import FAMILIES, make_object
 from mimicbench.objects.shape import split_of
 from mimicbench.objects.symmetry import MOTIONS
@@ -320,22 +321,26 @@ def test_few_objects_do_for_learning_but_not_for_measuring(tmp_path):
         making.make("perception", tmp_path, making.small(objects=1, seed=held_out, imitate=imitate))
 
 
-def test_objects_of_other_heights_differ_in_nothing_else():
+def test_objects_with_other_heights_differ_in_nothing_else():
     chair = next(chair for chair in map(make_chair, range(99)) if (np.abs(chair.box_quat[:, 0]) < 0.999).any())
-    low = of_other_heights(replace(SIGHT, heights=(0.5, 0.5)), [chair])[0]
+    low = with_heights(chair, 0.5)
     assert low.seat_height == 0.5 * chair.seat_height and np.array_equal(low.seat_polygon, chair.seat_polygon)
     np.testing.assert_allclose(low.box_pos, chair.box_pos * [1.0, 1.0, 0.5])
     straight = np.abs(chair.box_quat[:, 0]) > 1 - 1e-12
     np.testing.assert_allclose(low.box_half[straight], chair.box_half[straight] * [1.0, 1.0, 0.5])
-    # a board 2 m long that leans by 60 degrees from upright is half as steep: 2 sqrt(1 - 3 / 16) long
+    # turned about y by 60 degrees, a quarter of z and three quarters of x (squared) are upright
     quat = np.array([[np.cos(np.pi / 6), 0.0, np.sin(np.pi / 6), 0.0]])
     board = replace(chair, box_pos=np.zeros((1, 3)), box_quat=quat, box_half=np.ones((1, 3)), box_rgb=np.zeros((1, 3)))
-    half = of_other_heights(replace(SIGHT, heights=(0.5, 0.5)), [board])[0].box_half[0]
-    np.testing.assert_allclose(half, [np.sqrt(1 - 0.75 * 0.75), 1.0, np.sqrt(1 - 0.25 * 0.75)])
-    drawn = of_other_heights(replace(SIGHT, heights=(0.4, 1.2)), [make_chair(i) for i in range(20)])
-    factors = [low.seat_height / make_chair(i).seat_height for i, low in enumerate(drawn)]
+    half = with_heights(board, 0.5).box_half[0]
+    np.testing.assert_allclose(half, [np.sqrt(1 - 0.75 * 0.75), 1.0, np.sqrt(1 - 0.75 * 0.25)])
+
+
+def test_heights_are_drawn_for_each_object(chairs):
+    assert of_other_heights(SIGHT, chairs) == []
+    many = [make_chair(i) for i in range(20)]
+    drawn = of_other_heights(replace(SIGHT, heights=(0.4, 1.2)), many)
+    factors = [other.seat_height / chair.seat_height for chair, other in zip(many, drawn, strict=True)]
     assert 0.4 <= min(factors) < 0.6 and 1.0 < max(factors) <= 1.2
-    assert of_other_heights(SIGHT, [chair]) == []
 
 
 def test_who_has_seen_lower_chairs_sees_how_low_a_chair_is(chairs, tmp_path):

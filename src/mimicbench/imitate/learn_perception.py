@@ -22,6 +22,7 @@ from mimicbench.core.seeds import digest, rng
 from mimicbench.core.training import NetworkState, OptimizerState, append_metrics, resume_training, save_training
 from mimicbench.imitate.perception import Perception, save_perception, turned, window
 from mimicbench.imitate.settings.perception import PerceptionConfig
+from mimicbench.objects.heights import with_heights
 from mimicbench.objects.shape import SceneObject
 from mimicbench.objects.symmetry import MOTIONS
 from mimicbench.robots.description import Robot
@@ -187,30 +188,10 @@ def train_perception(
 
 
 def of_other_heights(config: PerceptionConfig, objects: Sequence[SceneObject]) -> list[SceneObject]:
-    """Each object with its heights times a random number, where the configuration says so; none where it does not.
-
-    What is tilted keeps its tilt.
-    """
+    """Each object with its heights times a random number, where the configuration says so; none where it does not."""
     if config.heights == (1.0, 1.0):
         return []
-    found = []
-    for obj in objects:
-        factor = rng(config.seed, "heights", obj.id).uniform(*config.heights)
-        times = np.array([1.0, 1.0, factor])
-        # how much of a box's own sides (B, 3) is upright
-        upright = rot.rotate_inverse(obj.box_quat, np.array([0.0, 0.0, 1.0])) ** 2
-        found.append(
-            replace(
-                obj,
-                id=f"{obj.id}~h{factor:.4f}",
-                box_pos=obj.box_pos * times,
-                box_half=obj.box_half * np.sqrt(1.0 + upright * (factor**2 - 1.0)),
-                seat_height=None if obj.seat_height is None else obj.seat_height * factor,
-                touch_points=obj.touch_points * times,
-                hulls=tuple(hull * times for hull in obj.hulls),
-            )
-        )
-    return found
+    return [with_heights(obj, rng(config.seed, "heights", obj.id).uniform(*config.heights)) for obj in objects]
 
 
 def _windows(net: Perception, task: Task, objects: Sequence[SceneObject]) -> tuple[Tensor, Tensor, Tensor]:

@@ -24,7 +24,7 @@ class PerceptionConfig:
     only what is behind something."""
     heights: tuple[float, float] = (0.4, 1.2)
     """Every object is seen once more, with all of its heights times a number between these; of 1 and 1, it is not. Who
-    has only seen beds of at least 0.36 m takes one of 0.22 m for as high as that."""
+    has only met heights of at least 0.36 m takes one of 0.22 m for as high as that."""
     distance: tuple[float, float] = (0.5, 2.3)
     """[m] From the object's middle to the robot in the training maps; from large objects farther, outside of them."""
     root_height: tuple[float, float] = (0.85, 1.1)
