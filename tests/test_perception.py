@@ -26,9 +26,9 @@ from mimicbench.imitate.learn_perception import (
 from mimicbench.imitate.perception import Perception, load_perception, save_perception, turned, window
 from mimicbench.imitate.settings.perception import PerceptionConfig
 from mimicbench.objects.families.chair import make_chair
-from mimicbench.objects.heights import with_heights
 from mimicbench.objects.registry import FAMILIES, make_object
 from mimicbench.objects.shape import split_of
+from mimicbench.objects.stretch import stretched
 from mimicbench.objects.symmetry import MOTIONS
 from mimicbench.robots.rigs import HEAD_RIG, PELVIS_RIG
 from mimicbench.sensors.heightmap import ObjectMaps, box_heightmap
@@ -323,15 +323,19 @@ def test_few_objects_do_for_learning_but_not_for_measuring(tmp_path):
 
 def test_objects_with_other_heights_differ_in_nothing_else():
     chair = next(chair for chair in map(make_chair, range(99)) if (np.abs(chair.box_quat[:, 0]) < 0.999).any())
-    low = with_heights(chair, 0.5)
-    assert low.seat_height == 0.5 * chair.seat_height and np.array_equal(low.seat_polygon, chair.seat_polygon)
+    low = stretched(chair, "low", np.array([1.0, 1.0, 0.5]))
+    assert (
+        low.id == "low"
+        and low.seat_height == 0.5 * chair.seat_height
+        and np.array_equal(low.seat_polygon, chair.seat_polygon)
+    )
     np.testing.assert_allclose(low.box_pos, chair.box_pos * [1.0, 1.0, 0.5])
     straight = np.abs(chair.box_quat[:, 0]) > 1 - 1e-12
     np.testing.assert_allclose(low.box_half[straight], chair.box_half[straight] * [1.0, 1.0, 0.5])
     # turned about y by 60 degrees, a quarter of z and three quarters of x (squared) are upright
     quat = np.array([[np.cos(np.pi / 6), 0.0, np.sin(np.pi / 6), 0.0]])
     board = replace(chair, box_pos=np.zeros((1, 3)), box_quat=quat, box_half=np.ones((1, 3)), box_rgb=np.zeros((1, 3)))
-    half = with_heights(board, 0.5).box_half[0]
+    half = stretched(board, "low", np.array([1.0, 1.0, 0.5])).box_half[0]
     np.testing.assert_allclose(half, [np.sqrt(1 - 0.75 * 0.75), 1.0, np.sqrt(1 - 0.75 * 0.25)])
 
 

@@ -22,8 +22,8 @@ from mimicbench.core.seeds import digest, rng
 from mimicbench.core.training import NetworkState, OptimizerState, append_metrics, resume_training, save_training
 from mimicbench.imitate.perception import Perception, save_perception, turned, window
 from mimicbench.imitate.settings.perception import PerceptionConfig
-from mimicbench.objects.heights import with_heights
 from mimicbench.objects.shape import SceneObject
+from mimicbench.objects.stretch import stretched
 from mimicbench.objects.symmetry import MOTIONS
 from mimicbench.robots.description import Robot
 from mimicbench.robots.rigs import Rig
@@ -191,7 +191,11 @@ def of_other_heights(config: PerceptionConfig, objects: Sequence[SceneObject]) -
     """Each object with its heights times a random number, where the configuration says so; none where it does not."""
     if config.heights == (1.0, 1.0):
         return []
-    return [with_heights(obj, rng(config.seed, "heights", obj.id).uniform(*config.heights)) for obj in objects]
+    factors = [rng(config.seed, "heights", obj.id).uniform(*config.heights) for obj in objects]
+    return [
+        stretched(obj, f"{obj.id}~h{factor:.4f}", np.array([1.0, 1.0, factor]))
+        for obj, factor in zip(objects, factors, strict=True)
+    ]
 
 
 def _windows(net: Perception, task: Task, objects: Sequence[SceneObject]) -> tuple[Tensor, Tensor, Tensor]:

@@ -1,6 +1,4 @@
-"""How high an object is under a vertical line, exactly, from its boxes; and the object lower or higher than it is."""
-
-from dataclasses import replace
+"""How high an object is under a vertical line, exactly, from its boxes."""
 
 import numpy as np
 
@@ -27,19 +25,3 @@ def surface_height(obj: SceneObject, xy: np.ndarray) -> np.ndarray:
                 low, high = np.maximum(low, np.minimum(*ends)), np.minimum(high, np.maximum(*ends))
         height = np.where((high >= low) & (high > height), high, height)
     return height
-
-
-def with_heights(obj: SceneObject, factor: float) -> SceneObject:
-    """The object with all of its heights so many times as large, and nothing else; what is tilted keeps its tilt."""
-    times = np.array([1.0, 1.0, factor])
-    # how much of a box's own sides (B, 3) is upright
-    upright = rot.rotate_inverse(obj.box_quat, np.array([0.0, 0.0, 1.0])) ** 2
-    return replace(
-        obj,
-        id=f"{obj.id}~h{factor:.4f}",
-        box_pos=obj.box_pos * times,
-        box_half=obj.box_half * np.sqrt(1.0 + upright * (factor**2 - 1.0)),
-        seat_height=None if obj.seat_height is None else obj.seat_height * factor,
-        touch_points=obj.touch_points * times,
-        hulls=tuple(hull * times for hull in obj.hulls),
-    )

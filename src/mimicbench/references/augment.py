@@ -26,6 +26,7 @@ from mimicbench.core.skeleton import Skeleton
 from mimicbench.core.stage import Stage, StageKey, opened
 from mimicbench.objects.make import object_ids, read_objects
 from mimicbench.objects.shape import SceneObject, load_object, save_object
+from mimicbench.objects.stretch import stretched
 from mimicbench.references.checks.quality import Fulfils, check_clip, gate
 from mimicbench.references.warp import approach_end, rescaled, turned_approach
 from mimicbench.robots.mirror import SPECULAR, SPECULAR_QUAT, mirrored_labels, other_side, toggled
@@ -155,17 +156,7 @@ def resize(motion: HumanMotion, obj: SceneObject, factor: float) -> tuple[HumanM
 
 def resized_object(obj: SceneObject, factor: float) -> SceneObject:
     """The object so many times as large, and as heavy as it was."""
-    return replace(
-        obj,
-        id=f"{obj.id}~x{factor:.4f}",
-        box_pos=obj.box_pos * factor,
-        box_half=obj.box_half * factor,
-        seat_polygon=obj.seat_polygon * factor,
-        seat_height=None if obj.seat_height is None else obj.seat_height * factor,
-        head_xy=obj.head_xy * factor,
-        touch_points=obj.touch_points * factor,
-        hulls=tuple(hull * factor for hull in obj.hulls),
-    )
+    return stretched(obj, f"{obj.id}~x{factor:.4f}", np.full(3, factor))
 
 
 def variant(

@@ -1,8 +1,9 @@
 """What can be set of how a goal is found in maps."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from mimicbench.core.settings import Positive, Seed, Sizes
+from mimicbench.core.settings import Positive, Seed, Sizes, Within
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,7 @@ class PerceptionConfig:
     seen: float = 0.7
     """Share of them that show what the cameras see, rounded up to 64 maps of a batch; the others are complete, or hide
     only what is behind something."""
-    heights: tuple[float, float] = (0.4, 1.2)
+    heights: Annotated[tuple[float, float], Within(0.1, 10.0)] = (0.4, 1.2)
     """Every object is seen once more, with all of its heights times a number between these; of 1 and 1, it is not. Who
     has only met heights of at least 0.36 m takes one of 0.22 m for as high as that."""
     distance: tuple[float, float] = (0.5, 2.3)
