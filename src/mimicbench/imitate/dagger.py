@@ -13,7 +13,7 @@ from mimicbench.imitate.networks.planner import TaskColumns, planner_inputs
 from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.track.tracking import TrackingEnv
 
-SEEN = ("proprio", "targets", "hands")
+SEEN = ("proprio", "odometry", "targets", "hands")
 """Terms that inputs are made of, those of them that the task has."""
 
 
@@ -74,10 +74,10 @@ class Episodes:
         """(N, S) of the clips that are followed, normalized."""
         return self._styles[self._env.env.clip]
 
-    def inputs(self, seen: Mapping[str, Tensor]) -> Tensor:
-        """(N, I) what the planner sees now, of the terms SEEN."""
+    def inputs(self, seen: Mapping[str, Tensor], before: Tensor | None = None) -> Tensor:
+        """(N, I) what the planner sees now, of the terms SEEN, and `before` if it sees what it planned."""
         seconds = self.seconds if self._clock else None
-        return planner_inputs(seen["proprio"], seconds, self._columns.told(self._memory(seen)), self.styles)
+        return planner_inputs(seen["proprio"], seconds, self._columns.told(self._memory(seen)), self.styles, before)
 
     def _memory(self, seen: Mapping[str, Tensor]) -> Tensor:
         """(N, memory_size) what is known of the goals by now."""
