@@ -9,7 +9,10 @@ from torch import Tensor
 from mimicbench.core import rotations as rot
 from mimicbench.core.seeds import digest
 from mimicbench.imitate.goals import given_goal, goals_of
+from mimicbench.imitate.learners.planner import PlannerConfig
 from mimicbench.imitate.networks.planner import TaskColumns, planner_inputs
+from mimicbench.imitate.plan import CarriedPlan
+from mimicbench.sim.rows import Rows
 from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.track.tracking import TrackingEnv
 
@@ -34,9 +37,13 @@ class Episodes:
     few seconds of holding on teach that at all of them the same is to be done.
     """
 
-    def __init__(self, env: TrackingEnv, columns: TaskColumns, styles: Tensor, seed: int, clock: bool = True) -> None:
-        """`styles` (C, S) are the clips', normalized; `clock` says whether the planner sees one."""
-        self._env, self._columns, self._styles, self._clock, device = env, columns, styles, clock, env.device
+    def __init__(
+        self, env: TrackingEnv, columns: TaskColumns, styles: Tensor, seed: int, config: PlannerConfig | None = None
+    ) -> None:
+        """`styles` (C, S) are the clips', normalized; `config` says what the planner sees."""
+        config, device = config or PlannerConfig(), env.device
+        self._env, self._columns, self._styles, self._clock = env, columns, styles, config.clock
+        self._carried = CarriedPlan(env.clips.robot, env.num_envs, device) if config.carries else None
         self._spec = env.clips.task.goal
         clips = torch.arange(len(env.bank), device=device)
         first = env.bank.frame(clips, torch.zeros_like(clips))
@@ -61,6 +68,8 @@ class Episodes:
         self.known[ids] = self._spec.disturbed(self._goals[clip], self._random)
         share = torch.rand(len(ids), generator=self._random, device=self.known.device)
         self._jump[ids] = (share * (self._room[clip] + 1)).long()
+        if self._carried:
+            self._carried.begin(Rows.of(ids, len(self.known), self.known.device))
 
     @property
     def seconds(self) -> Tensor:
@@ -74,10 +83,16 @@ class Episodes:
         """(N, S) of the clips that are followed, normalized."""
         return self._styles[self._env.env.clip]
 
-    def inputs(self, seen: Mapping[str, Tensor], before: Tensor | None = None) -> Tensor:
-        """(N, I) what the planner sees now, of the terms SEEN, and `before` if it sees what it planned."""
+    def inputs(self, seen: Mapping[str, Tensor]) -> Tensor:
+        """(N, I) what the planner sees now, of the terms SEEN."""
         seconds = self.seconds if self._clock else None
+        before = self._carried.seen(seen["proprio"], seen["odometry"]) if self._carried else None
         return planner_inputs(seen["proprio"], seconds, self._columns.told(self._memory(seen)), self.styles, before)
+
+    def planned(self, plan: Mapping[str, Tensor], seen: Mapping[str, Tensor]) -> None:
+        """This was planned of what was seen, whoever did."""
+        if self._carried:
+            self._carried.keep(plan, seen["proprio"], seen["odometry"])
 
     def _memory(self, seen: Mapping[str, Tensor]) -> Tensor:
         """(N, memory_size) what is known of the goals by now."""
@@ -94,13 +109,16 @@ class Episodes:
 
     def state_tensors(self) -> dict[str, Tensor]:
         """What is known, what clocks show, and the random numbers to come."""
-        return {"known": self.known.clone(), "jump": self._jump.clone(), "random": self._random.get_state()}
+        before = self._carried.state_tensors() if self._carried else {}
+        return {**before, "known": self.known.clone(), "jump": self._jump.clone(), "random": self._random.get_state()}
 
     def load_state_tensors(self, tensors: Mapping[str, Tensor]) -> None:
         """The inverse of `state_tensors`."""
         self.known.copy_(tensors["known"])
         self._jump.copy_(tensors["jump"])
         self._random.set_state(tensors["random"].cpu())
+        if self._carried:
+            self._carried.load_state_tensors(tensors)
 
 
 class Drivers:

@@ -29,7 +29,7 @@ from mimicbench.envs.vec_env import EnvConfig
 from mimicbench.imitate.dagger import SEEN, Drivers, Episodes, Replay, set_statistics
 from mimicbench.imitate.learners.planner import PlannerConfig
 from mimicbench.imitate.networks.planner import PlannerNetwork, PlannerSizes, TaskColumns, columns_of
-from mimicbench.imitate.plan import CarriedPlan, PlanLayout
+from mimicbench.imitate.plan import PlanLayout
 from mimicbench.imitate.planner import own_terms, styles_of
 from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.track.history import Follower
@@ -112,7 +112,6 @@ class _Part:
         # what robots measure of themselves is among the inputs anyway
         self.own = ("last_action", *(name for name in own_terms(tracker.spec, task) if name != "proprio"))
         self.follower = Follower(tracker, config.num_envs, self.env.device)
-        self.carried = CarriedPlan(robot, config.num_envs, self.env.device) if config.carries else None
         self.sensed_widths = [*sizes(self.own, robot, task), self.follower.history.past.shape[1]]
         _, styles = styles_of(clips.motions)
         self.raw_styles = (styles if config.clock else styles[:, :0]).to(self.env.device)
@@ -123,7 +122,7 @@ class _Part:
         """Episodes in which this network is to drive."""
         self.network = network
         styles = network.normalized_style(self.raw_styles)
-        self.episodes = Episodes(self.env, self.columns, styles, self.seed, self.config.clock)
+        self.episodes = Episodes(self.env, self.columns, styles, self.seed, self.config)
         widths = [network.sizes.inputs, sum(self.sensed_widths), self.layout.size]
         self.replay = Replay(self.config.memory, widths, self.env.device)
 
@@ -135,7 +134,6 @@ class _Part:
             "store": self.replay,
             "drivers": self.drivers,
             "follower": self.follower.history,
-            **({"carried": self.carried} if self.carried else {}),
         }
 
     @torch.no_grad()
@@ -148,22 +146,18 @@ class _Part:
         env, drivers, robot = self.env, self.drivers, self.clips.robot
         for _ in range(self.config.steps):
             terms = env.env.observe((*env.spec.observations, "last_action", *SEEN))
-            here = terms["proprio"], terms["odometry"]
-            inputs = self.episodes.inputs(terms, self.carried.seen(*here) if self.carried else None)
+            inputs = self.episodes.inputs(terms)
             label = self.layout.flat(terms)
             self.replay.add(inputs, flat(terms, self.own), self.follower.history.past, label)
             plan = torch.where(drivers.teacher[:, None], label, self.columns.own(self.network.plan(inputs)))
             planned = {**dict(terms), **self.layout.split(plan)}
-            if self.carried:
-                self.carried.keep(planned, *here)
+            self.episodes.planned(planned, terms)
             action = self.follower.action(planned)
             target = self.tracker.target(robot, planned, action)
             if self.config.pace:
                 self.keep_pace()
             _, _, done, time_out = env.step(action, self.tracker.settings, target)
             self.follower.history.begin(env.env.rows(done))
-            if self.carried:
-                self.carried.begin(env.env.rows(done))
             if done.any():
                 ids, teacher = done.nonzero()[:, 0], drivers.teacher
                 endings += int((~teacher[ids]).sum())

@@ -15,6 +15,7 @@ from mimicbench.core.errors import MimicbenchError
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.context import Frame, StepContext
 from mimicbench.sensors.observations import chosen_terms
+from mimicbench.sensors.proprioception import level_axes
 from mimicbench.sensors.reference import object_in_root, reference_links
 from mimicbench.sim.physics import LinkState, ObjectState, RobotState
 from mimicbench.sim.rows import Rows
@@ -120,12 +121,7 @@ class CarriedPlan:
 
 def _pose(proprio: Tensor, odometry: Tensor) -> tuple[Tensor, Tensor]:
     """(N, 3), (N, 4) where robots reckon their roots are, of what they measure of themselves."""
-    up = -proprio[:, :3]
-    # the heading is that of the x axis, so that the y axis of its frame is level and at right angles to it
-    left = torch.stack([torch.zeros_like(up[:, 0]), up[:, 2], -up[:, 1]], -1)
-    left = left / left.norm(dim=-1, keepdim=True).clamp(min=1e-6)
-    ahead = torch.linalg.cross(left, up)
-    tilt = rot.from_matrix(torch.stack([ahead, left, up], -2))
+    tilt = rot.from_matrix(torch.stack(level_axes(proprio[:, :3]), -2))
     pos = torch.cat([odometry[:, :2], proprio[:, 3:4]], -1)
     return pos, rot.multiply(rot.from_yaw(odometry[:, 2]), tilt)
 

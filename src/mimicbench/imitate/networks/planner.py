@@ -109,7 +109,10 @@ class PlannerSizes:
 
 
 class PlannerNetwork(nn.Module):
-    """Body, clock, memory, style and the plan before -> plan; and the goal as known first -> style. All are normalized inside."""
+    """Body, clock, memory, style and the plan before -> plan; and the goal as known first -> style.
+
+    All are normalized inside.
+    """
 
     def __init__(self, sizes: PlannerSizes, hidden: tuple[int, ...]) -> None:
         super().__init__()
