@@ -36,7 +36,6 @@ from mimicbench.retarget.methods.optimization import optimize
 from mimicbench.robots.mirror import toggled
 from mimicbench.sensors.observations import Observations
 from mimicbench.sensors.reference import reference_in_root
-from mimicbench.sim.rows import Rows
 from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.checkpoint import save_tracker
@@ -326,7 +325,7 @@ def test_a_carried_plan_is_where_the_reference_is_by_now(every, name):
         wanted = reference_in_root(env.context.state, env.context.reference(0))
         assert clips.any()
         torch.testing.assert_close(found[clips], wanted[clips], atol=2e-3, rtol=0)
-    carried.begin(Rows.of([2], 6))
+    carried.begin(torch.tensor([2]))
     again = carried.seen(now["proprio"], now["odometry"])
     assert not again[2, 12:31].any() and torch.equal(again[3:], found[3:])
 

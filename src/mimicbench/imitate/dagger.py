@@ -12,7 +12,6 @@ from mimicbench.imitate.goals import given_goal, goals_of
 from mimicbench.imitate.learners.planner import PlannerConfig
 from mimicbench.imitate.networks.planner import TaskColumns, planner_inputs
 from mimicbench.imitate.plan import CarriedPlan
-from mimicbench.sim.rows import Rows
 from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.track.tracking import TrackingEnv
 
@@ -69,7 +68,7 @@ class Episodes:
         share = torch.rand(len(ids), generator=self._random, device=self.known.device)
         self._jump[ids] = (share * (self._room[clip] + 1)).long()
         if self._carried:
-            self._carried.begin(Rows.of(ids, len(self.known), self.known.device))
+            self._carried.begin(ids)
 
     @property
     def seconds(self) -> Tensor:

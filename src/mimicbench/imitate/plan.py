@@ -18,7 +18,6 @@ from mimicbench.sensors.observations import chosen_terms
 from mimicbench.sensors.proprioception import level_axes
 from mimicbench.sensors.reference import object_in_root, reference_links
 from mimicbench.sim.physics import LinkState, ObjectState, RobotState
-from mimicbench.sim.rows import Rows
 from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.task import Task
 from mimicbench.track.spec import Terms, TrackerSpec
@@ -81,9 +80,9 @@ class CarriedPlan:
         self._any = torch.zeros(count, 1, device=device)
         """(N, 1) 1 where something was planned."""
 
-    def begin(self, rows: Rows) -> None:
-        """Episodes `rows` begin anew."""
-        rows.put(self._any, 0.0)
+    def begin(self, ids: Tensor) -> None:
+        """Robots `ids` begin anew."""
+        self._any = self._any.index_fill(0, ids, 0.0)
 
     def seen(self, proprio: Tensor, odometry: Tensor) -> Tensor:
         """(N, 12 + 2 J) as the term `reference+1` would have it, from where robots are now.

@@ -103,7 +103,7 @@ class PlannerPolicy:
         self._last_action = self._last_action.index_fill(0, ids, 0.0)
         self._follower.history.begin(Rows.of(ids, robots, device))
         if self._carried:
-            self._carried.begin(Rows.of(ids, robots, device))
+            self._carried.begin(ids)
         self._style = self._style.index_copy(0, ids, self._network.choose(self._goal.goal[ids]))
 
     def networks(self) -> list[nn.Module]:
