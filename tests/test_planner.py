@@ -263,14 +263,15 @@ def test_a_clip_waits_for_who_lags_and_hurries_for_who_is_ahead(clips):
     gone = torch.stack([(one - place[0]).norm(dim=-1) for one in place])
     assert (gone[-1] > 0.3).all(), "they walk"
     walked = (gone > 0.2).int().argmax(0)  # the clip is so far ahead of robots that stand where it began
+    seen = env.observe(SEEN)
     for teacher, index, moved in ((False, walked, -1), (True, walked, 0), (False, bank.lengths[env.clip] - 1, 0)):
         run.drivers.teacher[:] = teacher
         env.index[:] = index
-        run.keep_pace()
+        run.keep_pace(seen)
         assert (env.index - index == moved).all()
     run.drivers.teacher[:] = False
     env.index[:] = 0
-    run.keep_pace()
+    run.keep_pace(seen)
     assert (env.index == 0).all(), "who is where the clip is"
     run.env.env.close()
 

@@ -12,11 +12,21 @@ from mimicbench.imitate.goals import given_goal, goals_of
 from mimicbench.imitate.learners.planner import PlannerConfig
 from mimicbench.imitate.networks.planner import TaskColumns, planner_inputs
 from mimicbench.imitate.plan import CarriedPlan
+from mimicbench.sensors.reference import reference_in_root
 from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.track.tracking import TrackingEnv
 
 SEEN = ("proprio", "odometry", "targets", "hands")
 """Terms that inputs are made of, those of them that the task has."""
+
+AHEAD = 15
+"""Frames by which is told where a clip is going."""
+WALKS = 0.1
+"""[m/s] Who is slower stays where he is."""
+NEAR = 0.08
+"""[m] A robot that is so much behind its clip, or ahead of it, is with it."""
+SAME = 1e-4
+"""A frame is nearer than another one if it is by so much, in units of `_apart`."""
 
 
 class Normalized(Protocol):
@@ -93,6 +103,28 @@ class Episodes:
         if self._carried:
             self._carried.keep(plan, seen["proprio"], seen["odometry"])
 
+    def off_pace(self, seen: Mapping[str, Tensor]) -> tuple[Tensor, Tensor]:
+        """(N,) which clips should go slower, and which faster.
+
+        Where robots walk they lag behind their clip, or are ahead of it; where a person stays the clip goes on whatever
+        the robot does, or both would wait for ever. A plan that is carried along goes on by itself, and is behind its
+        clip, or ahead of it, wherever another frame is nearer to it.
+        """
+        env, bank, state = self._env.env, self._env.bank, self._env.context.state
+        if self._carried is None:
+            now = bank.frame(env.clip, env.index).root_pos_w[:, :2]
+            way = bank.frame(env.clip, env.index + AHEAD).root_pos_w[:, :2] - now
+            length = way.norm(dim=-1)
+            behind = ((now - state.root_pos_w[:, :2]) * way).sum(-1) / length.clamp(min=1e-6)
+            moves = length > WALKS * AHEAD * CONTROL_DT
+            return moves & (behind > NEAR), moves & (behind < -NEAR)
+        plan = self._carried.seen(seen["proprio"], seen["odometry"])
+        earlier, same, later = (
+            _apart(plan, reference_in_root(state, bank.frame(env.clip, (env.index + step).clamp(min=0))))
+            for step in (-1, 0, 1)
+        )
+        return (earlier < same - SAME) & (earlier < later), (later < same - SAME) & (later < earlier)
+
     def _memory(self, seen: Mapping[str, Tensor]) -> Tensor:
         """(N, memory_size) what is known of the goals by now."""
         if self._spec.given:
@@ -118,6 +150,13 @@ class Episodes:
         self._random.set_state(tensors["random"].cpu())
         if self._carried:
             self._carried.load_state_tensors(tensors)
+
+
+def _apart(plan: Tensor, reference: Tensor) -> Tensor:
+    """(N,) how far two poses are apart, as `reference_in_root` tells them: root [m], its turn, and joints [rad]."""
+    difference = plan - reference
+    weights = ((difference[:, :9], 1.0), (difference[:, 12 : 12 + (difference.shape[1] - 12) // 2], 0.1))
+    return sum(((weight * part**2).sum(-1) for part, weight in weights), torch.zeros(())).sqrt()
 
 
 class Drivers:
