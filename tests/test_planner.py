@@ -276,21 +276,6 @@ def test_a_clip_waits_for_who_lags_and_hurries_for_who_is_ahead(clips):
     run.env.env.close()
 
 
-@pytest.mark.parametrize(("ahead", "slower", "faster"), [(-3, True, False), (0, False, False), (3, False, True)])
-def test_a_clip_keeps_pace_with_a_plan_that_is_carried_along(clips, ahead, slower, faster):
-    """Wherever its robot is."""
-    config = replace(SMALL, clock=False, carries=True)
-    (run,) = _Run(tracker(SHAPE), [clips], config, 0, EnvConfig(workers=1)).tasks
-    env, bank = run.env.env, run.env.bank
-    env.index[:] = 100
-    seen = env.observe(SEEN)
-    planned = bank.frame(env.clip, env.index + ahead)
-    run.episodes.planned({"reference+1": reference_in_root(run.env.context.state, planned)}, seen)
-    found = run.episodes.off_pace(seen)
-    assert (found[0] == slower).all() and (found[1] == faster).all()
-    run.env.env.close()
-
-
 def test_mirror_images_of_all_clips_are_learned_from_too(clips, tmp_path):
     train_planner(tmp_path, tracker(SHAPE), [clips], replace(SMALL, mirrored=True), 0, EnvConfig(workers=1))
     with safetensors.safe_open(tmp_path / STATE, "pt") as file:

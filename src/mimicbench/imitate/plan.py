@@ -118,15 +118,6 @@ class CarriedPlan:
         self._plan, self._any = (tensors[name].to(self._any.device, copy=True) for name in ("plan", "planned"))
 
 
-def advanced(pose: Tensor, seconds: float) -> Tensor:
-    """(N, 12 + 2 J) where a pose as `reference_in_root` tells it is so much later, its velocities being the same; it
-    does not turn.
-    """
-    joints = (pose.shape[1] - 12) // 2
-    away, turn, velocity, joint_pos, joint_vel = pose.split([3, 6, 3, joints, joints], -1)
-    return torch.cat([away + seconds * velocity, turn, velocity, joint_pos + seconds * joint_vel, joint_vel], -1)
-
-
 def _pose(proprio: Tensor, odometry: Tensor) -> tuple[Tensor, Tensor]:
     """(N, 3), (N, 4) where robots reckon their roots are, of what they measure of themselves."""
     tilt = rot.from_matrix(torch.stack(level_axes(proprio[:, :3]), -2))

@@ -1,7 +1,7 @@
 """The planner's network: what it takes and gives, at one task or at several, and where each task is in that."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import accumulate
 
 import torch
@@ -10,10 +10,9 @@ from torch.nn.functional import pad
 
 from mimicbench.imitate.clock import SIZE as CLOCK_SIZE
 from mimicbench.imitate.clock import clock_features
-from mimicbench.imitate.plan import NEXT, PlanLayout, advanced
+from mimicbench.imitate.plan import NEXT, PlanLayout
 from mimicbench.robots.description import Robot
-from mimicbench.sensors.observations import LOOKAHEAD, TERMS
-from mimicbench.sim.timing import CONTROL_DT
+from mimicbench.sensors.observations import TERMS
 from mimicbench.tasks.task import Task
 from mimicbench.track.spec import TrackerSpec
 
@@ -49,7 +48,8 @@ class TaskColumns:
 def columns_of(spec: TrackerSpec, robot: Robot, tasks: Sequence[Task]) -> tuple[TaskColumns, ...]:
     """Of each task, over a tracker. A term of the plan is the same for all tasks that have it."""
     layouts = [PlanLayout(spec, robot, task).widths for task in tasks]
-    where = _terms_of_all(layouts)
+    widths = {name: width for layout in layouts for name, width in layout.items()}
+    ends = dict(zip(widths, accumulate(widths.values()), strict=True))
     stops = list(accumulate(task.goal.memory_size for task in tasks))
     several = len(tasks) > 1
     return tuple(
@@ -57,18 +57,11 @@ def columns_of(spec: TrackerSpec, robot: Robot, tasks: Sequence[Task]) -> tuple[
             slice(stop - task.goal.memory_size, stop),
             stops[-1] + number if several else None,
             stops[-1] + (len(tasks) if several else 0),
-            tuple(where[name] for name in layout),
-            max(term.stop for term in where.values()),
+            tuple(slice(ends[name] - width, ends[name]) for name, width in layout.items()),
+            sum(widths.values()),
         )
         for number, (task, layout, stop) in enumerate(zip(tasks, layouts, stops, strict=True))
     )
-
-
-def _terms_of_all(layouts: Sequence[Mapping[str, int]]) -> dict[str, slice]:
-    """Where each term is in the plans of all tasks, by name, of the widths of each task's terms."""
-    widths = {name: width for layout in layouts for name, width in layout.items()}
-    ends = accumulate(widths.values())
-    return {name: slice(end - width, end) for (name, width), end in zip(widths.items(), ends, strict=True)}
 
 
 @dataclass(frozen=True)
@@ -89,8 +82,6 @@ class PlannerSizes:
     """Of the time."""
     before: int = 0
     """Of the pose that it planned in the frame before."""
-    poses: tuple[tuple[int, int], ...] = ()
-    """Where poses like that one begin in the plan, and how many frames after it they are to be."""
 
     @staticmethod
     def of(
@@ -108,12 +99,8 @@ class PlannerSizes:
         (before,) = TERMS[NEXT].shape(robot, tasks[0])
         columns = columns_of(spec, robot, tasks)[0]
         goal = tasks[0].goal.size
-        plain = PlannerSizes(body, goal, columns.memories, columns.plans, style, CLOCK_SIZE if clock else 0)
-        if not carries:
-            return plain
-        where = _terms_of_all([PlanLayout(spec, robot, task).widths for task in tasks])
-        ahead = ((f"reference+{steps}", steps) for steps in LOOKAHEAD)
-        return replace(plain, before=before, poses=tuple((where[n].start, k) for n, k in ahead if n in where))
+        times = CLOCK_SIZE if clock else 0
+        return PlannerSizes(body, goal, columns.memories, columns.plans, style, times, before if carries else 0)
 
     @property
     def inputs(self) -> int:
@@ -124,9 +111,7 @@ class PlannerSizes:
 class PlannerNetwork(nn.Module):
     """Body, clock, memory, style and the plan before -> plan; and the goal as known first -> style.
 
-    All are normalized inside. Who sees the plan before says by how much the next one is to differ from where that one's
-    velocities lead: so a plan goes on where the body is held back, which by a network that says where to be it does
-    not, for in its lessons the body is near the plan and tells the same.
+    All are normalized inside.
     """
 
     def __init__(self, sizes: PlannerSizes, hidden: tuple[int, ...]) -> None:
@@ -158,13 +143,7 @@ class PlannerNetwork(nn.Module):
 
     def forward(self, inputs: Tensor) -> Tensor:
         """(N, outputs) normalized plan."""
-        said = self.layers(((inputs - self.input_mean) / self.input_std).clamp(-10, 10))
-        if not self.sizes.poses:
-            return said
-        before, base = inputs[:, -self.sizes.before :], self.plan_mean.repeat(len(inputs), 1)
-        for start, ahead in self.sizes.poses:
-            base[:, start : start + self.sizes.before] = advanced(before, ahead * CONTROL_DT)
-        return said + (base - self.plan_mean) / self.plan_std
+        return self.layers(((inputs - self.input_mean) / self.input_std).clamp(-10, 10))
 
     def plan(self, inputs: Tensor) -> Tensor:
         """(N, outputs) plan in the tracker's units."""
