@@ -26,7 +26,7 @@ from mimicbench.imitate.learn_planner import _Run, train_planner
 from mimicbench.imitate.learners.planner import PlannerConfig, PlannerImitation
 from mimicbench.imitate.networks.planner import PlannerSizes, columns_of
 from mimicbench.imitate.perception import Perception, save_perception
-from mimicbench.imitate.plan import CarriedPlan, PlanLayout
+from mimicbench.imitate.plan import PlanLayout
 from mimicbench.imitate.planner import load_network, load_planner, save_planner
 from mimicbench.imitate.settings.perception import PerceptionConfig
 from mimicbench.objects.families.chair import make_chair
@@ -35,7 +35,6 @@ from mimicbench.retarget.clip import Clip
 from mimicbench.retarget.methods.optimization import optimize
 from mimicbench.robots.mirror import toggled
 from mimicbench.sensors.observations import Observations
-from mimicbench.sensors.reference import reference_in_root
 from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.registry import TASKS
 from mimicbench.track.checkpoint import save_tracker
@@ -100,7 +99,7 @@ def test_every_task_is_learned_over_one_tracker_of_all(task, every, tmp_path):
     assert not run.errors and run.verdict.steps.tolist() == [10, 10] and not run.verdict.diverged.any()
 
 
-SEVERAL = replace(SMALL, clock=False, carries=True, num_envs=9, batch=18)
+SEVERAL = replace(SMALL, clock=False, num_envs=9, batch=18)
 
 
 def several(every, folder):
@@ -263,15 +262,14 @@ def test_a_clip_waits_for_who_lags_and_hurries_for_who_is_ahead(clips):
     gone = torch.stack([(one - place[0]).norm(dim=-1) for one in place])
     assert (gone[-1] > 0.3).all(), "they walk"
     walked = (gone > 0.2).int().argmax(0)  # the clip is so far ahead of robots that stand where it began
-    seen = env.observe(SEEN)
     for teacher, index, moved in ((False, walked, -1), (True, walked, 0), (False, bank.lengths[env.clip] - 1, 0)):
         run.drivers.teacher[:] = teacher
         env.index[:] = index
-        run.keep_pace(seen)
+        run.keep_pace()
         assert (env.index - index == moved).all()
     run.drivers.teacher[:] = False
     env.index[:] = 0
-    run.keep_pace(seen)
+    run.keep_pace()
     assert (env.index == 0).all(), "who is where the clip is"
     run.env.env.close()
 
@@ -304,31 +302,6 @@ def test_a_plan_is_what_the_tracker_would_be_told(every):
         torch.testing.assert_close(values, terms[name], atol=1e-4, rtol=0)
     # as numbers to learn, what is nearly the same turn is nearly the same
     assert (plan[0] - plan[1])[-30:-15][3:9].abs().max() < 3e-3
-
-
-@pytest.mark.parametrize("name", ["sit-chair", "lie-bed"])
-def test_a_carried_plan_is_where_the_reference_is_by_now(every, name):
-    env = TrackingEnv(TRACKERS.get("residual"), every(name), 6, TrackingConfig(ClipStartConfig(0.9)), 0, ONE)
-    carried = CarriedPlan(ROBOT, 6)
-    here = env.env.observe(("proprio", "odometry"))
-    first = carried.seen(here["proprio"], here["odometry"])
-    state = env.context.state
-    still = torch.tensor([0, 0, 0, 1, 0, 0, 0, 1, 0]).expand(6, -1)
-    torch.testing.assert_close(first[:, :9], still.float(), atol=1e-5, rtol=0)
-    assert not first[:, 12:31].any() and torch.equal(first[:, 31:], state.joint_vel), "at first where the robot is"
-    for _ in range(5):
-        told = env.env.observe(("reference+1", "proprio", "odometry"))
-        carried.keep(told, told["proprio"], told["odometry"])
-        env.step(torch.zeros(6, 19), ResidualConfig())
-        now = env.env.observe(("proprio", "odometry"))
-        found = carried.seen(now["proprio"], now["odometry"])
-        clips = env.env.index > 0  # whose episode goes on
-        wanted = reference_in_root(env.context.state, env.context.reference(0))
-        assert clips.any()
-        torch.testing.assert_close(found[clips], wanted[clips], atol=2e-3, rtol=0)
-    carried.begin(torch.tensor([2]))
-    again = carried.seen(now["proprio"], now["odometry"])
-    assert not again[2, 12:31].any() and torch.equal(again[3:], found[3:])
 
 
 def test_memory_in_training_is_what_the_robot_would_carry(clips):

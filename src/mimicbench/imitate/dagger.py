@@ -9,24 +9,12 @@ from torch import Tensor
 from mimicbench.core import rotations as rot
 from mimicbench.core.seeds import digest
 from mimicbench.imitate.goals import given_goal, goals_of
-from mimicbench.imitate.learners.planner import PlannerConfig
 from mimicbench.imitate.networks.planner import TaskColumns, planner_inputs
-from mimicbench.imitate.plan import CarriedPlan
-from mimicbench.sensors.reference import reference_in_root
 from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.track.tracking import TrackingEnv
 
-SEEN = ("proprio", "odometry", "targets", "hands")
+SEEN = ("proprio", "targets", "hands")
 """Terms that inputs are made of, those of them that the task has."""
-
-AHEAD = 15
-"""Frames by which is told where a clip is going."""
-WALKS = 0.1
-"""[m/s] Who is slower stays where he is."""
-NEAR = 0.08
-"""[m] A robot that is so much behind its clip, or ahead of it, is with it."""
-SAME = 1e-4
-"""A frame is nearer than another one if it is by so much, in units of `_apart`."""
 
 
 class Normalized(Protocol):
@@ -46,13 +34,9 @@ class Episodes:
     few seconds of holding on teach that at all of them the same is to be done.
     """
 
-    def __init__(
-        self, env: TrackingEnv, columns: TaskColumns, styles: Tensor, seed: int, config: PlannerConfig | None = None
-    ) -> None:
-        """`styles` (C, S) are the clips', normalized; `config` says what the planner sees."""
-        config, device = config or PlannerConfig(), env.device
-        self._env, self._columns, self._styles, self._clock = env, columns, styles, config.clock
-        self._carried = CarriedPlan(env.clips.robot, env.num_envs, device) if config.carries else None
+    def __init__(self, env: TrackingEnv, columns: TaskColumns, styles: Tensor, seed: int, clock: bool = True) -> None:
+        """`styles` (C, S) are the clips', normalized; `clock` says whether the planner sees one."""
+        self._env, self._columns, self._styles, self._clock, device = env, columns, styles, clock, env.device
         self._spec = env.clips.task.goal
         clips = torch.arange(len(env.bank), device=device)
         first = env.bank.frame(clips, torch.zeros_like(clips))
@@ -77,8 +61,6 @@ class Episodes:
         self.known[ids] = self._spec.disturbed(self._goals[clip], self._random)
         share = torch.rand(len(ids), generator=self._random, device=self.known.device)
         self._jump[ids] = (share * (self._room[clip] + 1)).long()
-        if self._carried:
-            self._carried.begin(ids)
 
     @property
     def seconds(self) -> Tensor:
@@ -95,35 +77,7 @@ class Episodes:
     def inputs(self, seen: Mapping[str, Tensor]) -> Tensor:
         """(N, I) what the planner sees now, of the terms SEEN."""
         seconds = self.seconds if self._clock else None
-        before = self._carried.seen(seen["proprio"], seen["odometry"]) if self._carried else None
-        return planner_inputs(seen["proprio"], seconds, self._columns.told(self._memory(seen)), self.styles, before)
-
-    def planned(self, plan: Mapping[str, Tensor], seen: Mapping[str, Tensor]) -> None:
-        """This was planned of what was seen, whoever did."""
-        if self._carried:
-            self._carried.keep(plan, seen["proprio"], seen["odometry"])
-
-    def off_pace(self, seen: Mapping[str, Tensor]) -> tuple[Tensor, Tensor]:
-        """(N,) which clips should go slower, and which faster.
-
-        Where robots walk they lag behind their clip, or are ahead of it; where a person stays the clip goes on whatever
-        the robot does, or both would wait for ever. A plan that is carried along goes on by itself, and is behind its
-        clip, or ahead of it, wherever another frame is nearer to it.
-        """
-        env, bank, state = self._env.env, self._env.bank, self._env.context.state
-        if self._carried is None:
-            now = bank.frame(env.clip, env.index).root_pos_w[:, :2]
-            way = bank.frame(env.clip, env.index + AHEAD).root_pos_w[:, :2] - now
-            length = way.norm(dim=-1)
-            behind = ((now - state.root_pos_w[:, :2]) * way).sum(-1) / length.clamp(min=1e-6)
-            moves = length > WALKS * AHEAD * CONTROL_DT
-            return moves & (behind > NEAR), moves & (behind < -NEAR)
-        plan = self._carried.seen(seen["proprio"], seen["odometry"])
-        earlier, same, later = (
-            _apart(plan, reference_in_root(state, bank.frame(env.clip, (env.index + step).clamp(min=0))))
-            for step in (-1, 0, 1)
-        )
-        return (earlier < same - SAME) & (earlier < later), (later < same - SAME) & (later < earlier)
+        return planner_inputs(seen["proprio"], seconds, self._columns.told(self._memory(seen)), self.styles)
 
     def _memory(self, seen: Mapping[str, Tensor]) -> Tensor:
         """(N, memory_size) what is known of the goals by now."""
@@ -140,23 +94,13 @@ class Episodes:
 
     def state_tensors(self) -> dict[str, Tensor]:
         """What is known, what clocks show, and the random numbers to come."""
-        before = self._carried.state_tensors() if self._carried else {}
-        return {**before, "known": self.known.clone(), "jump": self._jump.clone(), "random": self._random.get_state()}
+        return {"known": self.known.clone(), "jump": self._jump.clone(), "random": self._random.get_state()}
 
     def load_state_tensors(self, tensors: Mapping[str, Tensor]) -> None:
         """The inverse of `state_tensors`."""
         self.known.copy_(tensors["known"])
         self._jump.copy_(tensors["jump"])
         self._random.set_state(tensors["random"].cpu())
-        if self._carried:
-            self._carried.load_state_tensors(tensors)
-
-
-def _apart(plan: Tensor, reference: Tensor) -> Tensor:
-    """(N,) how far two poses are apart, as `reference_in_root` tells them: root [m], its turn, and joints [rad]."""
-    difference = plan - reference
-    weights = ((difference[:, :9], 1.0), (difference[:, 12 : 12 + (difference.shape[1] - 12) // 2], 0.1))
-    return sum(((weight * part**2).sum(-1) for part, weight in weights), torch.zeros(())).sqrt()
 
 
 class Drivers:

@@ -18,7 +18,6 @@ from mimicbench.envs.clips import ClipSet
 from mimicbench.imitate.perception import Perception, load_perception
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.observations import Observations
-from mimicbench.sensors.proprioception import level_axes
 from mimicbench.tasks.goal import GoalSpec
 from mimicbench.tasks.task import Task
 
@@ -231,7 +230,12 @@ def given_goal(spec: GoalSpec, targets: Tensor, hands: Tensor, proprio: Tensor) 
         hands: (N, 2) which of them are to go anywhere, 1 or 0.
         proprio: (N, P) what the robots measure of themselves: gravity's direction 3, root height 1, and more.
     """
-    level = torch.stack([(targets * axis[:, None]).sum(-1) for axis in level_axes(proprio[:, :3])], -1)
+    up = -proprio[:, :3]
+    # the heading is that of the root's x axis, so the y axis of its frame is level and at right angles to that
+    left = torch.stack([torch.zeros_like(up[:, 0]), up[:, 2], -up[:, 1]], -1)
+    left = left / left.norm(dim=-1, keepdim=True).clamp(min=1e-6)
+    ahead = torch.linalg.cross(left, up)
+    level = torch.stack([(targets * axis[:, None]).sum(-1) for axis in (ahead, left, up)], -1)
     level[..., 2] += proprio[:, 3, None]
     return spec.told(both_places(torch.where(hands[..., None] > 0, level, torch.nan)))
 

@@ -31,6 +31,7 @@ from mimicbench.imitate.learners.planner import PlannerConfig
 from mimicbench.imitate.networks.planner import PlannerNetwork, PlannerSizes, TaskColumns, columns_of
 from mimicbench.imitate.plan import PlanLayout
 from mimicbench.imitate.planner import own_terms, styles_of
+from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.track.history import Follower
 from mimicbench.track.spec import Terms
 from mimicbench.track.tracker import Tracker, flat, sizes
@@ -83,6 +84,14 @@ def train_planner(
     return run.network.eval()
 
 
+AHEAD = 15
+"""Frames by which is told where a clip is going."""
+WALKS = 0.1
+"""[m/s] Who is slower stays where he is."""
+NEAR = 0.08
+"""[m] A robot that is so much behind its clip, or ahead of it, is with it."""
+
+
 class _Part:
     """One task of a training: its environment, and what is remembered of it."""
 
@@ -113,7 +122,7 @@ class _Part:
         """Episodes in which this network is to drive."""
         self.network = network
         styles = network.normalized_style(self.raw_styles)
-        self.episodes = Episodes(self.env, self.columns, styles, self.seed, self.config)
+        self.episodes = Episodes(self.env, self.columns, styles, self.seed, self.config.clock)
         widths = [network.sizes.inputs, sum(self.sensed_widths), self.layout.size]
         self.replay = Replay(self.config.memory, widths, self.env.device)
 
@@ -142,11 +151,10 @@ class _Part:
             self.replay.add(inputs, flat(terms, self.own), self.follower.history.past, label)
             plan = torch.where(drivers.teacher[:, None], label, self.columns.own(self.network.plan(inputs)))
             planned = {**dict(terms), **self.layout.split(plan)}
-            self.episodes.planned(planned, terms)
             action = self.follower.action(planned)
             target = self.tracker.target(robot, planned, action)
             if self.config.pace:
-                self.keep_pace(terms)
+                self.keep_pace()
             _, _, done, time_out = env.step(action, self.tracker.settings, target)
             self.follower.history.begin(env.env.rows(done))
             if done.any():
@@ -157,14 +165,20 @@ class _Part:
                 self.episodes.begin(ids)
         return failures, endings
 
-    def keep_pace(self, seen: Terms) -> None:
-        """Clips go slower or faster, some of the time, before what the planner does, where that drives."""
-        env = self.env.env
-        slower, faster = self.episodes.off_pace(seen)
-        some = torch.rand(len(slower)).to(slower.device) < self.config.pace
-        moves = ~self.drivers.teacher & some
+    def keep_pace(self) -> None:
+        """Clips go slower where the robots that the planner drives lag behind on the way, and faster where they are
+        ahead. Where a person stays, the clip goes on whatever the robot does, or both would wait for ever.
+        """
+        env, bank = self.env.env, self.env.bank
+        now = bank.frame(env.clip, env.index).root_pos_w[:, :2]
+        way = bank.frame(env.clip, env.index + AHEAD).root_pos_w[:, :2] - now
+        length = way.norm(dim=-1)
+        behind = ((now - self.env.context.state.root_pos_w[:, :2]) * way).sum(-1) / length.clamp(min=1e-6)
+        some = torch.rand(len(length)).to(length.device) < self.config.pace
+        moves = ~self.drivers.teacher & (length > WALKS * AHEAD * CONTROL_DT) & some
+        slower, faster = moves & (behind > NEAR) & (env.index > 0), moves & (behind < -NEAR)
         # the frame after the next control step is the same once more, or the one after the next
-        env.index += (faster & moves).long() - (slower & moves & (env.index > 0)).long()
+        env.index += faster.long() - slower.long()
 
     def errors(self, inputs: Tensor, own: Tensor, label: Tensor, planned: Tensor) -> tuple[Tensor, Tensor]:
         """How far normalized plans (B, plans) are from labels (B, P), and the difference that they make to the
@@ -212,7 +226,7 @@ class _Run:
         ]
         self.device = self.tasks[0].env.device
         styles = self.tasks[0].raw_styles
-        planner_sizes = PlannerSizes.of(robot, tasks, tracker.spec, styles.shape[1], config.clock, config.carries)
+        planner_sizes = PlannerSizes.of(robot, tasks, tracker.spec, styles.shape[1], config.clock)
         self.network = PlannerNetwork(planner_sizes, config.hidden).to(self.device)
         self.network.set_styles(styles)
         tracker.network.to(self.device)

@@ -2,7 +2,7 @@
 follow.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, cast
@@ -15,15 +15,11 @@ from mimicbench.core.errors import MimicbenchError
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.context import Frame, StepContext
 from mimicbench.sensors.observations import chosen_terms
-from mimicbench.sensors.proprioception import level_axes
 from mimicbench.sensors.reference import object_in_root, reference_links
 from mimicbench.sim.physics import LinkState, ObjectState, RobotState
 from mimicbench.sim.timing import CONTROL_DT
 from mimicbench.tasks.task import Task
 from mimicbench.track.spec import Terms, TrackerSpec
-
-NEXT = "reference+1"
-"""The term that tells a tracker of the next frame."""
 
 
 class PlanLayout:
@@ -65,64 +61,6 @@ class PlanLayout:
                 end = first + 6
             found[term.name] = torch.cat([*parts, values[:, end:]], -1) if parts else values
         return found
-
-
-class CarriedPlan:
-    """The pose that N robots were told to be in by now, and its velocities, carried along by odometry.
-
-    Before anything was planned it is the pose that they are in.
-    """
-
-    def __init__(self, robot: Robot, count: int, device: str | torch.device = "cpu") -> None:
-        self._joints, size = len(robot.joints), 10 + 2 * len(robot.joints)
-        self._plan = torch.zeros(count, size, device=device)
-        """(N, 10 + 2 J) in the frame of the odometry: position, orientation and velocity of the root, J, dJ."""
-        self._any = torch.zeros(count, 1, device=device)
-        """(N, 1) 1 where something was planned."""
-
-    def begin(self, ids: Tensor) -> None:
-        """Robots `ids` begin anew."""
-        self._any = self._any.index_fill(0, ids, 0.0)
-
-    def seen(self, proprio: Tensor, odometry: Tensor) -> Tensor:
-        """(N, 12 + 2 J) as the term `reference+1` would have it, from where robots are now.
-
-        Args:
-            proprio: (N, 10 + 2 J) what robots measure of themselves.
-            odometry: (N, 3) x, y [m] and heading [rad] since the start.
-        """
-        pos, quat = _pose(proprio, odometry)
-        own = proprio[:, 4:].split([3, 3, self._joints, self._joints], -1)
-        here = torch.cat([pos, quat, rot.rotate(quat, own[0]), own[2], own[3]], -1)
-        sizes = [3, 4, 3, self._joints, self._joints]
-        to_pos, to_quat, velocity, joint_pos, joint_vel = torch.where(self._any > 0, self._plan, here).split(sizes, -1)
-        turn = rot.to_6d(rot.multiply(rot.conjugate(quat), to_quat))
-        away, velocity = rot.rotate_inverse(quat, to_pos - pos), rot.rotate_inverse(quat, velocity)
-        return torch.cat([away, turn, velocity, joint_pos - own[2], joint_vel], -1)
-
-    def keep(self, plan: Terms, proprio: Tensor, odometry: Tensor) -> None:
-        """Plans (N, ...) were made, of which the next frame is kept."""
-        pos, quat = _pose(proprio, odometry)
-        away, turn, velocity, joints, joint_vel = plan[NEXT].split([3, 6, 3, self._joints, self._joints], -1)
-        to_pos, to_quat = pos + rot.rotate(quat, away), rot.multiply(quat, rot.from_6d(turn))
-        joint_pos = proprio[:, 10 : 10 + self._joints] + joints
-        self._plan = torch.cat([to_pos, to_quat, rot.rotate(quat, velocity), joint_pos, joint_vel], -1)
-        self._any = torch.ones_like(self._any)
-
-    def state_tensors(self) -> dict[str, Tensor]:
-        """What was planned, by name."""
-        return {"plan": self._plan.clone(), "planned": self._any.clone()}
-
-    def load_state_tensors(self, tensors: Mapping[str, Tensor]) -> None:
-        """The inverse of `state_tensors`."""
-        self._plan, self._any = (tensors[name].to(self._any.device, copy=True) for name in ("plan", "planned"))
-
-
-def _pose(proprio: Tensor, odometry: Tensor) -> tuple[Tensor, Tensor]:
-    """(N, 3), (N, 4) where robots reckon their roots are, of what they measure of themselves."""
-    tilt = rot.from_matrix(torch.stack(level_axes(proprio[:, :3]), -2))
-    pos = torch.cat([odometry[:, :2], proprio[:, 3:4]], -1)
-    return pos, rot.multiply(rot.from_yaw(odometry[:, 2]), tilt)
 
 
 class PosePlan:

@@ -34,7 +34,7 @@ from mimicbench.imitate.networks.planner import (
     columns_of,
     planner_inputs,
 )
-from mimicbench.imitate.plan import CarriedPlan, PlanLayout
+from mimicbench.imitate.plan import PlanLayout
 from mimicbench.imitate.policy import BODY
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.observations import Observations, chosen_terms
@@ -80,7 +80,6 @@ class PlannerPolicy:
         self.observations: tuple[str, ...] = tuple(dict.fromkeys((*BODY, *goal.observations, *self._own)))
         self._last_action, self._follower = torch.zeros(0, len(robot.joints)), Follower(tracker, 0)
         self._style = torch.zeros(0, network.sizes.style)
-        self._carried = CarriedPlan(robot, 0) if network.sizes.before else None
         self._before: Mapping[str, torch.Tensor] = {}
 
     def to(self, device: str) -> None:
@@ -98,12 +97,9 @@ class PlannerPolicy:
             self._last_action = torch.zeros(robots, len(self._robot.joints), device=device)
             self._style = torch.zeros(robots, self._network.sizes.style, device=device)
             self._follower = Follower(self._tracker, robots, device)
-            self._carried = self._carried and CarriedPlan(self._robot, robots, device)
         self._goal.begin(ids, obs)
         self._last_action = self._last_action.index_fill(0, ids, 0.0)
         self._follower.history.begin(Rows.of(ids, robots, device))
-        if self._carried:
-            self._carried.begin(ids)
         self._style = self._style.index_copy(0, ids, self._network.choose(self._goal.goal[ids]))
 
     def networks(self) -> list[nn.Module]:
@@ -113,15 +109,12 @@ class PlannerPolicy:
     def memory(self) -> dict[str, torch.Tensor]:
         """(N, ...) what is carried from frame to frame, by name."""
         before = {"last_action": self._last_action, "style": self._style}
-        carried = self._carried.state_tensors() if self._carried else {}
-        return {**before, **carried, **self._follower.history.state_tensors(), **self._goal.memory()}
+        return {**before, **self._follower.history.state_tensors(), **self._goal.memory()}
 
     def remember(self, memory: Mapping[str, torch.Tensor]) -> None:
         """Go on from what `memory` gave."""
         self._last_action, self._style = memory["last_action"], memory["style"]
         self._follower.history.load_state_tensors(memory)
-        if self._carried:
-            self._carried.load_state_tensors(memory)
         self._goal.remember(memory)
 
     @torch.no_grad()
@@ -129,12 +122,8 @@ class PlannerPolicy:
         """Joint position targets (N, J) [rad]."""
         memory = self._columns.told(self._goal.recall(obs))
         seconds = obs["time"][:, 0] if self._network.sizes.clock else None
-        here = obs["proprio"], obs["odometry"]
-        before = self._carried.seen(*here) if self._carried else None
-        inputs = planner_inputs(obs["proprio"], seconds, memory, self._style, before)
+        inputs = planner_inputs(obs["proprio"], seconds, memory, self._style)
         plan = self._layout.split(self._columns.own(self._network.plan(inputs)))
-        if self._carried:
-            self._carried.keep(plan, *here)
         terms = {**{name: obs[name] for name in self._own}, "last_action": self._last_action, **plan}
         self._last_action, self._before = self._follower.action(terms), terms
         return self._tracker.target(self._robot, terms, self._last_action)
@@ -174,7 +163,7 @@ def load_planner(folder: Path, robot: Robot, task: Task) -> PlannerPolicy:
     goal = known_goal(eyes_for(folder, task), robot, task)
     style = checkpoint.tensors["style_mean"].size if "style_mean" in checkpoint.tensors else 0
     tasks = learned_at(folder, task)
-    sizes = PlannerSizes.of(robot, tasks, tracker.spec, style, config.clock, config.carries)
+    sizes = PlannerSizes.of(robot, tasks, tracker.spec, style, config.clock)
     network = built(checkpoint, lambda: PlannerNetwork(sizes, config.hidden), [len(config.hidden)])
     columns = columns_of(tracker.spec, robot, tasks)[tasks.index(task)]
     return PlannerPolicy(robot, task, network, tracker, goal, columns)

@@ -19,18 +19,6 @@ def gravity(state: RobotState) -> torch.Tensor:
     return torch.stack([2 * (w * y - x * z), -2 * (w * x + y * z), 2 * (x * x + y * y) - 1], -1)
 
 
-def level_axes(gravity: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """(N, 3) ahead, left and up, the axes of robots' heading frames in their root frames, by gravity's direction there
-    (N, 3).
-
-    The heading is that of the root's x axis, so the y axis of its frame is level and at right angles to that.
-    """
-    up = -gravity
-    left = torch.stack([torch.zeros_like(up[:, 0]), up[:, 2], -up[:, 1]], -1)
-    left = left / left.norm(dim=-1, keepdim=True).clamp(min=1e-6)
-    return torch.linalg.cross(left, up), left, up
-
-
 def tilt(state: RobotState) -> torch.Tensor:
     """(N, 2) roll and pitch [rad]: the last two turns that bring the root to where it is are about y, then x."""
     xp, (quat,) = own(state.root_quat_w)

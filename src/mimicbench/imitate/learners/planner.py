@@ -20,9 +20,6 @@ class PlannerConfig:
     """See a clock, and settle a style once. Without either, what it does follows from its body and its goal as they are
     now, and so can be learned by who sees no clock, such as ACT and BC, also where that got to itself: if the clock is
     half a second off, what a planner with one says is other by half of its spread."""
-    carries: bool = False
-    """See the pose that was planned in the frame before, from where the robot is now. Without, a plan follows from
-    where the body is, and while that is held back the plan is, too; with it, a plan goes on as a clip does."""
     pace: Share = 0.0
     """How often a clip waits for a frame where the robot lags behind it on the way, and leaves one out where it is
     ahead. Who sees no clock cannot know that the clip is ahead, and learns to hurry everywhere."""

@@ -10,7 +10,7 @@ from torch.nn.functional import pad
 
 from mimicbench.imitate.clock import SIZE as CLOCK_SIZE
 from mimicbench.imitate.clock import clock_features
-from mimicbench.imitate.plan import NEXT, PlanLayout
+from mimicbench.imitate.plan import PlanLayout
 from mimicbench.robots.description import Robot
 from mimicbench.sensors.observations import TERMS
 from mimicbench.tasks.task import Task
@@ -80,39 +80,23 @@ class PlannerSizes:
     """Of what clips choose."""
     clock: int = CLOCK_SIZE
     """Of the time."""
-    before: int = 0
-    """Of the pose that it planned in the frame before."""
 
     @staticmethod
-    def of(
-        robot: Robot,
-        tasks: Sequence[Task],
-        spec: TrackerSpec,
-        style: int,
-        clock: bool = True,
-        carries: bool = False,
-    ) -> "PlannerSizes":
-        """For a robot at tasks, over a tracker, and clips of so much style, with a clock or without, and with the plan
-        of the frame before or without.
-        """
+    def of(robot: Robot, tasks: Sequence[Task], spec: TrackerSpec, style: int, clock: bool = True) -> "PlannerSizes":
+        """For a robot at tasks, over a tracker, and clips of so much style, with a clock or without."""
         (body,) = TERMS["proprio"].shape(robot, tasks[0])
-        (before,) = TERMS[NEXT].shape(robot, tasks[0])
         columns = columns_of(spec, robot, tasks)[0]
         goal = tasks[0].goal.size
-        times = CLOCK_SIZE if clock else 0
-        return PlannerSizes(body, goal, columns.memories, columns.plans, style, times, before if carries else 0)
+        return PlannerSizes(body, goal, columns.memories, columns.plans, style, CLOCK_SIZE if clock else 0)
 
     @property
     def inputs(self) -> int:
         """All that it takes."""
-        return self.body + self.clock + self.memory + self.style + self.before
+        return self.body + self.clock + self.memory + self.style
 
 
 class PlannerNetwork(nn.Module):
-    """Body, clock, memory, style and the plan before -> plan; and the goal as known first -> style.
-
-    All are normalized inside.
-    """
+    """Body, clock, memory and style -> plan; and the goal as known first -> style. All are normalized inside."""
 
     def __init__(self, sizes: PlannerSizes, hidden: tuple[int, ...]) -> None:
         super().__init__()
@@ -175,11 +159,8 @@ class PlannerNetwork(nn.Module):
         return torch.where(self.style_is_choice > 0, self.normalized_style(side), expected)
 
 
-def planner_inputs(
-    body: Tensor, seconds: Tensor | None, memory: Tensor, style: Tensor, before: Tensor | None = None
-) -> Tensor:
+def planner_inputs(body: Tensor, seconds: Tensor | None, memory: Tensor, style: Tensor) -> Tensor:
     """(N, PlannerSizes.inputs) what the planner sees. `memory` is as `TaskColumns.told`, `style` normalized, `seconds`
-    None for who sees no clock, `before` as `CarriedPlan.seen`, None for who does not see it.
+    None for who sees no clock.
     """
-    clock = [] if seconds is None else [clock_features(seconds)]
-    return torch.cat([body, *clock, memory, style, *([] if before is None else [before])], -1)
+    return torch.cat([body, *([] if seconds is None else [clock_features(seconds)]), memory, style], -1)
