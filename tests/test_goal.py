@@ -86,6 +86,41 @@ def test_a_box():
     assert len(task.goal.label(block(0.4, 0.3))) == 4  # square
 
 
+def test_a_box_is_taken_from_where_one_stands_if_it_is_narrow_enough():
+    goal = TASKS.get("lift-box").goal
+    seen = torch.tensor(
+        [
+            [1.0, 0.0, 1.0, 0.0, 0.27, 0.20, 0.4],  # its narrow side is to the left: 0.54 m can be clasped from here
+            [1.0, 0.0, 1.0, 0.0, 0.31, 0.20, 0.4],  # 0.62 m cannot
+            [1.0, 0.0, 0.0, -1.0, 0.27, 0.20, 0.4],  # its narrow side is ahead
+            [0.0, -2.0, 0.6, 0.8, 0.25, 0.20, 0.3],  # to the right, its front 37 degrees to the left of +x
+            [0.0, -2.0, 0.8, 0.6, 0.25, 0.20, 0.3],  # 53 degrees
+        ]
+    )
+    turned = goal.taken(seen)
+    torch.testing.assert_close(turned[0], torch.tensor([1.0, 0.0, 0.0, -1.0, 0.20, 0.27, 0.4]))
+    torch.testing.assert_close(turned[3], torch.tensor([0.0, -2.0, 0.8, -0.6, 0.20, 0.25, 0.3]))
+    torch.testing.assert_close(turned[[1, 2, 4]], seen[[1, 2, 4]])
+
+
+@pytest.mark.parametrize("task", [task for task in FOUND if task.goal.taken], ids=lambda task: task.name)
+@given(METERS, METERS, ANGLES, st.integers(0, 20))
+def test_how_a_goal_is_taken_is_said_of_the_same_object(task, x, y, yaw, index):
+    spec, obj = task.goal, FAMILIES.get(task.family).make(index, 0)
+    goal = spec.from_root(torch.tensor(spec.describe(obj))[None], torch.tensor([[x, y]]), torch.tensor([yaw]))
+    taken = spec.taken(goal)
+    (here, there), (depth, width) = spec.where, (spec.columns["half depth"][0], spec.columns["half width"][0])
+    torch.testing.assert_close(spec.taken(taken), taken)  # who has decided stays with it
+    torch.testing.assert_close(taken[:, [here, there]], goal[:, [here, there]])
+
+    sine, cosine = spec.front
+    turn = torch.atan2(taken[0, sine], taken[0, cosine]) - torch.atan2(goal[0, sine], goal[0, cosine])
+    quarters = float(turn) / (math.pi / 2)
+    assert quarters == pytest.approx(round(quarters), abs=1e-5)
+    sizes = goal[0, [depth, width]] if round(quarters) % 2 == 0 else goal[0, [width, depth]]
+    torch.testing.assert_close(taken[0, [depth, width]], sizes)
+
+
 def test_targets_of_the_wrists_are_told():
     goal = TASKS.get("touch-points").goal
     assert goal.given and goal.size == 6 and goal.memory_size == 12

@@ -352,3 +352,20 @@ def test_who_has_seen_lower_chairs_sees_how_low_a_chair_is(chairs, tmp_path):
     net = train_perception(tmp_path, config, SIT, chairs)
     # who has not is 0.22 m off
     assert evaluate_perception(net, SIT, of_other_heights(config, chairs), maps=32)["height"] < 0.06
+
+
+@pytest.mark.parametrize("task", [task for task in FOUND if task.goal.taken], ids=lambda task: task.name)
+def test_what_is_seen_is_remembered_as_it_is_gone_about(task):
+    beside = task.goal.labels([FAMILIES.get(task.family).make(0, 0)])[:, 0]
+    found = torch.cat([task.goal.to_root(beside, torch.tensor([[0.0, y]]), torch.zeros(1)) for y in (1.0, -1.0)])
+    depth = task.goal.columns["half depth"][0]
+    found[:, depth] = 0.25  # narrow enough to be clasped from here
+
+    class Eyes(Perception):
+        def look(self, elevation, root_height):
+            return found, torch.full((2,), 0.01)
+
+    memory = GoalMemory(Eyes(SIGHT, task), 2)
+    memory.look(torch.arange(2), torch.zeros(2), torch.ones(2), torch.zeros(2, 2), torch.zeros(2))
+    torch.testing.assert_close(memory.goal, task.goal.taken(found))
+    assert not torch.allclose(memory.goal, found)

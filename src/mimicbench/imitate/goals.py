@@ -102,6 +102,7 @@ class GoalMemory:
             odometry_yaw: (M,) their headings since then [rad].
         """
         found, uncertainty = self.perception.look(elevation, root_height)
+        found = self.spec.taken(found) if self.spec.taken else found
         found = self.spec.from_root(found, odometry_pos, odometry_yaw)
         # a little surer is not enough: what is remembered should not jump about
         surer = uncertainty < 0.7 * self.uncertainty[ids]

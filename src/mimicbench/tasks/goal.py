@@ -45,6 +45,8 @@ class GoalSpec:
     """Objects with a goal (G,) in its own frame, where its middle is the origin and its front is +x, amid what rises
     from the floor there: points (M, 3), x, y and height above the floor [m]. What somebody plans with who knows no more
     than that; with the first, or the next where nothing can be planned with that."""
+    taken: Callable[[Tensor], Tensor] | None = None
+    """How goals (N, G) that are seen from the origin are best gone about; None: as they are seen."""
 
     @property
     def given(self) -> bool:
@@ -272,20 +274,17 @@ class GoalSpec:
     @cached_property
     def _places(self) -> tuple[tuple[int, int], ...]:
         """Columns x and y of everything that has a place."""
-        return tuple(
-            (self.columns[field.name][0], self.columns[field.name][1])
-            for field in self.fields
-            if field.kind in ("place", "point")
-        )
+        return self._pairs("place", "point")
 
     @cached_property
     def _directions(self) -> tuple[tuple[int, int], ...]:
         """Columns of sine and cosine of all directions."""
-        return tuple(
-            (self.columns[field.name][0], self.columns[field.name][1])
-            for field in self.fields
-            if field.kind == "direction"
-        )
+        return self._pairs("direction")
+
+    def _pairs(self, *kinds: str) -> tuple[tuple[int, int], ...]:
+        """The first two columns of all fields of such kinds."""
+        found = (self.columns[field.name] for field in self.fields if field.kind in kinds)
+        return tuple((columns[0], columns[1]) for columns in found)
 
     @cached_property
     def _moving(self) -> list[int]:

@@ -1,5 +1,9 @@
 """Lifting a box (L): approach a large, unseen box, clasp it with both arms and lift it from the floor."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from mimicbench.core import rotations as rot
@@ -8,12 +12,17 @@ from mimicbench.robots.rigs import HEAD_RIG
 from mimicbench.tasks.goal import Field, GoalSpec
 from mimicbench.tasks.task import Array, BodyPoints, ObjectInfo, Shortfall, Task
 
+if TYPE_CHECKING:
+    from torch import Tensor
+
 LIFT = 0.2
 """[m] How high the middle of the box is to be above where it was (appendix D.1)."""
 NEAR = 0.1
 """[m] The wrists hold it while they are no farther from its surface than this (appendix D.1)."""
 MASS = 2.5
 """[kg] Of a box that nobody has weighed: the middle of what boxes weigh."""
+WIDEST = 0.58
+"""[m] Nobody clasps sides farther apart. Those of the widest box that people learn to clasp are 0.57 m apart."""
 
 
 def rise(obj: ObjectInfo) -> Array:
@@ -43,6 +52,20 @@ def box_like(goal: np.ndarray, around: np.ndarray) -> tuple[SceneObject]:
     return (SceneObject("stand-in", "stand-in", "box", pos, quat, half[None], grey, movable=True, mass=MASS),)
 
 
+def from_the_nearer_side(goal: Tensor) -> Tensor:
+    """Boxes (N, 7), seen from the origin, with another side for a front where that faces who looks more, and the box
+    is narrow enough to be clasped from there: nobody walks around a box that can be lifted from where one stands.
+    """
+    import torch
+
+    x, y, sine, cosine, depth, width, height = goal.unbind(-1)
+    faces, faces_aside = -(cosine * x + sine * y), sine * x - cosine * y
+    sign = torch.where(faces_aside < 0, -1.0, 1.0)
+    other = torch.stack([x, y, sign * cosine, -sign * sine, width, depth, height], -1)
+    nearer = (2 * depth <= WIDEST) & (faces_aside.abs() > faces.abs())
+    return torch.where(nearer[:, None], other, goal)
+
+
 TASK = Task(
     name="lift-box",
     abbreviation="L",
@@ -66,6 +89,7 @@ TASK = Task(
         ),
         describe=describe_box,
         stand_ins=box_like,
+        taken=from_the_nearer_side,
         window=1.28,
         near=0.75,
     ),
